@@ -1,0 +1,73 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Blocks of samples: the one currency between the front doors and the estimator.
+
+A front door (topic or recording) yields `ImuBlock`; the timeline turns them into `EvenBlock`.
+Columns of `samples` are always the six of `imu_allan.noise.terms.AXES`, in SI units.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class ImuBlock:
+    """
+    Consecutive Imu messages as they came, faults included.
+
+    Attributes
+    ----------
+    header_ns : ndarray of int64, shape (n,)
+        header.stamp in nanoseconds.
+    receive_ns : ndarray of int64, shape (n,)
+        When the recorder or the subscription received the message, in nanoseconds.
+    samples : ndarray of float64, shape (n, 6)
+        Angular velocity x, y, z in rad/s, linear acceleration x, y, z in m/s^2.
+    absent : ndarray of bool, shape (n, 2)
+        Whether the message declares its angular velocity or its linear acceleration as not
+        provided (first covariance element -1, REP-145).
+    frame_id : str
+        header.frame_id of every message of the block: another frame_id starts another block.
+    """
+
+    header_ns: NDArray[np.int64]
+    receive_ns: NDArray[np.int64]
+    samples: NDArray[np.float64]
+    absent: NDArray[np.bool_]
+    frame_id: str
+
+    def __len__(self) -> int:
+        """Messages in the block."""
+        return len(self.samples)
+
+
+@dataclass(frozen=True)
+class EvenBlock:
+    """
+    Samples on the even grid of the sensor's own rate.
+
+    Attributes
+    ----------
+    samples : ndarray of float64, shape (n, 6)
+        An axis that is absent throughout is NaN in every row; no other NaN occurs.
+    first_index : int
+        Place of the first row on the grid. It equals the end of the block before, or lies beyond
+        it: then the samples between are missing and no difference is taken across them.
+    bridged : int
+        How many of the rows stand in for missing samples.
+    new_run : bool
+        The length of the gap before this block is unknown (clock jump, restart, resume): nothing
+        relates its place on the grid to the block before.
+    """
+
+    samples: NDArray[np.float64]
+    first_index: int
+    bridged: int = 0
+    new_run: bool = False
+
+    def __len__(self) -> int:
+        """Rows of the block."""
+        return len(self.samples)

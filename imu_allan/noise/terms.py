@@ -1,0 +1,173 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The noise terms of an inertial sensor and their Allan variance.
+
+Terms, symbols and formulas are those of IEEE Std 952 (Annex C); a sample is understood as the
+average of the continuous rate over the sample interval, for which the formulas hold at every
+cluster size.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from math import log, pi, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FLICKER_FLOOR = sqrt(2 * log(2) / pi)
+"""ADEV of a flicker process over its bias instability B: 0.66428."""
+
+
+class Quantity(str, Enum):
+    """What an axis measures, by the name of the field in sensor_msgs/Imu."""
+
+    ANGULAR_VELOCITY = 'angular_velocity'
+    LINEAR_ACCELERATION = 'linear_acceleration'
+
+    @property
+    def unit(self) -> str:
+        """SI unit of a sample (REP-103)."""
+        return 'rad/s' if self is Quantity.ANGULAR_VELOCITY else 'm/s^2'
+
+
+AXES: dict[str, Quantity] = {
+    'gyro_x': Quantity.ANGULAR_VELOCITY,
+    'gyro_y': Quantity.ANGULAR_VELOCITY,
+    'gyro_z': Quantity.ANGULAR_VELOCITY,
+    'accel_x': Quantity.LINEAR_ACCELERATION,
+    'accel_y': Quantity.LINEAR_ACCELERATION,
+    'accel_z': Quantity.LINEAR_ACCELERATION,
+}
+"""The six axes of an Imu message, in the order of the columns of every sample array."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """
+    One term of the Allan variance.
+
+    Attributes
+    ----------
+    key : str
+        Name in result files, topics, model and datasheet files.
+    symbol : str
+        Letter of IEEE Std 952.
+    gyro_name, accel_name : str
+        Name of the term for a gyroscope and for an accelerometer.
+    slope : float
+        Slope of the Allan deviation on log-log axes.
+    read_at : float or None
+        Averaging time in seconds at which the term's own line equals the coefficient; None for
+        the flat term, which stands at ``FLICKER_FLOOR`` times its coefficient everywhere.
+    gyro_unit, accel_unit : str
+        SI unit of the coefficient.
+    """
+
+    key: str
+    symbol: str
+    gyro_name: str
+    accel_name: str
+    slope: float
+    read_at: float | None
+    gyro_unit: str
+    accel_unit: str
+
+    def unit(self, quantity: Quantity) -> str:
+        """SI unit of the coefficient for `quantity`."""
+        return self.gyro_unit if quantity is Quantity.ANGULAR_VELOCITY else self.accel_unit
+
+    def name(self, quantity: Quantity) -> str:
+        """Field's name of the term for `quantity`."""
+        return self.gyro_name if quantity is Quantity.ANGULAR_VELOCITY else self.accel_name
+
+    def adev(self, coefficient: float, tau: ArrayLike) -> NDArray[np.float64]:
+        """
+        Allan deviation of this term alone.
+
+        Parameters
+        ----------
+        coefficient : float
+            In the SI unit of the term.
+        tau : array_like, shape (n,)
+            Averaging times in seconds.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In the unit of a sample.
+        """
+        tau = np.asarray(tau, dtype=np.float64)
+        if self.read_at is None:
+            return np.full(tau.shape, FLICKER_FLOOR * abs(coefficient))
+        return np.asarray(abs(coefficient) * (tau / self.read_at) ** self.slope)
+
+
+TERMS: dict[str, Term] = {
+    term.key: term
+    for term in (
+        Term('quantization_noise', 'Q', 'quantization noise', 'quantization noise',
+             -1.0, sqrt(3), 'rad', 'm/s'),
+        Term('noise_density', 'N', 'angle random walk', 'velocity random walk',
+             -0.5, 1.0, 'rad/s/sqrt(Hz)', 'm/s^2/sqrt(Hz)'),
+        Term('bias_instability', 'B', 'bias instability', 'bias instability',
+             0.0, None, 'rad/s', 'm/s^2'),
+        Term('rate_random_walk', 'K', 'rate random walk', 'acceleration random walk',
+             0.5, 3.0, 'rad/s^2/sqrt(Hz)', 'm/s^3/sqrt(Hz)'),
+        Term('rate_ramp', 'R', 'drift rate ramp', 'drift ramp',
+             1.0, sqrt(2), 'rad/s^2', 'm/s^3'),
+    )
+}
+"""The five power-law terms by key, from the steepest falling to the steepest rising."""
+
+
+def gauss_markov_avar(sigma: float, correlation_time_s: float,
+                      tau: ArrayLike) -> NDArray[np.float64]:
+    """
+    Allan variance of a first-order Gauss-Markov process.
+
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation, in the unit of a sample.
+    correlation_time_s : float
+    tau : array_like, shape (n,)
+        Averaging times in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    References
+    ----------
+    IEEE Std 952-1997, C.1.1.6 (exponentially correlated noise).
+    """
+    tau = np.asarray(tau, dtype=np.float64)
+    x = tau / correlation_time_s
+    # 3 - 4 exp(-x) + exp(-2 x) = 2 x - 2 x^3/3 + O(x^4): cancels for a small x.
+    full = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * np.where(x > 0, x, 1))
+    bump = np.where(x < 1e-3, x * x / 3 * (1 - 0.75 * x), full)
+    return np.asarray(2 * sigma**2 / x * bump)
+
+
+def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> NDArray[np.float64]:
+    """
+    Allan variance of a sum of independent terms.
+
+    Parameters
+    ----------
+    coefficients : dict
+        Coefficient by key of `TERMS`, SI units; a missing key means zero.
+    tau : array_like, shape (n,)
+        Averaging times in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the squared unit of a sample.
+    """
+    tau = np.asarray(tau, dtype=np.float64)
+    total = np.zeros(tau.shape)
+    for key, value in coefficients.items():
+        total = total + TERMS[key].adev(value, tau) ** 2
+    return total

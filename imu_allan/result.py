@@ -1,0 +1,249 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The result of a characterization: what every writer reads and nothing changes.
+
+The dataclasses mirror the JSON schema ``imu_allan.result/1`` field by field. All values are in SI
+units, all times in seconds from the first sample. A number that is not known is None, never NaN.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import json
+import math
+import types
+from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
+
+from imu_allan.errors import ImuAllanError
+
+SCHEMA = 'imu_allan.result/1'
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """
+    One noise coefficient with its interval, or the bound where the data cannot show it.
+
+    Attributes
+    ----------
+    symbol, unit : str
+        Letter of IEEE Std 952 and SI unit.
+    observable : bool
+        Whether this data shows the term.
+    value : float or None
+        Maximum-likelihood value; None where not observable.
+    ci95 : (float, float) or None
+        95 % profile-likelihood interval; None where not observable.
+    upper95 : float or None
+        95 % upper bound (for a signed term, of its magnitude) where not observable.
+    observable_in_s : float or None
+        Further recording time after which the term is expected to become observable.
+    ci_halves_in_s : float or None
+        Further recording time after which the interval is expected to be half as wide.
+    """
+
+    symbol: str
+    unit: str
+    observable: bool
+    value: float | None
+    ci95: Interval | None
+    upper95: float | None
+    observable_in_s: float | None = None
+    ci_halves_in_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A narrow line in the spectrum: frequency in Hz, amplitude in the unit of a sample."""
+
+    frequency_hz: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class GaussMarkov:
+    """First-order Gauss-Markov process: standard deviation, and correlation time in seconds."""
+
+    sigma: float
+    correlation_time_s: float
+
+
+@dataclass(frozen=True)
+class GoodnessOfFit:
+    """How well the fitted model describes the spectrum of the data."""
+
+    p_value: float | None
+    worst_relative_misfit: float | None
+    acceptable: bool
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Allan deviation at octave averaging times; every tuple has the length of `tau_s`."""
+
+    tau_s: tuple[float, ...]
+    adev: tuple[float, ...]
+    edf: tuple[float, ...]
+    ci68: tuple[Interval, ...]
+    ci95: tuple[Interval, ...]
+    model_adev: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class AxisResult:
+    """Everything known about one axis."""
+
+    quantity: str
+    unit: str
+    mean: float | None
+    band_limit_s: float | None
+    tones: tuple[Tone, ...]
+    coefficients: Mapping[str, Coefficient]
+    goodness_of_fit: GoodnessOfFit
+    curve: Curve
+    gauss_markov: GaussMarkov | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The axis object of the JSON schema."""
+        return _plain(self)  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of time that was left out: start and duration in seconds."""
+
+    start_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """What was seen of the clock and of the samples."""
+
+    sample_rate_hz: float | None
+    samples: int
+    duration_s: float
+    missing: int = 0
+    duplicates: int = 0
+    out_of_order: int = 0
+    rejected: int = 0
+    gaps: tuple[Span, ...] = ()
+    motion: tuple[Span, ...] = ()
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the samples came from."""
+
+    kind: Literal['recording', 'topic']
+    path: str | None
+    topic: str | None
+    frame_id: str | None
+    start_time: str | None
+    clock: Literal['header', 'receive'] | None
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A finding the user should know about: a fixed code and one plain sentence."""
+
+    code: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """The result file."""
+
+    imu_allan_version: str
+    source: Source
+    timeline: Timeline
+    axes: Mapping[str, AxisResult]
+    warnings: tuple[Remark, ...] = ()
+    schema: str = field(default=SCHEMA)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON object, schema first."""
+        plain = _plain(self)
+        return {'schema': plain.pop('schema'), **plain}
+
+    def to_json(self) -> str:
+        """The JSON text; numbers are written so that they read back exactly."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + '\n'
+
+    @classmethod
+    def from_dict(cls, document: object, name: str = 'result') -> 'Result':
+        """
+        Read the JSON object back.
+
+        Raises
+        ------
+        ImuAllanError
+            If `document` is not of the schema; the message names the field, prefixed by `name`.
+        """
+        if not isinstance(document, Mapping) or document.get('schema') != SCHEMA:
+            raise ImuAllanError(
+                f'{name}: not an imu_allan result file (no "schema": "{SCHEMA}"); '
+                'write one with: imu_allan analyze RECORDING --json FILE')
+        return _typed(cls, document, name)  # type: ignore[no-any-return]
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, '__dataclass_fields__'):
+        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _typed(kind: Any, value: Any, where: str) -> Any:
+    """`value` as the annotated type `kind`; `where` is the path named in errors."""
+    origin = get_origin(kind)
+    if origin in (Union, types.UnionType):
+        if value is None:
+            return None
+        return _typed(next(arg for arg in get_args(kind) if arg is not type(None)), value, where)
+    if origin is Literal:
+        if value not in get_args(kind):
+            raise ImuAllanError(f'{where}: {value!r} is not one of {", ".join(get_args(kind))}')
+        return value
+    if origin is tuple:
+        args = get_args(kind)
+        if not isinstance(value, (list, tuple)):
+            raise ImuAllanError(f'{where}: expected a list')
+        if args[-1] is Ellipsis:
+            return tuple(_typed(args[0], item, f'{where}[{i}]') for i, item in enumerate(value))
+        if len(value) != len(args):
+            raise ImuAllanError(f'{where}: expected {len(args)} values')
+        return tuple(_typed(arg, item, f'{where}[{i}]')
+                     for i, (arg, item) in enumerate(zip(args, value)))
+    if origin is not None and issubclass(origin, Mapping):
+        if not isinstance(value, Mapping):
+            raise ImuAllanError(f'{where}: expected an object')
+        item_kind = get_args(kind)[1]
+        return {str(key): _typed(item_kind, item, f'{where}.{key}')
+                for key, item in value.items()}
+    if hasattr(kind, '__dataclass_fields__'):
+        if not isinstance(value, Mapping):
+            raise ImuAllanError(f'{where}: expected an object')
+        hints = get_type_hints(kind)
+        fields = {}
+        for name in hints:
+            if name in value:
+                fields[name] = _typed(hints[name], value[name], f'{where}.{name}')
+        try:
+            return kind(**fields)
+        except TypeError as error:
+            missing = ', '.join(sorted(set(hints) - set(fields)))
+            raise ImuAllanError(f'{where}: missing {missing}') from error
+    if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+        if not math.isfinite(value):
+            raise ImuAllanError(f'{where}: {value} is not a finite number')
+        return float(value)
+    if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
+        return value
+    raise ImuAllanError(f'{where}: expected {kind.__name__}, found {type(value).__name__}')

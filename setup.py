@@ -1,0 +1,62 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Package description for colcon (ament_python) and pip."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'imu_allan'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(include=['imu_allan', 'imu_allan.*']),
+    package_data={'imu_allan': ['py.typed', '**/*.j2']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/config', glob('config/*.*')),
+        (f'share/{package_name}/launch', glob('launch/*.launch.py')),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'numpy>=1.26',
+        'scipy>=1.11',
+        'matplotlib>=3.6',
+        'PyYAML>=6',
+        'rich>=13',
+        'rosbags>=0.10',
+        'mcap>=1.1',
+        'jinja2>=3.0',
+        'plotly>=5.15',
+        'pint>=0.23',
+    ],
+    extras_require={
+        'ros': [
+            'ros-jazzy-rclpy[fastrtps]',
+            'ros-jazzy-sensor-msgs',
+            'ros-jazzy-diagnostic-msgs',
+            'ros-jazzy-geometry-msgs',
+            'ros-jazzy-std-msgs',
+            'ros-jazzy-std-srvs',
+            'ros-jazzy-rosgraph-msgs',
+        ],
+        'fleet': ['distributed'],
+        'test': ['pytest', 'hypothesis', 'allantools'],
+        'lint': ['ruff', 'mypy', 'types-PyYAML', 'scipy-stubs'],
+    },
+    zip_safe=True,
+    maintainer='The imu_allan authors',
+    maintainer_email='maintainers@imu-allan.org',
+    description='Allan deviation and noise coefficients of an IMU, live and from recordings',
+    license='Apache-2.0',
+    tests_require=['pytest'],
+    entry_points={
+        'console_scripts': [
+            'imu_allan = imu_allan.cli.main:main',
+            'imu_allan_node = imu_allan.node.imu_allan_node:main',
+            'imu_simulator = imu_allan.node.imu_simulator:main',
+        ],
+    },
+)
