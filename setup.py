@@ -45,13 +45,13 @@ setup(
         'fleet': ['distributed'],
         'test': ['pytest', 'hypothesis', 'allantools'],
         'lint': ['ruff', 'mypy', 'types-PyYAML', 'scipy-stubs'],
+        'docs': ['sphinx>=7', 'myst-parser>=3', 'furo'],
     },
     zip_safe=True,
     maintainer='The imu_allan authors',
     maintainer_email='maintainers@imu-allan.org',
     description='Allan deviation and noise coefficients of an IMU, live and from recordings',
     license='Apache-2.0',
-    tests_require=['pytest'],
     entry_points={
         'console_scripts': [
             'imu_allan = imu_allan.cli.main:main',

@@ -1,0 +1,73 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+#
+# make setup            create $(VENV) with everything; a second call does nothing
+# make demo             the main job in about a minute (RECORDING=path analyzes a recording instead)
+# make test             all everyday tests, those over real DDS included
+# make test-slow        Monte Carlo, soak and fuzz runs
+# make lint             ruff (which holds the ament rules) and mypy --strict
+# make docs             the documentation as HTML, warnings are errors
+# make bench            speed and memory;  make bench-accuracy  coefficients against the bound
+# make clean            remove what the other targets made
+#
+# PYTHON, VENV and CONSTRAINTS choose another interpreter, folder and set of pinned versions:
+#   make test VENV=.venv-jazzy PYTHON=python3.11 CONSTRAINTS=.ci/jazzy-constraints.txt
+
+VENV ?= .venv
+CONSTRAINTS ?=
+EXTRAS ?= ros,fleet,test,lint,docs
+PYTEST_ARGS ?=
+RECORDING ?=
+
+# The wheels of ROS 2 Jazzy exist for Python 3.10 to 3.14.
+PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
+	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' \
+	2>/dev/null && echo $$python && break; done)
+
+RUN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-slow lint docs bench bench-accuracy clean
+
+help:
+	@sed -n 's/^# make/  make/p' Makefile
+
+setup: $(STAMP)
+
+$(STAMP): setup.py pyproject.toml $(CONSTRAINTS)
+	@if [ -z '$(PYTHON)' ]; then \
+		echo 'make: no Python 3.10 to 3.14 with the venv module found; on Debian and Ubuntu:' \
+			'apt install python3-venv; or name one: make setup PYTHON=/path/to/python3' >&2; \
+		exit 1; fi
+	@test -x $(RUN)/python || $(PYTHON) -m venv $(VENV)
+	@echo 'Installing into $(VENV), once ...'
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check \
+		$(if $(CONSTRAINTS),--constraint $(CONSTRAINTS)) --editable '.[$(EXTRAS)]'
+	@touch $@
+
+demo: $(STAMP)
+	@$(RUN)/python demo/run_demo.py $(if $(RECORDING),--recording '$(RECORDING)')
+
+test: $(STAMP)
+	$(RUN)/python -m pytest $(PYTEST_ARGS)
+
+test-slow: $(STAMP)
+	$(RUN)/python -m pytest -m slow $(PYTEST_ARGS)
+
+lint: $(STAMP)
+	$(RUN)/ruff check .
+	$(RUN)/mypy
+
+docs: $(STAMP)
+	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html
+
+bench: $(STAMP)
+	$(RUN)/python -m bench.speed
+
+bench-accuracy: $(STAMP)
+	$(RUN)/python -m bench.accuracy
+
+clean:
+	rm -rf .venv .venv-* build install log dist *.egg-info demo_output docs/_build \
+		.pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage htmlcov
