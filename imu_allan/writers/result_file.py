@@ -1,0 +1,122 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The result file: JSON of the schema ``imu_allan.result/1`` and the curves as CSV."""
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+from typing import NoReturn
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import AxisResult, Result
+from imu_allan.writers.atomic import write_atomically
+
+_LARGEST_BYTES = 200_000_000
+_CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',
+                  'ci95_high', 'edf', 'model_adev')
+
+
+def save_result(result: Result, path: str | os.PathLike[str]) -> None:
+    """
+    Write the result file (JSON).
+
+    Raises
+    ------
+    ImuAllanError
+        If `path` cannot be written.
+    """
+    write_atomically(path, result.to_json().encode())
+
+
+def load_result(path: str | os.PathLike[str]) -> Result:
+    """
+    Read a result file and check that it is whole.
+
+    Raises
+    ------
+    ImuAllanError
+        If the file cannot be read, is not of the schema, or contradicts itself.
+    """
+    try:
+        with Path(path).open('rb') as file:
+            data = file.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise ImuAllanError(
+            f'{path}: cannot be read ({error.strerror or error}); give the path of a result file, '
+            'written by: imu_allan analyze RECORDING --json FILE') from error
+    if len(data) > _LARGEST_BYTES:
+        raise ImuAllanError(f'{path}: too large for a result file')
+    try:
+        document = json.loads(data.decode(), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise ImuAllanError(f'{path}: not JSON; give a result file, '
+                            'written by: imu_allan analyze RECORDING --json FILE') from error
+    result = Result.from_dict(document, str(path))
+    for name, axis in result.axes.items():
+        _check_axis(axis, name, f'{path}.axes.{name}')
+    return result
+
+
+def curves_csv(result: Result) -> str:
+    """
+    Allan deviation curves as CSV text, one row for each axis and averaging time.
+
+    Returns
+    -------
+    str
+        Header line, then rows in SI units and seconds; numbers read back exactly.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(_CURVE_COLUMNS)
+    for name, axis in result.axes.items():
+        curve = axis.curve
+        for i, tau in enumerate(curve.tau_s):
+            numbers = (tau, curve.adev[i], *curve.ci68[i], *curve.ci95[i], curve.edf[i],
+                       curve.model_adev[i])
+            writer.writerow((name, axis.unit, *(repr(float(number)) for number in numbers)))
+    return text.getvalue()
+
+
+def save_curves(result: Result, path: str | os.PathLike[str]) -> None:
+    """
+    Write the Allan deviation curves as CSV.
+
+    Raises
+    ------
+    ImuAllanError
+        If `path` cannot be written.
+    """
+    write_atomically(path, curves_csv(result).encode())
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f'{name} is not JSON')
+
+
+def _check_axis(axis: AxisResult, name: str, where: str) -> None:
+    """Refuse what no estimator wrote, so that no writer needs to expect it."""
+    if name not in AXES:
+        raise ImuAllanError(f'{where}: unknown axis; known are {", ".join(AXES)}')
+    quantity = AXES[name]
+    if axis.quantity != quantity.value or axis.unit != quantity.unit:
+        raise ImuAllanError(f'{where}: expected quantity {quantity.value} in {quantity.unit}')
+    if set(axis.coefficients) != set(TERMS):
+        raise ImuAllanError(f'{where}.coefficients: expected {", ".join(TERMS)}')
+    for key, coefficient in axis.coefficients.items():
+        here = f'{where}.coefficients.{key}'
+        if coefficient.unit != TERMS[key].unit(quantity):
+            raise ImuAllanError(f'{here}.unit: expected {TERMS[key].unit(quantity)}')
+        if coefficient.observable and (coefficient.value is None or coefficient.ci95 is None):
+            raise ImuAllanError(f'{here}: observable, but without value or ci95')
+        if not coefficient.observable and coefficient.value is not None:
+            raise ImuAllanError(f'{here}: not observable, but with a value')
+    curve = axis.curve
+    for field in ('adev', 'edf', 'ci68', 'ci95', 'model_adev'):
+        if len(getattr(curve, field)) != len(curve.tau_s):
+            raise ImuAllanError(f'{where}.curve.{field}: not as long as tau_s')
+    if any(tau <= 0 for tau in curve.tau_s) or any(value < 0 for value in curve.adev):
+        raise ImuAllanError(f'{where}.curve: expected tau_s above zero and adev of zero or above')

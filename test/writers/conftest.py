@@ -1,0 +1,116 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Results whose every number is known: exact model curves with intervals of a realistic width."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imu_allan.noise.terms import allan_variance, AXES, TERMS
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    Curve,
+    GoodnessOfFit,
+    Remark,
+    Result,
+    Source,
+    Span,
+    Timeline,
+    Tone,
+)
+
+RATE_HZ = 200.0
+DURATION_S = 3600.0 * 3
+
+GYRO = {'noise_density': 7.0e-4, 'bias_instability': 1.2e-4, 'rate_random_walk': 4.0e-6}
+ACCEL = {'noise_density': 4.0e-3, 'bias_instability': 4.0e-4, 'rate_random_walk': 1.5e-5}
+
+
+def axis_result(name: str, coefficients: Mapping[str, float],
+                upper: Mapping[str, float] | None = None, **fields: Any) -> AxisResult:
+    """
+    Return an axis with the exact curve of `coefficients`.
+
+    Terms that are not in `coefficients` are not observable; `upper` gives their bounds.
+    """
+    quantity = AXES[name]
+    widths = {'quantization_noise': .05, 'noise_density': .002, 'bias_instability': .08,
+              'rate_random_walk': .3, 'rate_ramp': .5}
+    entries = {}
+    for key, term in TERMS.items():
+        unit = term.unit(quantity)
+        if key in coefficients:
+            value = coefficients[key]
+            half = abs(value) * widths[key]
+            entries[key] = Coefficient(term.symbol, unit, True, value,
+                                       (value - half, value + half), None)
+        else:
+            bound = (upper or {}).get(key, GYRO.get(key, 1e-5) * .05)
+            entries[key] = Coefficient(term.symbol, unit, False, None, None, bound)
+    tau = 2.0 ** np.arange(21) / RATE_HZ
+    tau = tau[tau < DURATION_S / 2]
+    adev = np.sqrt(allan_variance(dict(coefficients), tau))
+    edf = np.maximum(1.0, 1.5 * DURATION_S / tau - 1)
+    wobble = adev * (1 + np.sin(np.arange(len(tau)) * 2.3) * 0.5 / np.sqrt(edf))
+    spread = np.minimum(0.6, 1 / np.sqrt(2 * edf))
+
+    def interval(z: float) -> tuple[tuple[float, float], ...]:
+        low, high = wobble * (1 - np.minimum(.9, z * spread)), wobble * (1 + 1.4 * z * spread)
+        return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+
+    curve = Curve(tuple(tau.tolist()), tuple(wobble.tolist()), tuple(edf.tolist()),
+                  interval(1.0), interval(1.96), tuple(adev.tolist()))
+    settings: dict[str, Any] = {
+        'mean': 0.01 if name != 'accel_z' else 9.80665, 'band_limit_s': None, 'tones': (),
+        'goodness_of_fit': GoodnessOfFit(0.4, 0.01, True)}
+    settings.update(fields)
+    return AxisResult(quantity=quantity.value, unit=quantity.unit, coefficients=entries,
+                      curve=curve, **settings)
+
+
+def build_result(scale: float = 1.0, **fields: Any) -> Result:
+    """Six axes: x as in GYRO and ACCEL times `scale`, y 10 % more, z without K."""
+    axes = {}
+    for name in AXES:
+        truth = GYRO if name.startswith('gyro') else ACCEL
+        factor = scale * {'x': 1.0, 'y': 1.1, 'z': 0.95}[name[-1]]
+        values = {key: value * factor for key, value in truth.items()}
+        upper = {}
+        if name.endswith('z'):
+            upper = {'rate_random_walk': values.pop('rate_random_walk') * 0.5}
+        tones = (Tone(23.4, 2e-4), Tone(46.8, 1e-4)) if name == 'gyro_z' else ()
+        axes[name] = axis_result(name, values, upper, tones=tones)
+    settings: dict[str, Any] = {
+        'imu_allan_version': '0.1.0',
+        'source': Source('recording', 'rec/imu_2026', '/imu/data_raw', 'imu_link',
+                         '2026-11-21T10:00:00Z', 'header'),
+        'timeline': Timeline(RATE_HZ, int(DURATION_S * RATE_HZ), DURATION_S, missing=1200,
+                             gaps=(Span(1500.0, 4.0), Span(7000.0, 2.0)),
+                             motion=(Span(4000.0, 300.0), Span(9000.0, 45.0))),
+        'axes': axes,
+        'warnings': (Remark('motion', 'The IMU moved twice, 345 s in all; '
+                            'those stretches were left out.'),)}
+    settings.update(fields)
+    return Result(**settings)
+
+
+@pytest.fixture
+def make_axis() -> Callable[..., AxisResult]:
+    """Build one axis from coefficients."""
+    return axis_result
+
+
+@pytest.fixture
+def make_result() -> Callable[..., Result]:
+    """Build a result of six axes."""
+    return build_result
+
+
+@pytest.fixture
+def result() -> Result:
+    """Return a three-hour recording at 200 Hz of six axes with N, B and K (z without K)."""
+    return build_result()
+
