@@ -20,6 +20,7 @@ Common Object Request Broker Architecture 3.3, part 2, section 9.3 (CDR transfer
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from struct import unpack_from
 from typing import Literal
 
@@ -97,10 +98,7 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
         byte_order = '<' if encapsulation else '>'
     [length] = unpack_from(byte_order + 'I', message, _TEXT_LENGTH_AT)
     text_end = _TEXT_AT + length
-    if serialization == 'cdr':
-        doubles_at = 4 + (text_end - 4 + 7) // 8 * 8
-    else:
-        doubles_at = text_end
+    doubles_at = _doubles_at(text_end, serialization)
     extra = size - doubles_at - 8 * _DOUBLES
     # Some middleware pads a payload to a multiple of four bytes.
     if not 0 <= extra <= (3 if serialization == 'cdr' else 0):
@@ -249,7 +247,7 @@ def encode_imu_rows(
     if serialization == 'cdr':
         text += b'\0'
     text_end = _TEXT_AT + len(text)
-    doubles_at = 4 + (text_end - 4 + 7) // 8 * 8 if serialization == 'cdr' else text_end
+    doubles_at = _doubles_at(text_end, serialization)
     layout = ImuLayout(byte_order, text_end, doubles_at, block.frame_id)
     rows = np.zeros((len(block), doubles_at + 8 * _DOUBLES), np.uint8)
     if serialization == 'cdr':
@@ -269,10 +267,14 @@ def encode_imu_rows(
     return rows
 
 
+def _doubles_at(text_end: int, serialization: Serialization) -> int:
+    return 4 + (text_end - 4 + 7) // 8 * 8 if serialization == 'cdr' else text_end
+
+
 def _fields(
     rows: NDArray[np.uint8], layout: ImuLayout, serialization: Serialization,
 ) -> NDArray[np.void]:
-    """The rows as records of named fields, sharing their memory; shape (n,)."""
+    """View the rows as records of named fields; shape (n,)."""
     order, at = layout.byte_order, layout.doubles_at
     record = np.dtype({
         'names': ['sec', 'nanosec', 'orientation_w', 'orientation_covariance',
@@ -288,7 +290,7 @@ def _fields(
                     at + 8 * _GYRO, at + 8 * _ACCEL],
         'itemsize': rows.shape[1],
     })
-    return rows.view(record)[:, 0]  # type: ignore[no-any-return]
+    return rows.view(record)[:, 0]
 
 
 def _decode_run(
@@ -346,12 +348,11 @@ def _key(row: NDArray[np.uint8], serialization: Serialization) -> bytes:
 
 def _same_in_every_row(rows: NDArray[np.uint8], start: int, stop: int) -> bool:
     items = rows[:, start:stop].view(f'V{stop - start}')
-    return items.tobytes() == items[0].tobytes() * len(rows)
+    return bool(items.tobytes() == items[0].tobytes() * len(rows))
 
 
 def _runs(changes: NDArray[np.bool_], count: int) -> Iterator[tuple[int, int]]:
     """Spans between changes; `changes[i]` tells whether item i + 1 differs from item i."""
     if count == 0:
         return
-    starts = [0, *(np.flatnonzero(changes) + 1).tolist(), count]
-    yield from zip(starts[:-1], starts[1:])
+    yield from pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), count])

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception that imu_allan raises for input it cannot use."""
+"""The one exception that imu_allan raises for input it cannot use, and text safe to put in it."""
 
 
 class ImuAllanError(ValueError):
@@ -11,3 +11,15 @@ class ImuAllanError(ValueError):
     command prints it on stderr and exits with status 1; any other exception is a bug and keeps its
     traceback.
     """
+
+
+def printable(text: object) -> str:
+    r"""
+    Make text from files (paths, topics, frame_id) safe for one line of a terminal.
+
+    Newlines, escape sequences, lone surrogates and other control characters appear as escapes
+    such as ``\n``; every printable character stands as it is.
+    """
+    return ''.join(
+        character if character.isprintable() else character.encode('unicode_escape').decode()
+        for character in str(text))
