@@ -1,0 +1,100 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A simulated IMU at rest: a noise model in, blocks of Imu samples out.
+
+It stands where a topic or a recording stands: the simulated sensor of the node and the recordings
+that ``imu_allan simulate`` writes both come from here.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_allan.block import ImuBlock
+from imu_allan.noise.model import NoiseModel
+from imu_allan.noise.simulate import NoiseStream
+from imu_allan.noise.terms import AXES
+
+STANDARD_GRAVITY = 9.80665
+"""What an accelerometer at rest measures upwards, in m/s^2."""
+
+_DRAWN_AT_ONCE = 1024
+
+
+class SimulatedImu:
+    """
+    Six axes of noise, block after block, in constant memory.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        Coefficients of each axis. An axis that the model does not name is noiseless; where it
+        gives no accelerometer a mean, z measures gravity, as at rest it does.
+    sample_rate_hz : float
+    seed : int, optional
+        The same seed gives the same samples, whatever the sizes they are drawn in.
+    """
+
+    def __init__(self, model: NoiseModel, sample_rate_hz: float, seed: int = 0) -> None:
+        self.sample_rate_hz = sample_rate_hz
+        self._streams = [
+            NoiseStream(axis_coefficients(model, name), sample_rate_hz, seed * len(AXES) + column)
+            for column, name in enumerate(AXES)]
+        self.absent = np.array([not any(name.startswith(sensor) for name in model.axes)
+                                for sensor in ('gyro', 'accel')])
+        self._ready = np.empty((0, len(AXES)))
+
+    def draw(self, samples: int) -> NDArray[np.float64]:
+        """Return the next samples, shape (samples, 6), in rad/s and m/s^2."""
+        drawn = [self._ready]
+        missing = samples - len(self._ready)
+        # The streams take their random numbers block by block: only blocks of one size make the
+        # samples independent of the sizes they are asked for in.
+        for _ in range(-(-missing // _DRAWN_AT_ONCE)):
+            drawn.append(np.stack([s.draw(_DRAWN_AT_ONCE) for s in self._streams], axis=1))
+        rows = np.concatenate(drawn)
+        self._ready = rows[samples:]
+        return rows[:samples]
+
+
+def axis_coefficients(model: NoiseModel, axis: str) -> Mapping[str, Any]:
+    """What `imu_allan.noise.simulate` wants to know of one axis of `model`."""
+    coefficients: dict[str, Any] = dict(model.axes.get(axis, {}))
+    if axis in model.gauss_markov:
+        process = model.gauss_markov[axis]
+        coefficients['gauss_markov'] = {'sigma': process.sigma,
+                                        'correlation_time_s': process.correlation_time_s}
+    if axis in model.mean:
+        coefficients['mean'] = model.mean[axis]
+    elif axis == 'accel_z' and not any(name.startswith('accel') for name in model.mean):
+        coefficients['mean'] = STANDARD_GRAVITY
+    return coefficients
+
+
+def simulated_blocks(model: NoiseModel, sample_rate_hz: float, samples: int, *, seed: int = 0,
+                     start_ns: int = 0, frame_id: str = 'imu_link',
+                     block_samples: int = 10_000) -> Iterator[ImuBlock]:
+    """
+    Yield `samples` Imu samples of a simulated IMU.
+
+    Parameters
+    ----------
+    model : NoiseModel
+    sample_rate_hz : float
+    samples : int
+    seed : int, optional
+    start_ns : int, optional
+        Stamp of the first sample in nanoseconds.
+    frame_id : str, optional
+    block_samples : int, optional
+        Samples in a block.
+    """
+    imu = SimulatedImu(model, sample_rate_hz, seed)
+    for first in range(0, samples, block_samples):
+        index = np.arange(first, min(first + block_samples, samples))
+        stamps = start_ns + np.rint(index / sample_rate_hz * 1e9).astype(np.int64)
+        drawn = imu.draw(len(index))
+        yield ImuBlock(stamps, stamps, drawn, np.tile(imu.absent, (len(index), 1)), frame_id)
