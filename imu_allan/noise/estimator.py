@@ -1,0 +1,262 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The streaming estimator: evenly spaced samples in, everything the fit needs out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_allan.noise.periodogram import BLOCK, Periodogram
+from imu_allan.noise.pyramid import Pyramid
+
+Array = NDArray[np.float64]
+State = dict[str, NDArray[np.generic]]
+
+CHUNK = 2 * BLOCK
+_RESOLUTION_SAMPLES = 8 * CHUNK
+_MAX_LEVELS = 4096
+
+
+@dataclass
+class _Counters:
+    samples: int = 0
+    bridged: int = 0
+    runs: int = 0
+    first: int = 0      # place of the first sample of the chunk that is being filled
+    held: int = 0       # samples in that chunk
+    resolved: int = 0   # samples that the search for a quantizer step has seen
+
+
+class Estimator:
+    """
+    Streaming estimator of several axes in constant memory.
+
+    Samples go in, in blocks of any size; the state holds the octave pyramid of the Allan variance
+    and the spectrum. How the samples were cut into blocks makes no difference, to the last bit:
+    internally they are always processed in the same chunks.
+
+    Parameters
+    ----------
+    axes : int, optional
+        How many axes are estimated side by side.
+
+    Attributes
+    ----------
+    samples, bridged : int
+        Samples taken in, and how many of them stand in for missing ones.
+    """
+
+    def __init__(self, axes: int = 1) -> None:
+        if axes < 1:
+            raise ValueError(f'axes must be at least 1, not {axes}')
+        self.axes = axes
+        self.pyramid = Pyramid(axes)
+        self.periodogram = Periodogram(axes)
+        self.reference: Array | None = None
+        self.lowest = np.full(axes, np.inf)
+        self.highest = np.full(axes, -np.inf)
+        self.step = np.full(axes, np.inf)
+        self._chunk = np.zeros((axes, CHUNK))
+        self._n = _Counters()
+
+    @property
+    def samples(self) -> int:
+        """Samples taken in."""
+        return self._n.samples
+
+    @property
+    def bridged(self) -> int:
+        """How many of the samples stand in for missing ones."""
+        return self._n.bridged
+
+    def update(self, samples: ArrayLike, bridged: int = 0) -> None:
+        """
+        Take in the next samples of the stretch.
+
+        Parameters
+        ----------
+        samples : array_like, shape (n, axes) or, for one axis, (n,)
+            Evenly spaced, finite.
+        bridged : int, optional
+            How many of them stand in for missing ones.
+
+        Raises
+        ------
+        ValueError
+            If the shape is not that of the axes or a sample is not finite.
+        """
+        block = np.asarray(samples, dtype=np.float64)
+        if block.ndim == 1 and self.axes == 1:
+            block = block[:, None]
+        if block.ndim != 2 or block.shape[1] != self.axes:
+            raise ValueError(f'samples must have shape (n, {self.axes}), not {block.shape}')
+        if not np.isfinite(block).all():
+            raise ValueError('samples must be finite')
+        if not len(block):
+            return
+        if self.reference is None:
+            self.reference = block[0].copy()
+        start = 0
+        while start < len(block):
+            take = min(CHUNK - self._n.held, len(block) - start)
+            np.subtract(block[start:start + take].T, self.reference[:, None],
+                        out=self._chunk[:, self._n.held:self._n.held + take])
+            self._n.held += take
+            start += take
+            if self._n.held == CHUNK:
+                self._absorb()
+        self._n.samples += len(block)
+        self._n.bridged += bridged
+
+    def skip(self, missing: int) -> None:
+        """
+        Leave out `missing` samples: a new stretch begins behind them.
+
+        Raises
+        ------
+        ValueError
+            If `missing` is negative.
+        """
+        if missing < 0:
+            raise ValueError(f'missing must not be negative: {missing}')
+        self._absorb()
+        self.pyramid.start_stretch()
+        self._n.first += missing
+
+    def start_run(self) -> None:
+        """Begin a new run, whose distance in time from the one before is unknown."""
+        self._absorb()
+        self.pyramid.start_stretch()
+        self._n.runs += 1
+        self._n.first = 0
+
+    def finished(self) -> 'Estimator':
+        """Return a copy in which all samples have reached the sums, ready to be fitted."""
+        twin = self.copy()
+        twin._absorb()
+        twin.periodogram.finish()
+        return twin
+
+    def copy(self) -> 'Estimator':
+        """Return an independent copy."""
+        twin = Estimator.__new__(Estimator)
+        twin.axes = self.axes
+        twin.pyramid, twin.periodogram = self.pyramid.copy(), self.periodogram.copy()
+        twin.reference = None if self.reference is None else self.reference.copy()
+        twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
+        twin.step = self.step.copy()
+        twin._chunk = self._chunk.copy()
+        twin._n = _Counters(**vars(self._n))
+        return twin
+
+    @property
+    def mean(self) -> Array:
+        """Mean of every axis over all samples, shape (axes,); NaN before the first."""
+        if self.reference is None:
+            return np.full(self.axes, np.nan)
+        held = self._chunk[:, :self._n.held]
+        series = self.periodogram.series
+        total = series.sums.sum(axis=1) + held.sum(axis=1)
+        return np.asarray(self.reference + total / (series.counts.sum() + held.shape[1]))
+
+    def merge(self, other: 'Estimator') -> None:
+        """
+        Add another record of the same axes; no difference is taken across the seam.
+
+        Raises
+        ------
+        ValueError
+            If the number of axes differs.
+        """
+        if other.axes != self.axes:
+            raise ValueError(f'cannot merge {other.axes} axes into {self.axes}')
+        theirs = other.finished()
+        if theirs.reference is None:
+            return
+        self.start_run()
+        self.periodogram.finish()
+        if self.reference is None:
+            self.reference = theirs.reference
+        series = theirs.periodogram.series
+        shift = (theirs.reference - self.reference)[:, None] * series.counts
+        theirs.periodogram.series = type(series)(series.keys, series.sums + shift, series.counts)
+        self.periodogram.merge(theirs.periodogram, self._n.runs)
+        self.pyramid.merge(theirs.pyramid)
+        self.lowest = np.minimum(self.lowest, theirs.lowest)
+        self.highest = np.maximum(self.highest, theirs.highest)
+        self.step = np.minimum(self.step, theirs.step)
+        self._n.samples += theirs.samples
+        self._n.bridged += theirs.bridged
+        self._n.runs += theirs._n.runs + 1
+
+    def _absorb(self) -> None:
+        """Bring the samples held back into the sums."""
+        n = self._n
+        if not n.held:
+            return
+        rows = self._chunk[:, :n.held]
+        np.minimum(self.lowest, rows.min(axis=1), out=self.lowest)
+        np.maximum(self.highest, rows.max(axis=1), out=self.highest)
+        if n.resolved < _RESOLUTION_SAMPLES:
+            n.resolved += n.held
+            jumps = np.abs(np.diff(rows, axis=1))
+            jumps[jumps < 1e-12 * np.maximum(1, np.abs(rows[:, 1:]))] = np.inf
+            if n.held > 1:
+                np.minimum(self.step, jumps.min(axis=1), out=self.step)
+        self.pyramid.absorb(rows)
+        self.periodogram.absorb(rows, n.runs, n.first)
+        n.first += n.held
+        n.held = 0
+
+    def to_state(self) -> State:
+        """
+        Return the state as plain arrays, a few hundred kilobytes at most per axis.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Read back by `from_state`; no object arrays, so that it can be stored without pickle.
+        """
+        state: State = {
+            'counters': np.array(list(vars(self._n).values())),
+            'chunk': self._chunk[:, :self._n.held].copy(),
+            'range': np.array([self.lowest, self.highest, self.step]),
+        }
+        if self.reference is not None:
+            state['reference'] = self.reference
+        for name, part in (('pyramid', self.pyramid), ('periodogram', self.periodogram)):
+            state.update({f'{name}/{key}': value for key, value in part.to_state().items()})
+        return state
+
+    @classmethod
+    def from_state(cls, state: State) -> 'Estimator':
+        """
+        Return the estimator that `to_state` described.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If the state is not one of an estimator.
+        """
+        def part(name: str) -> State:
+            return {key[len(name) + 1:]: value for key, value in state.items()
+                    if key.startswith(f'{name}/')}
+
+        chunk = np.array(state['chunk'], dtype=np.float64)
+        ranges = np.array(state['range'], dtype=np.float64)
+        counters = _Counters(*(int(value) for value in state['counters']))
+        if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
+                or ranges.shape != (3, len(chunk))):
+            raise ValueError('arrays of the estimator do not fit together')
+        self = cls(len(chunk))
+        self._n = counters
+        self._chunk[:, :counters.held] = chunk
+        self.lowest, self.highest, self.step = ranges.copy()
+        if 'reference' in state:
+            self.reference = np.array(state['reference'], dtype=np.float64)
+        self.pyramid = Pyramid.from_state(part('pyramid'))
+        self.periodogram = Periodogram.from_state(part('periodogram'))
+        if not self.axes == self.pyramid.sums.shape[1] == self.periodogram.axes:
+            raise ValueError('arrays of the estimator do not fit together')
+        return self

@@ -1,0 +1,362 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The spectrum of a record of any length, in constant memory.
+
+The record is seen at three or four rates: every sample, means of 64, of 4096, ... Each stage adds
+up the squared DCT-II coefficients of consecutive blocks of 4096 points; what is slower than a
+block is left to the next stage. The slowest part of the spectrum, where every single coefficient
+counts, comes from one DCT over the whole record, kept as at most 8192 means over cells that double
+in size as the record grows. A record of up to 8192 samples is thus transformed whole.
+
+Cutting a record into blocks costs nothing that matters: the coefficients above the first few of a
+block are independent of those of its neighbours for white noise and random walk, and nearly so for
+flicker.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+from imu_allan.noise.cells import (
+    Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT)
+
+Array = NDArray[np.float64]
+
+BLOCK = 4096
+"""Points of a whole block."""
+STAGE_OCTAVES = 6
+"""A stage sees means of 2**6 points of the stage before."""
+SERIES = 8192
+"""The most cells of the whole-record series."""
+SHORTEST = 16
+"""Points of the shortest block: the rest of a stretch is cut into blocks of powers of two."""
+
+_MAX_STAGES = 4
+_LOWEST = 32 / (2 * BLOCK)
+_HIGHEST_OF_MEANS = 0.25
+_MAX_FILL = 16
+_MAX_FILLED_SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class Piece:
+    """
+    Part of the spectrum.
+
+    Attributes
+    ----------
+    step : int
+        Samples averaged into one point.
+    length : int
+        Points of a block.
+    blocks : int
+        How many blocks were averaged.
+    first, last : int
+        The DCT indices, `first` up to and without `last`, that this piece is good for.
+    power : ndarray, shape (axes, length)
+        Mean squared orthonormal DCT-II coefficients by index, in squared sample units.
+    coefficients : ndarray or None, shape (axes, length)
+        The coefficients themselves where the piece is one block.
+    filled : float
+        Share of the points that stand in for missing ones.
+    """
+
+    step: int
+    length: int
+    blocks: int
+    first: int
+    last: int
+    power: Array
+    coefficients: Array | None = None
+    filled: float = 0.0
+
+    @property
+    def nu(self) -> Array:
+        """Frequencies in cycles per point of the indices `first` to `last`."""
+        return np.arange(self.first, self.last) / (2.0 * self.length)
+
+
+class BlockPower:
+    """Sums of squared DCT-II coefficients over blocks, by block length."""
+
+    def __init__(self, axes: int) -> None:
+        self.axes = axes
+        self.power: dict[int, Array] = {}
+        self.blocks: dict[int, int] = {}
+
+    def add(self, rows: Array) -> None:
+        """Cut consecutive points, shape (axes, n), into the longest blocks and add them."""
+        start, length = 0, BLOCK
+        while length >= SHORTEST:
+            count = (rows.shape[1] - start) // length
+            if count:
+                part = rows[:, start:start + count * length].reshape(self.axes, count, length)
+                coefficients = dct(part, norm='ortho')
+                power = np.einsum('ijk,ijk->ik', coefficients, coefficients)
+                if length in self.power:
+                    self.power[length] += power
+                    self.blocks[length] += count
+                else:
+                    self.power[length], self.blocks[length] = power, count
+                start += count * length
+            length //= 2
+
+    def copy(self) -> 'BlockPower':
+        """Return an independent copy."""
+        twin = BlockPower(self.axes)
+        twin.power = {length: power.copy() for length, power in self.power.items()}
+        twin.blocks = dict(self.blocks)
+        return twin
+
+    def merge(self, other: 'BlockPower') -> None:
+        """Add the sums of another record."""
+        for length, power in other.power.items():
+            self.power[length] = self.power.get(length, 0) + power
+            self.blocks[length] = self.blocks.get(length, 0) + other.blocks[length]
+
+
+class MeansStage:
+    """Blocks of means: one slower stage of the spectrum."""
+
+    def __init__(self, axes: int) -> None:
+        self.power = BlockPower(axes)
+        self.waiting = no_cells(axes)
+
+    def add(self, cells: Cells, size: int) -> None:
+        """Add cells of `size` samples; the last one waits, since it may still grow."""
+        self.waiting = joined(self.waiting, cells)
+        if len(self.waiting) > BLOCK + SHORTEST:
+            self._transform(size, all_of_it=False)
+
+    def _transform(self, size: int, *, all_of_it: bool) -> None:
+        held = self.waiting if all_of_it else self.waiting.take(slice(None, -1))
+        held = held.take(held.counts >= size / 2)
+        cut = np.flatnonzero(np.diff(held.keys) > _MAX_FILL) + 1
+        bounds = [0, *cut.tolist(), len(held)]
+        for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+            if end == begin:
+                continue
+            stretch = held.take(slice(begin, end))
+            points = filled(stretch)
+            if end == len(held) and not all_of_it:
+                # The stretch goes on: only whole blocks are taken now.
+                whole = points.shape[1] // BLOCK * BLOCK
+                self.power.add(points[:, :whole])
+                rest = stretch.keys - stretch.keys[0] >= whole
+                self.waiting = joined(stretch.take(rest), self.waiting.take(slice(-1, None)))
+            else:
+                self.power.add(points)
+        if all_of_it:
+            self.waiting = no_cells(self.power.axes)
+
+    def finish(self, size: int) -> None:
+        """Transform what waits."""
+        if len(self.waiting):
+            self._transform(size, all_of_it=True)
+
+
+class Periodogram:
+    """
+    The spectrum of several axes, block by block.
+
+    Parameters
+    ----------
+    axes : int
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.axes = axes
+        self.power = BlockPower(axes)
+        self.means: list[MeansStage] = []
+        self.series = no_cells(axes)
+        self.cell = 1
+        self.samples = 0
+
+    def absorb(self, rows: Array, run: int, first: int) -> None:
+        """
+        Add samples of one stretch.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (axes, n)
+            A multiple of `BLOCK` samples, or the rest of the stretch.
+        run : int
+            Number of the run.
+        first : int
+            Place of the first sample on the grid of the run.
+        """
+        self.samples += rows.shape[1]
+        self.power.add(rows)
+        self.series = joined(self.series, cells_of(rows, run, first, self.cell))
+        while len(self.series) > SERIES:
+            if self.cell > 1 << 36:
+                # Thousands of runs of a few samples each: the oldest go.
+                self.series = self.series.take(slice(-SERIES, None))
+                break
+            self.series = coarser(self.series, 1)
+            self.cell *= 2
+        cells = cells_of(rows, run, first, 2**STAGE_OCTAVES)
+        for stage in range(_MAX_STAGES - 1):
+            if stage == len(self.means):
+                # The stage is needed once the series is coarser than its points.
+                if self.samples < SERIES // 2:
+                    break
+                self.means.append(MeansStage(self.axes))
+            self.means[stage].add(cells, 2**(STAGE_OCTAVES * (stage + 1)))
+            cells = coarser(cells, STAGE_OCTAVES)
+
+    def finish(self) -> None:
+        """Transform what waits in every stage: the record has ended."""
+        for i, stage in enumerate(self.means):
+            stage.finish(2**(STAGE_OCTAVES * (i + 1)))
+
+    def pieces(self) -> list[Piece]:
+        """
+        Return the spectrum from the slowest to the fastest part, without overlap.
+
+        Returns
+        -------
+        list of Piece
+        """
+        top = 0.5 if self.cell == 1 else _HIGHEST_OF_MEANS
+        found = []
+        for segment, share in self._segments():
+            length = segment.shape[1]
+            coefficients = dct(segment, norm='ortho')
+            last = length if self.cell == 1 else int(np.ceil(2 * length * top))
+            found.append(Piece(self.cell, length, 1, 1, last, coefficients**2, coefficients,
+                               share))
+        if self.cell == 1:
+            return found
+        border = top / self.cell
+        stages = [self.power, *(stage.power for stage in self.means)]
+        for i in reversed(range(len(stages))):
+            step = 2**(STAGE_OCTAVES * i)
+            if step >= self.cell:
+                continue
+            low = max(border * step, _LOWEST if i + 1 < len(stages) else 0)
+            high = _HIGHEST_OF_MEANS if i else 0.5
+            for length, power in sorted(stages[i].power.items(), reverse=True):
+                first = max(1, int(np.ceil(2 * length * low)))
+                last = min(length, int(np.ceil(2 * length * high)))
+                if first < last:
+                    blocks = stages[i].blocks[length]
+                    found.append(Piece(step, length, blocks, first, last, power / blocks))
+            border = max(border, _LOWEST / step)
+        return found
+
+    def _segments(self) -> list[tuple[Array, float]]:
+        """Parts of the series whose gaps are few enough to be filled, and the share filled."""
+        whole = self.series.take(self.series.counts >= self.cell / 2)
+        runs = whole.keys >> RUN_SHIFT
+        parts = [whole.take(runs == run) for run in np.unique(runs)]
+        found = []
+        while parts:
+            part = parts.pop(0)
+            if len(part) < SHORTEST:
+                continue
+            span = int(part.keys[-1] - part.keys[0]) + 1
+            share = 1 - len(part) / span
+            if share <= _MAX_FILLED_SHARE:
+                found.append((filled(part), share))
+            else:
+                widest = int(np.argmax(np.diff(part.keys))) + 1
+                parts[:0] = [part.take(slice(None, widest)), part.take(slice(widest, None))]
+        return found
+
+    def copy(self) -> 'Periodogram':
+        """Return an independent copy."""
+        twin = Periodogram(self.axes)
+        twin.power = self.power.copy()
+        for stage in self.means:
+            copied = MeansStage(self.axes)
+            copied.power, copied.waiting = stage.power.copy(), stage.waiting
+            twin.means.append(copied)
+        twin.series, twin.cell, twin.samples = self.series, self.cell, self.samples
+        return twin
+
+    def merge(self, other: 'Periodogram', runs: int) -> None:
+        """Add another finished record, whose runs are counted on from `runs`."""
+        self.power.merge(other.power)
+        for i, stage in enumerate(other.means):
+            if i == len(self.means):
+                self.means.append(MeansStage(self.axes))
+            self.means[i].power.merge(stage.power)
+        cell = max(self.cell, other.cell)
+        octaves = cell.bit_length()
+        mine = coarser(self.series, octaves - self.cell.bit_length())
+        theirs = coarser(other.series, octaves - other.cell.bit_length())
+        theirs = Cells(theirs.keys + (np.int64(runs) << RUN_SHIFT), theirs.sums, theirs.counts)
+        self.series, self.cell = joined(mine, theirs), cell
+        while len(self.series) > SERIES and self.cell <= 1 << 36:
+            self.series = coarser(self.series, 1)
+            self.cell *= 2
+        self.samples += other.samples
+
+    def to_state(self) -> dict[str, NDArray[np.generic]]:
+        """Return the state as plain arrays."""
+        state: dict[str, NDArray[np.generic]] = {
+            'shape': np.array([self.axes, self.cell, self.samples, len(self.means)]),
+            **_cells_state('series', self.series),
+        }
+        for i, power in enumerate([self.power, *(stage.power for stage in self.means)]):
+            for length, sums in power.power.items():
+                state[f'power{i}/{length}'] = sums
+                state[f'blocks{i}/{length}'] = np.array(power.blocks[length])
+        for i, stage in enumerate(self.means):
+            state.update(_cells_state(f'waiting{i}', stage.waiting))
+        return state
+
+    @classmethod
+    def from_state(cls, state: dict[str, NDArray[np.generic]]) -> 'Periodogram':
+        """
+        Return the periodogram that `to_state` described.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If the state is not one of a periodogram.
+        """
+        axes, cell, samples, stages = (int(value) for value in state['shape'])
+        if not 1 <= axes <= 64 or cell < 1 or cell & (cell - 1) or not 0 <= stages < _MAX_STAGES:
+            raise ValueError('shape of the periodogram is out of range')
+        self = cls(axes)
+        self.cell, self.samples = cell, samples
+        self.series = _cells_from(state, 'series', axes)
+        self.means = [MeansStage(axes) for _ in range(stages)]
+        for i, stage in enumerate(self.means):
+            stage.waiting = _cells_from(state, f'waiting{i}', axes)
+        powers = [self.power, *(stage.power for stage in self.means)]
+        for key, value in state.items():
+            name, _, text = key.partition('/')
+            if not name.startswith('power') or not text:
+                continue
+            power, length = powers[int(name[5:])], int(text)
+            sums = np.array(value, dtype=np.float64)
+            if sums.shape != (axes, length) or length not in _LENGTHS:
+                raise ValueError(f'{key} has the wrong shape')
+            power.power[length] = sums
+            power.blocks[length] = int(state[f'blocks{name[5:]}/{length}'])
+        return self
+
+
+_LENGTHS = {2**i for i in range(SHORTEST.bit_length() - 1, BLOCK.bit_length())}
+
+
+def _cells_state(name: str, cells: Cells) -> dict[str, NDArray[np.generic]]:
+    return {f'{name}/keys': cells.keys, f'{name}/sums': cells.sums,
+            f'{name}/counts': cells.counts}
+
+
+def _cells_from(state: dict[str, NDArray[np.generic]], name: str, axes: int) -> Cells:
+    keys = np.array(state[f'{name}/keys'], dtype=np.int64)
+    sums = np.array(state[f'{name}/sums'], dtype=np.float64)
+    counts = np.array(state[f'{name}/counts'], dtype=np.int64)
+    if keys.ndim != 1 or sums.shape != (axes, len(keys)) or counts.shape != keys.shape:
+        raise ValueError(f'{name} has the wrong shape')
+    if np.any(np.diff(keys) <= 0) or np.any(counts < 1):
+        raise ValueError(f'{name} is out of order')
+    return Cells(keys, sums, counts)

@@ -1,0 +1,227 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Simulated samples of an inertial sensor.
+
+`simulate` draws a whole record whose averaged samples have exactly the covariance of the model, at
+every cluster size; the usual shortcuts (filtered flicker, a plain running sum of the random walk)
+are wrong by up to 44 % in Allan variance at the shortest averaging times. `NoiseStream` draws the
+same process block after block without end, for a live simulated sensor; there flicker is a sum of
+averaged Gauss-Markov processes whose spectrum is within 0.2 % of 1/f up to periods of years.
+
+References
+----------
+R. B. Davies and D. S. Harte, "Tests for Hurst effect", Biometrika 74 (1987): circulant embedding.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import lfilter
+
+from imu_allan.noise.terms import TERMS
+
+Array = NDArray[np.float64]
+
+_STREAM_RATIO = 4.0
+_STREAM_LONGEST_S = 3e8
+
+
+def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,
+             seed: int = 0) -> Array:
+    """
+    Draw one axis.
+
+    Parameters
+    ----------
+    coefficients : mapping
+        SI coefficient by key of `TERMS`, and optionally ``gauss_markov``, a mapping with ``sigma``
+        and ``correlation_time_s``, and ``mean``. A missing key means that the term is absent.
+    samples : int
+        Length of the record.
+    sample_rate_hz : float
+    seed : int, optional
+        The same seed gives the same record; every term has a stream of its own, so leaving out
+        one leaves the others as they are.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        In the unit of a sample.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown, or `samples` or `sample_rate_hz` is not positive.
+    """
+    _check(coefficients, sample_rate_hz)
+    if samples < 1:
+        raise ValueError(f'samples must be at least 1, not {samples}')
+    dt = 1.0 / sample_rate_hz
+    total = np.full(samples, float(coefficients.get('mean', 0.0)))
+    for stream, key in enumerate(TERMS):
+        value = float(coefficients.get(key, 0.0))
+        if value == 0:
+            continue
+        rng = np.random.default_rng([seed, stream])
+        if key == 'quantization_noise':
+            total += value / dt * np.diff(rng.standard_normal(samples + 1))
+        elif key == 'noise_density':
+            total += value / np.sqrt(dt) * rng.standard_normal(samples)
+        elif key == 'bias_instability':
+            total += value * _flicker(samples, rng)
+        elif key == 'rate_random_walk':
+            total += value * np.sqrt(dt) * _random_walk(samples, rng)[0]
+        else:
+            total += value * dt * np.arange(samples)
+    markov = coefficients.get('gauss_markov')
+    if markov:
+        rng = np.random.default_rng([seed, len(TERMS)])
+        bank = _MarkovBank(np.array([float(markov['correlation_time_s'])]),
+                           np.array([float(markov['sigma'])]), dt, rng)
+        total += bank.draw(samples)
+    return total
+
+
+class NoiseStream:
+    """
+    One axis, block after block, without end and in constant memory.
+
+    Parameters
+    ----------
+    coefficients : mapping
+        As for `simulate`.
+    sample_rate_hz : float
+    seed : int, optional
+    """
+
+    def __init__(self, coefficients: Mapping[str, Any], sample_rate_hz: float,
+                 seed: int = 0) -> None:
+        _check(coefficients, sample_rate_hz)
+        self._c = {key: float(coefficients.get(key, 0.0)) for key in (*TERMS, 'mean')}
+        self._dt = 1.0 / sample_rate_hz
+        self._rng = np.random.default_rng([seed, 99])
+        self._index = 0
+        self._phase = float(self._rng.standard_normal())
+        self._walk = 0.0
+        self._fast_flicker = 0.0
+        times, sigmas = [], []
+        if self._c['bias_instability']:
+            octaves = np.log(_STREAM_LONGEST_S / (self._dt / 64)) / np.log(_STREAM_RATIO)
+            bank_times = self._dt / 64 * _STREAM_RATIO ** np.arange(int(np.ceil(octaves)))
+            times += list(bank_times)
+            sigma = self._c['bias_instability'] * np.sqrt(np.log(_STREAM_RATIO) / np.pi)
+            sigmas += [sigma] * len(bank_times)
+            # The members faster than the bank are white in the samples: a geometric sum.
+            self._fast_flicker = sigma * np.sqrt(2 / 64 / (_STREAM_RATIO - 1))
+        markov = coefficients.get('gauss_markov')
+        if markov:
+            times.append(float(markov['correlation_time_s']))
+            sigmas.append(float(markov['sigma']))
+        self._bank = _MarkovBank(np.array(times), np.array(sigmas), self._dt, self._rng,
+                                 settled=False)
+
+    def draw(self, samples: int) -> Array:
+        """Return the next `samples` samples, shape (samples,), in the unit of a sample."""
+        c, dt, rng = self._c, self._dt, self._rng
+        total = np.full(samples, c['mean'])
+        if c['quantization_noise']:
+            phase = np.concatenate(([self._phase], rng.standard_normal(samples)))
+            self._phase = float(phase[-1])
+            total += c['quantization_noise'] / dt * np.diff(phase)
+        if c['noise_density']:
+            total += c['noise_density'] / np.sqrt(dt) * rng.standard_normal(samples)
+        if c['rate_random_walk']:
+            walk, self._walk = _random_walk(samples, rng, self._walk)
+            total += c['rate_random_walk'] * np.sqrt(dt) * walk
+        if c['rate_ramp']:
+            total += c['rate_ramp'] * dt * (self._index + np.arange(samples))
+        if self._fast_flicker:
+            total += self._fast_flicker * rng.standard_normal(samples)
+        total += self._bank.draw(samples)
+        self._index += samples
+        return total
+
+
+def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
+    unknown = set(coefficients) - set(TERMS) - {'gauss_markov', 'mean'}
+    if unknown:
+        raise ValueError(f'unknown noise term {sorted(unknown)[0]!r}; known: {", ".join(TERMS)}')
+    if not sample_rate_hz > 0:
+        raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
+
+
+def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
+                 ) -> tuple[Array, float]:
+    """Averages of a random walk of unit step per interval, and where the walk ends."""
+    step = rng.standard_normal(samples)
+    walk = start + np.cumsum(step)
+    # A sample is the mean of the walk over its interval: half of its own step is still to come,
+    # and the bridge within the interval, which its ends do not show, has variance 1/12.
+    within = rng.standard_normal(samples) / np.sqrt(12) - step / 2
+    return walk + within, float(walk[-1]) if samples else start
+
+
+def _flicker(samples: int, rng: np.random.Generator) -> Array:
+    """Averaged flicker of unit bias instability that starts at zero, shape (samples,)."""
+    if samples == 1:
+        return np.zeros(1)
+    half = next_fast_len(samples, real=True)
+    lag = np.arange(-2.0, half + 3)
+    # Generalised covariance of the phase of flicker noise; fourth difference: the covariance of
+    # the first difference of the averaged samples.
+    phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
+    covariance = phase[4:] + phase[:-4] - 4 * (phase[3:-1] + phase[1:-3]) + 6 * phase[2:-2]
+    # Beyond a lag of 1e4 the difference of large numbers loses digits that its series keeps.
+    far = np.arange(half + 1) > 1e4
+    h = np.arange(half + 1)[far].astype(np.float64)
+    covariance[far] = -(1 / h**2 + 1 / h**4) / (2 * np.pi) * 2
+    power = rfft(np.concatenate((covariance, covariance[-2:0:-1]))).real
+    n = 2 * half
+    power = np.maximum(power, 0)
+    normal = rng.standard_normal((2, half + 1))
+    spectrum = np.sqrt(power * n / 2) * (normal[0] + 1j * normal[1])
+    spectrum[0] = np.sqrt(power[0] * n) * normal[0, 0]
+    spectrum[-1] = np.sqrt(power[-1] * n) * normal[0, -1]
+    steps = irfft(spectrum, n)[:samples - 1]
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+class _MarkovBank:
+    """A sum of averaged first-order Gauss-Markov processes, drawn exactly."""
+
+    def __init__(self, times: Array, sigmas: Array, dt: float, rng: np.random.Generator, *,
+                 settled: bool = True) -> None:
+        self._rng = rng
+        a = dt / times
+        self._decay = np.exp(-a)
+        # Joint law of (end value, mean) of an Ornstein-Uhlenbeck process over one interval.
+        gain = -np.expm1(-a) / a
+        end_var = -np.expm1(-2 * a)
+        small = a < 1e-3
+        safe = np.where(small, 1.0, a)
+        mean_var = np.where(small, 2 * a / 3 * (1 - 0.75 * a),
+                            (2 * safe - 3 + 4 * np.exp(-safe) - np.exp(-2 * safe)) / safe**2)
+        cross = np.where(small, a * (1 - a), (-np.expm1(-safe)) ** 2 / safe)
+        self._gain = sigmas * gain
+        self._end = np.sqrt(end_var)
+        self._mean_on_end = sigmas * cross / self._end
+        self._mean_rest = sigmas * np.sqrt(np.maximum(mean_var - (cross / self._end) ** 2, 0))
+        # A stream starts its slow members at zero, so that its first mean is the model's.
+        self._state = np.where(settled | (times < 10 * dt), rng.standard_normal(len(times)), 0.0)
+
+    def draw(self, samples: int) -> Array:
+        total = np.zeros(samples)
+        for i, decay in enumerate(self._decay):
+            drive = self._rng.standard_normal(samples)
+            ends, _ = lfilter([1.0], [1.0, -decay], self._end[i] * drive,
+                              zi=[decay * self._state[i]])
+            starts = np.concatenate(([self._state[i]], ends[:-1]))
+            total += self._gain[i] * starts + self._mean_on_end[i] * drive
+            total += self._mean_rest[i] * self._rng.standard_normal(samples)
+            if samples:
+                self._state[i] = ends[-1]
+        return total

@@ -1,0 +1,116 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Spectra of averaged samples: what each noise term puts into a periodogram.
+
+All spectra are variances per unit of ``nu``, the frequency in cycles per sample (``nu = f dt``),
+two-sided, so that white samples have a spectrum equal to their variance. A mean over ``m``
+samples of such a process is the same process with ``dt`` times ``m``: the model is self-similar,
+and one formula serves every stage of decimation.
+
+References
+----------
+IEEE Std 952-1997, Annex C. The sums over aliases are Hurwitz zeta functions; for the random walk
+they close to elementary functions.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import zeta
+
+Array = NDArray[np.float64]
+
+# Mean power of the first orthonormal DCT-II coefficients of flicker noise over its spectrum at
+# j/(2 n): the transform diagonalises flicker only asymptotically.
+_FLICKER_DCT = np.array([.7737, .9028, .9311, .9499, .9592, .9664, .9709, .9747])
+
+
+def white(nu: ArrayLike, dt: float) -> Array:
+    """Spectrum of noise density 1, shape of `nu`."""
+    return np.full(np.shape(nu), 1.0 / dt)
+
+
+def quantization(nu: ArrayLike, dt: float) -> Array:
+    """Spectrum of quantization noise 1, shape of `nu`."""
+    return np.asarray((2 * np.sin(np.pi * np.asarray(nu)) / dt) ** 2)
+
+
+def random_walk(nu: ArrayLike, dt: float) -> Array:
+    """Spectrum of rate random walk 1, shape of `nu`."""
+    s2 = np.sin(np.pi * np.asarray(nu)) ** 2
+    return np.asarray(dt * (1 - s2 / 1.5) / (4 * s2))
+
+
+def flicker(nu: ArrayLike, dt: float) -> Array:
+    """Spectrum of bias instability 1, shape of `nu`; the same for every `dt`."""
+    del dt
+    nu = np.asarray(nu, dtype=np.float64)
+    s2 = np.sin(np.pi * nu) ** 2
+    return np.asarray(s2 / (2 * np.pi**3) * (zeta(3, nu) + zeta(3, 1 - nu)))
+
+
+def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
+    """
+    Spectrum of a first-order Gauss-Markov process of unit standard deviation.
+
+    Parameters
+    ----------
+    nu : array_like, shape (n,)
+        Cycles per sample, in (0, 1/2].
+    dt : float
+        Sample interval in seconds.
+    correlation_time_s : float
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    a = dt / correlation_time_s
+    decay = -np.expm1(-a)
+    # Autocovariance of the averages: r0 at lag 0, tail exp(-a (k-1)) at lag k >= 1.
+    r0 = 2 / a**2 * (a - decay) if a > 1e-4 else 1 - a / 3
+    tail = (decay / a) ** 2
+    z = np.exp(2j * np.pi * np.asarray(nu))
+    return np.asarray(r0 + 2 * tail * np.real(z / (1 - np.exp(-a) * z)))
+
+
+def flicker_dct_factor(j: ArrayLike) -> Array:
+    """
+    Mean power of DCT-II coefficient `j` of flicker noise over its spectrum at ``j/(2 n)``.
+
+    Parameters
+    ----------
+    j : array_like of int, shape (n,)
+        Indices, at least 1.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    j = np.asarray(j)
+    factor = 1 - 2 / (np.pi**2 * np.maximum(j, 1))
+    low = j <= len(_FLICKER_DCT)
+    factor[low] = _FLICKER_DCT[j[low] - 1]
+    return np.asarray(factor)
+
+
+def ramp_dct(n: int, dt: float) -> Array:
+    """
+    Orthonormal DCT-II of a unit ramp (1 per second) of `n` samples, coefficients 1 to n - 1.
+
+    Parameters
+    ----------
+    n : int
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n - 1,)
+        Zero at even indices.
+    """
+    j = np.arange(1, n)
+    half = np.pi * j / (2 * n)
+    value = -dt * np.sqrt(1 / (2 * n)) * np.cos(half) / np.sin(half) ** 2
+    value[1::2] = 0
+    return np.asarray(value)
