@@ -10,13 +10,12 @@ that ``imu_allan simulate`` writes both come from here.
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imu_allan.block import ImuBlock
 from imu_allan.noise.model import NoiseModel
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.noise.terms import AXES
+import numpy as np
+from numpy.typing import NDArray
 
 STANDARD_GRAVITY = 9.80665
 """What an accelerometer at rest measures upwards, in m/s^2."""

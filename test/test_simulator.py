@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from hypothesis import given, settings, strategies as st
-import numpy as np
-import pytest
-
 from imu_allan.noise.model import parse_model
 from imu_allan.simulator import simulated_blocks, SimulatedImu, STANDARD_GRAVITY
+import numpy as np
+import pytest
 
 MODEL = parse_model("""
 gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 10 deg/h, mean: 0.1 deg/s}
