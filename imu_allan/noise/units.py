@@ -137,6 +137,13 @@ def engineering(value: float, unit: str) -> tuple[float, str]:
     return convert(value, unit, to), to
 
 
+def typeset(unit: str) -> str:
+    """Return `unit` with the signs of print: ``°/√h`` for ``deg/sqrt(h)``, ``µg`` for ``ug``."""
+    unit = re.sub(r'sqrt\((\w+)\)', r'√\1', unit)
+    unit = re.sub(r'\bdeg\b', '°', re.sub(r'\bug\b', 'µg', unit))
+    return unit.replace('^2', '²').replace('^3', '³')
+
+
 @lru_cache(maxsize=1)
 def _registry() -> Any:
     import pint
