@@ -1,2 +1,3 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""The command `imu_allan`: one verb, one module."""

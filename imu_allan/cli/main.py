@@ -1,0 +1,97 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Entry point of the command `imu_allan`.
+
+Each verb is a module of this package with ``register(verbs)``, which describes its options, and
+``run(args)``, which does the work and returns the exit status. Only ``run`` imports what the work
+needs: ``imu_allan --help`` loads neither numpy nor matplotlib nor a bag reader.
+"""
+
+import argparse
+from collections.abc import Sequence
+import os
+import sys
+from typing import Any
+
+from imu_allan.cli import analyze, check, export, info, report, simulate
+from imu_allan.errors import ImuAllanError, printable
+
+EXIT_DONE = 0
+EXIT_KNOWN_ERROR = 1
+EXIT_INTERRUPTED = 130
+EXIT_BROKEN_PIPE = 141
+
+DESCRIPTION = """\
+How noisy is this IMU? Allan deviation and the noise coefficients that filters want, each with
+its 95 % interval, from a recording made while the IMU lay still.
+"""
+
+EPILOG = """\
+exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
+3 check found a specification that is not met.
+"""
+
+
+class _ShowVersion(argparse.Action):
+    def __init__(self, option_strings: Sequence[str], dest: str, **_: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, help='print the version and exit')
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        # importlib.metadata takes a tenth of the time that --help may cost.
+        from importlib.metadata import version
+        print(f'imu_allan {version("imu_allan")}')
+        parser.exit()
+
+
+def command_parser() -> argparse.ArgumentParser:
+    """Build the parser of the whole command, every verb registered."""
+    parser = argparse.ArgumentParser(
+        prog='imu_allan', description=DESCRIPTION, epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--version', action=_ShowVersion)
+    verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
+    for verb in (analyze, info, simulate, check, export, report):
+        verb.register(verbs)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the command and return its exit status.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        The arguments; those of the process by default.
+
+    """
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that cannot show a micro sign must not end the program.
+        getattr(stream, 'reconfigure', lambda **_: None)(errors='backslashreplace')
+    try:
+        args = command_parser().parse_args(argv)
+        status = args.run(args)
+        sys.stdout.flush()
+        return int(status)
+    except ImuAllanError as error:
+        return _fail(str(error))
+    except BrokenPipeError:
+        # The interpreter flushes stdout once more on its way out.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BROKEN_PIPE
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except OSError as error:
+        if error.filename is None or error.strerror is None:
+            raise
+        return _fail(f'{os.fsdecode(error.filename)}: {error.strerror}')
+
+
+def _fail(message: str) -> int:
+    print(f'imu_allan: {printable(message)}', file=sys.stderr)
+    return EXIT_KNOWN_ERROR
+
+
+if __name__ == '__main__':
+    sys.exit(main())
