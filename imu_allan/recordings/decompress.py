@@ -1,0 +1,128 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Decompression that never allocates more than was promised and checked."""
+
+from collections.abc import Callable
+import threading
+from typing import BinaryIO, cast, Protocol
+
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+
+
+class DamagedData(ValueError):
+    """Data that cannot be what it is declared to be; the message tells why."""
+
+
+class Readable(Protocol):
+    """Something that is read front to back."""
+
+    def read(self, size: int, /) -> bytes:
+        """Return at most `size` bytes, none at the end."""
+
+
+class Bounded:
+    """The next `size` bytes of a file, whatever is asked for."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file = file
+        self._left = size
+
+    def read(self, size: int = -1, /) -> bytes:
+        """Return at most `size` bytes, none at the end."""
+        data = self._file.read(self._left if size < 0 else min(size, self._left))
+        self._left -= len(data)
+        return data
+
+
+def decompress(compression: str, data: bytes, size: int) -> bytes:
+    """
+    Decompress a whole buffer.
+
+    Parameters
+    ----------
+    compression : {'', 'none', 'zstd', 'lz4'}
+        How it is compressed.
+    data : bytes
+        The compressed data.
+    size : int
+        The number of bytes it must give.
+
+    Raises
+    ------
+    DamagedData
+        If the data gives another number of bytes or is not of that compression.
+    """
+    try:
+        plain = _DECOMPRESSORS[compression](data, size)
+    except KeyError:
+        raise DamagedData(f'compression {compression!r} is not supported') from None
+    # lz4 raises RuntimeError; both raise MemoryError for sizes that a damaged header declares.
+    except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError) as error:
+        raise DamagedData(f'{compression}: {error}') from error
+    if len(plain) != size:
+        raise DamagedData(f'{len(plain)} bytes instead of the declared {size}')
+    return plain
+
+
+def decompressing(compression: str, source: Bounded) -> Readable:
+    """
+    Decompress a stream; reads raise DamagedData.
+
+    Raises
+    ------
+    DamagedData
+        If `compression` is not known.
+    """
+    if compression in ('', 'none'):
+        return source
+    if compression == 'zstd':
+        return _Translated(_LOCAL.zstd.stream_reader(
+            cast(BinaryIO, source), read_across_frames=True))
+    if compression == 'lz4':
+        return _Translated(lz4.frame.LZ4FrameFile(source))
+    raise DamagedData(f'compression {compression!r} is not supported')
+
+
+class _Translated:
+    """A stream whose library's exceptions become DamagedData."""
+
+    def __init__(self, stream: Readable) -> None:
+        self._stream = stream
+
+    def read(self, size: int, /) -> bytes:
+        try:
+            return self._stream.read(size)
+        except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError, EOFError) as error:
+            raise DamagedData(str(error)) from error
+
+
+def _store(data: bytes, _size: int) -> bytes:
+    return data
+
+
+class _Local(threading.local):
+    """A decompressor for each thread: one must not serve two."""
+
+    def __init__(self) -> None:
+        self.zstd = zstandard.ZstdDecompressor(max_window_size=1 << 27)
+
+
+_LOCAL = _Local()
+
+
+def _unzstd(data: bytes, size: int) -> bytes:
+    # The library allocates what the frame declares, whatever maximum it is given.
+    declared = zstandard.frame_content_size(data)
+    if declared > size:
+        raise DamagedData(f'a frame of {declared} bytes instead of the declared {size}')
+    return _LOCAL.zstd.decompress(data, max_output_size=size)
+
+
+def _unlz4(data: bytes, size: int) -> bytes:
+    plain: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
+    return plain
+
+
+_DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
+    '': _store, 'none': _store, 'zstd': _unzstd, 'lz4': _unlz4}

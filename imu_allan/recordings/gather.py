@@ -1,0 +1,170 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages of one topic out of a buffer of MCAP records, as arrays.
+
+An Imu topic's records nearly always have equal size and, in the buffer, equal distance. So runs of
+equal records are looked for, verified record by record in one comparison, and handed on as a view
+of the buffer. Where topics alternate, records are stepped through one by one and those of equal
+size are collected with one indexing. No message is assumed to be anywhere: each record's own
+opcode, length and channel are what counts.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from struct import Struct
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import blocks_from_messages, decode_imu_rows, MalformedImu, Serialization
+from mcap.opcode import Opcode
+import numpy as np
+from numpy.typing import NDArray
+
+RECORD_HEAD = 9
+"""Bytes of opcode and length before each record."""
+
+_MESSAGE_HEAD = RECORD_HEAD + 22
+_LOG_TIME_AT = RECORD_HEAD + 6
+_KEY = RECORD_HEAD + 2
+"""Bytes of opcode, length and channel: what equal records have in common."""
+_OPCODE_LENGTH = Struct('<BQ')
+_MESSAGE = int(Opcode.MESSAGE)
+_DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
+
+
+@dataclass(frozen=True)
+class Piece:
+    """
+    Messages of equal size, in the order of the file.
+
+    Attributes
+    ----------
+    rows : ndarray of uint8, shape (n, size)
+        Serialized messages; may be a view of the buffer.
+    receive_ns : ndarray of int64, shape (n,)
+        log_time of the messages.
+    """
+
+    rows: NDArray[np.uint8]
+    receive_ns: NDArray[np.int64]
+
+
+def gather(
+    buffer: bytes,
+    wanted: frozenset[int] | set[int],
+    describe: Callable[[int, bytes], None] | None = None,
+) -> tuple[list[Piece], int]:
+    """
+    Gather the messages of the channels `wanted`.
+
+    Parameters
+    ----------
+    buffer : bytes
+        Records, the first one starting at byte 0; the last one may be incomplete.
+    wanted : set of int
+        Channel ids; looked at anew after each call of `describe`.
+    describe : callable, optional
+        Called with opcode and body of every Schema and Channel record.
+
+    Returns
+    -------
+    pieces : list of Piece
+        The messages.
+    consumed : int
+        Bytes of whole records. Less than ``len(buffer)`` where the last record is incomplete, or
+        where a record follows that cannot stand among messages.
+    """
+    pieces: list[Piece] = []
+    scattered: list[int] = []
+    at, end = 0, len(buffer)
+    while end - at >= RECORD_HEAD:
+        opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at)
+        stride = RECORD_HEAD + length
+        if stride > end - at:
+            break
+        if opcode == _MESSAGE:
+            if stride < _MESSAGE_HEAD:
+                break
+            key = buffer[at:at + _KEY]
+            # Two probes ahead are cheap; the comparison of a whole run is not.
+            run = (buffer[at + stride:at + stride + _KEY] == key
+                   and buffer[at + 8 * stride:at + 8 * stride + _KEY] == key)
+            count = _equal_records(buffer, at, stride, key) if run else 1
+            if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
+                if run:
+                    pieces += _collect(buffer, scattered)
+                    scattered = []
+                    pieces.append(_piece(np.ndarray(
+                        (count, stride), np.uint8, buffer, at, (stride, 1))))
+                else:
+                    scattered.append(at)
+            at += count * stride
+        elif opcode in _DESCRIPTIONS:
+            if describe is not None:
+                describe(opcode, buffer[at + RECORD_HEAD:at + stride])
+            at += stride
+        else:
+            break
+    pieces += _collect(buffer, scattered)
+    return pieces, at
+
+
+def decode_pieces(
+    pieces: Iterable[Piece],
+    serialization: Serialization = 'cdr',
+    on_malformed: Callable[[int, MalformedImu], None] | None = None,
+    unpack: Callable[[bytes], bytes] | None = None,
+) -> Iterator[ImuBlock]:
+    """
+    Decode gathered messages.
+
+    Parameters
+    ----------
+    pieces : iterable of Piece
+        What `gather` returned.
+    serialization, on_malformed
+        As for `imu_allan.cdr.decode_imu_rows`.
+    unpack : callable, optional
+        Decompresses one message.
+    """
+    for piece in pieces:
+        if unpack is None:
+            yield from decode_imu_rows(piece.rows, piece.receive_ns, serialization, on_malformed)
+        else:
+            yield from blocks_from_messages(
+                [unpack(row.tobytes()) for row in piece.rows], piece.receive_ns, serialization,
+                on_malformed)
+
+
+def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:
+    """Count the records from `at` on that begin with `key`, each `stride` after the one before."""
+    most = (len(buffer) - at) // stride
+    count, span = 1, 64
+    while count < most:
+        span = min(span, most - count)
+        keys = np.ndarray((span,), f'V{_KEY}', buffer, at + count * stride, (stride,)).tobytes()
+        if keys != key * span:
+            rows = np.frombuffer(keys, np.uint8).reshape(span, _KEY)
+            return count + int(np.argmax((rows != np.frombuffer(key, np.uint8)).any(axis=1)))
+        count += span
+        span *= 16
+    return count
+
+
+def _collect(buffer: bytes, offsets: list[int]) -> Iterator[Piece]:
+    """Copy the message records at `offsets` into arrays of equal size, in their order."""
+    if not offsets:
+        return
+    places = np.array(offsets)
+    lengths = np.ndarray((len(buffer) - RECORD_HEAD + 1,), '<u8', buffer, 1, (1,))[places]
+    bounds = [0, *(np.flatnonzero(np.diff(lengths)) + 1).tolist(), len(places)]
+    for start, stop in pairwise(bounds):
+        stride = RECORD_HEAD + int(lengths[start])
+        anywhere = np.ndarray((len(buffer) - stride + 1,), f'V{stride}', buffer, 0, (1,))
+        yield _piece(anywhere[places[start:stop]].view(np.uint8).reshape(-1, stride))
+
+
+def _piece(records: NDArray[np.uint8]) -> Piece:
+    log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
+    return Piece(records[:, _MESSAGE_HEAD:], log_time)

@@ -1,0 +1,436 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+MCAP files, chunk by chunk.
+
+Records are read with the classes of the `mcap` library, except messages and message indexes: a
+chunk is decompressed whole and the messages of the topic are gathered from it as arrays. The file
+is walked from its start, so that one whose end is missing is read like any other; the summary at
+its end serves to list the topics, to count, and to find the next chunk behind a damaged place.
+
+References
+----------
+MCAP format specification, https://mcap.dev/spec
+"""
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from struct import error as StructError, Struct
+from typing import BinaryIO, TypeVar
+import zlib
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import Serialization
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.decompress import (
+    Bounded,
+    DamagedData,
+    decompress,
+    decompressing,
+    Readable,
+)
+from imu_allan.recordings.gather import decode_pieces, gather, Piece
+from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
+
+MAGIC = b'\x89MCAP0\r\n'
+
+Record = TypeVar('Record')
+
+_FRAME = Struct('<BQ')
+_CHUNK_HEAD = Struct('<QQQII')
+_FOOTER_SIZE = _FRAME.size + 20
+_LOOSE = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+_LONGEST_NAME = 4096
+_LARGEST_DESCRIPTION = 1 << 22
+"""Bytes of a Channel or Schema record that are still taken for one."""
+_LARGEST_SUMMARY = 1 << 28
+_LARGEST_CHUNK = 1 << 26
+"""Bytes of a chunk, before and after decompression, that are held whole."""
+_WINDOW = 1 << 22
+"""Bytes taken at a time from what is larger."""
+
+
+@dataclass(frozen=True)
+class _Channel:
+    topic: str
+    type_name: str
+    encoding: str
+    carries_imu: bool
+
+    @property
+    def serialization(self) -> Serialization | None:
+        """How its Imu messages are serialized; None for everything else."""
+        if self.type_name not in IMU_TYPES:
+            return None
+        return 'cdr' if self.encoding == 'cdr' else 'ros1' if self.encoding == 'ros1' else None
+
+
+class McapRecording(Recording):
+    """
+    An MCAP file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    unpack : callable, optional
+        Decompresses one message, for bags whose messages are compressed one by one.
+
+    Raises
+    ------
+    ImuAllanError
+        If the file is not MCAP.
+    """
+
+    def __init__(self, path: Path, unpack: Callable[[bytes], bytes] | None = None) -> None:
+        super().__init__(path)
+        self._unpack = unpack
+        self._schemas: dict[int, tuple[str, bool]] = {}
+        self._channels: dict[int, _Channel] = {}
+        self._counts: dict[int, int] = {}
+        self._chunk_starts: list[int] = []
+        self._has_end = False
+        with path.open('rb') as file:
+            self.size_bytes = file.seek(0, 2)
+            file.seek(0)
+            if file.read(len(MAGIC)) != MAGIC:
+                raise ImuAllanError(f'{printable(path)}: not an MCAP file')
+            if not self._read_summary(file):
+                self._scan(file)
+        self._list_topics()
+
+    def close(self) -> None:
+        """Release nothing: each reading opens and closes the file itself."""
+
+    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        """Read blocks chunk by chunk, each with the bytes consumed so far."""
+        serialization = next(
+            channel.serialization for channel in self._channels.values()
+            if channel.topic == topic and channel.serialization is not None)
+        wanted = self._numbers(topic, serialization)
+        malformed = MalformedMessages()
+        damage = _Damage()
+        messages = 0
+
+        def describe(opcode: int, body: bytes) -> None:
+            # A file without a summary may name further channels of the topic anywhere.
+            self._describe(opcode, body)
+            wanted.update(self._numbers(topic, serialization))
+
+        with self.path.open('rb') as file:
+            for pieces, position in self._pieces(file, wanted, describe, damage):
+                for block in decode_pieces(pieces, serialization, malformed, self._unpack):
+                    messages += len(block)
+                    yield block, position
+        malformed.report(self, topic)
+        expected = sum(self._counts.get(number, 0) for number in wanted)
+        damage.report(self, topic, expected - messages - malformed.count, expected)
+
+    # ---------------------------------------------------------------------------- what is there
+
+    def _read_summary(self, file: BinaryIO) -> bool:
+        """Take channels, counts and chunk places from the summary; False where there is none."""
+        footer_at = self.size_bytes - _FOOTER_SIZE - len(MAGIC)
+        if footer_at < len(MAGIC):
+            return False
+        file.seek(footer_at)
+        tail = file.read(_FOOTER_SIZE + len(MAGIC))
+        opcode, length = _FRAME.unpack_from(tail)
+        if opcode != Opcode.FOOTER or length != 20 or tail[-len(MAGIC):] != MAGIC:
+            return False
+        self._has_end = True
+        footer = _parsed(Footer.read, tail[_FRAME.size:_FOOTER_SIZE])
+        if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
+            return False
+        if footer_at - footer.summary_start > _LARGEST_SUMMARY:
+            return False
+        file.seek(footer.summary_start)
+        summary = file.read(footer_at - footer.summary_start)
+        if footer.summary_crc and footer.summary_crc != zlib.crc32(
+                tail[:_FOOTER_SIZE - 4], zlib.crc32(summary)):
+            return False
+        at = 0
+        while len(summary) - at >= _FRAME.size:
+            opcode, length = _FRAME.unpack_from(summary, at)
+            body = summary[at + _FRAME.size:at + _FRAME.size + length]
+            at += _FRAME.size + length
+            if opcode == Opcode.STATISTICS:
+                statistics = _parsed(Statistics.read, body)
+                if statistics is not None:
+                    self._counts = statistics.channel_message_counts
+            elif opcode == Opcode.CHUNK_INDEX:
+                index = _parsed(ChunkIndex.read, body)
+                if index is not None:
+                    self._chunk_starts.append(index.chunk_start_offset)
+            else:
+                self._describe(opcode, body)
+        self._chunk_starts.sort()
+        return bool(self._channels)
+
+    def _scan(self, file: BinaryIO) -> None:
+        """
+        Learn the channels from the data itself, for want of a summary.
+
+        The message indexes name the channels and count their messages, so that only those chunks
+        are decompressed that hold a channel not described yet.
+        """
+        counts: Counter[int] = Counter()
+        for chunk in self._walk(file, _Damage()):
+            for number, count in chunk.counts.items():
+                counts[number] += count
+            if not chunk.is_chunk or not chunk.counts or chunk.counts.keys() - self._channels:
+                with suppress(DamagedData):
+                    for _ in _windows(file, chunk, frozenset(), self._describe):
+                        pass
+        self._counts = dict(counts)
+
+    def _describe(self, opcode: int, body: bytes) -> None:
+        """Remember a schema or channel record."""
+        if len(body) > _LARGEST_DESCRIPTION:
+            return
+        if opcode == Opcode.SCHEMA:
+            schema = _parsed(Schema.read, body)
+            if schema is not None and len(schema.name) <= _LONGEST_NAME:
+                self._schemas[schema.id] = schema.name, b'sensor_msgs/Imu' in schema.data
+        elif opcode == Opcode.CHANNEL:
+            channel = _parsed(Channel.read, body)
+            if channel is not None and len(channel.topic) <= _LONGEST_NAME:
+                name, carries = self._schemas.get(channel.schema_id, ('', False))
+                self._channels[channel.id] = _Channel(
+                    channel.topic, name, channel.message_encoding[:_LONGEST_NAME], carries)
+
+    def _list_topics(self) -> None:
+        counts: dict[str, int | None] = {}
+        for number, channel in self._channels.items():
+            if channel.serialization is not None:
+                # Without any count in the file the number of messages is not known.
+                count = self._counts.get(number, 0) if self._counts else None
+                before = counts.get(channel.topic, 0)
+                counts[channel.topic] = (
+                    None if count is None or before is None else before + count)
+            else:
+                kind = channel.type_name or 'no type'
+                if kind in IMU_TYPES:
+                    kind += f' encoded as {channel.encoding}'
+                elif channel.carries_imu:
+                    self.carriers.add(channel.topic)
+                self.other_topics[channel.topic] = kind
+        self.topics = [ImuTopic(name, count) for name, count in counts.items()]
+
+    def _numbers(self, topic: str, serialization: Serialization) -> set[int]:
+        return {number for number, channel in self._channels.items()
+                if channel.topic == topic and channel.serialization == serialization}
+
+    # ------------------------------------------------------------------------------ going through
+
+    def _pieces(
+        self, file: BinaryIO, wanted: set[int], describe: Callable[[int, bytes], None],
+        damage: '_Damage',
+    ) -> Iterator[tuple[list[Piece], int]]:
+        """Gather the messages of the channels `wanted`, with the bytes consumed so far."""
+        for part in self._walk(file, damage):
+            if part.counts and not wanted & part.counts.keys():
+                continue
+            try:
+                for pieces in _windows(file, part, wanted, describe):
+                    yield pieces, part.start
+            except DamagedData as error:
+                damage.chunk(part.start, str(error))
+
+    def _walk(self, file: BinaryIO, damage: '_Damage') -> Iterator['_Part']:
+        """Step through the data section: chunks, and stretches of records outside of chunks."""
+        at = len(MAGIC)
+        part: _Part | None = None
+        while True:
+            file.seek(at)
+            head = file.read(_FRAME.size)
+            opcode, length = _FRAME.unpack(head) if len(head) == _FRAME.size else (0, 0)
+            start = at + _FRAME.size
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                break
+            place = bisect_right(self._chunk_starts, at)
+            limit = (self._chunk_starts[place] if place < len(self._chunk_starts)
+                     else self.size_bytes)
+            if opcode == 0 or start + length > limit:
+                if place == len(self._chunk_starts):
+                    damage.ending(at, self.size_bytes - at, opcode == Opcode.CHUNK)
+                    break
+                damage.hole(at, limit - at)
+                at = limit
+                continue
+            if opcode == Opcode.MESSAGE_INDEX and part is not None and part.is_chunk:
+                index = file.read(6)
+                part.counts[int.from_bytes(index[:2], 'little')] = max(0, length - 6) // 16
+                at = start + length
+                continue
+            if part is not None and not (
+                    opcode in _LOOSE and not part.is_chunk and part.start + part.length == at):
+                yield part
+                part = None
+            if opcode == Opcode.CHUNK:
+                part = _Part(start, length, True)
+                damage.chunks += 1
+            elif opcode in _LOOSE:
+                if part is None:
+                    part = _Part(at, 0, False)
+                part.length = start + length - part.start
+            at = start + length
+        if part is not None:
+            yield part
+
+
+@dataclass
+class _Part:
+    """
+    A chunk, or a stretch of messages outside of chunks.
+
+    Attributes
+    ----------
+    start, length : int
+        Place of its body.
+    is_chunk : bool
+        Which of the two.
+    counts : dict of int to int
+        Messages by channel, as the message indexes behind a chunk tell; empty without them.
+    """
+
+    start: int
+    length: int
+    is_chunk: bool
+    counts: dict[int, int] = field(default_factory=dict)
+
+
+@dataclass
+class _Damage:
+    """What was found wrong in one reading."""
+
+    chunks: int = 0
+    broken_chunks: int = 0
+    first_broken: str = ''
+    holes: int = 0
+    first_hole: str = ''
+    end: str = ''
+
+    def chunk(self, at: int, reason: str) -> None:
+        self.broken_chunks += 1
+        self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
+
+    def hole(self, at: int, length: int) -> None:
+        self.holes += 1
+        self.first_hole = self.first_hole or f'{length} bytes from byte {at} on'
+
+    def ending(self, at: int, left: int, in_chunk: bool) -> None:
+        if left == 0:
+            self.end = 'what was not yet written is missing'
+        elif in_chunk:
+            self.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
+        else:
+            self.end = f'{left} bytes from byte {at} on are not whole MCAP records and are lost'
+
+    def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
+        messages = (f'; {lost} of {expected} messages of {printable(topic)} are lost'
+                    if lost > 0 else '')
+        if self.end:
+            recording.remark(
+                'truncated_recording',
+                f'the recording breaks off (was the recorder killed?): {self.end}; '
+                f'{self.chunks} whole chunks were read')
+        if self.broken_chunks:
+            recording.remark(
+                'damaged_recording',
+                f'{self.broken_chunks} of {self.chunks} chunks are damaged and were left out '
+                f'(the first {self.first_broken}){messages}')
+        elif self.holes:
+            recording.remark(
+                'damaged_recording',
+                f'{self.holes} stretches are not MCAP records and were left out '
+                f'(the first: {self.first_hole}){messages}')
+        elif messages and not self.end:
+            recording.remark('damaged_recording', f'messages are missing{messages}')
+
+
+def _windows(
+    file: BinaryIO, part: _Part, wanted: frozenset[int] | set[int],
+    describe: Callable[[int, bytes], None],
+) -> Iterator[list[Piece]]:
+    """Gather from a part of the file, whole where it is small, else a few MiB at a time."""
+    file.seek(part.start)
+    if not part.is_chunk:
+        yield from _stream(Bounded(file, part.length), part.length, wanted, describe)
+        return
+    head = file.read(min(_CHUNK_HEAD.size, part.length))
+    if len(head) < _CHUNK_HEAD.size:
+        raise DamagedData('a chunk record without a header')
+    _, _, size, crc, text = _CHUNK_HEAD.unpack(head)
+    rest = part.length - _CHUNK_HEAD.size
+    if text > min(rest - 8, _LONGEST_NAME):
+        raise DamagedData(f'a compression name of {text} bytes')
+    compression = file.read(text).decode('utf-8', 'replace')
+    stored = int.from_bytes(file.read(8), 'little')
+    if stored > rest - 8 - text:
+        raise DamagedData(f'{stored} bytes declared in a record of {part.length}')
+    if max(size, stored) > _LARGEST_CHUNK:
+        source = decompressing(compression, Bounded(file, stored))
+        yield from _stream(source, size, wanted, describe, crc)
+        return
+    data = decompress(compression, file.read(stored), size)
+    if crc and zlib.crc32(data) != crc:
+        raise DamagedData('its checksum does not match')
+    pieces, consumed = gather(data, wanted, describe)
+    yield pieces
+    if consumed != len(data):
+        raise DamagedData(f'{len(data) - consumed} bytes at its end are not whole records')
+
+
+def _stream(
+    source: Readable, size: int, wanted: frozenset[int] | set[int],
+    describe: Callable[[int, bytes], None], crc: int = 0,
+) -> Iterator[list[Piece]]:
+    """Gather from `size` bytes of records, a window at a time."""
+    kept, left, checksum = b'', size, 0
+    while left:
+        window = source.read(min(_WINDOW, left))
+        if not window:
+            raise DamagedData(f'it ends {left} bytes early')
+        left -= len(window)
+        checksum = zlib.crc32(window, checksum) if crc else 0
+        window = kept + window
+        pieces, consumed = gather(window, wanted, describe)
+        yield pieces
+        kept = window[consumed:]
+        if len(kept) > _FRAME.size:
+            _, length = _FRAME.unpack_from(kept)
+            missing = _FRAME.size + length - len(kept)
+            if missing <= 0 or missing > left:
+                raise DamagedData(f'{len(kept) + left} bytes at its end are not whole records')
+            if missing > _WINDOW:
+                # Too large for an Imu message: an image or a point cloud.
+                while missing:
+                    skipped = source.read(min(_WINDOW, missing))
+                    if not skipped:
+                        raise DamagedData(f'it ends {left} bytes early')
+                    checksum = zlib.crc32(skipped, checksum) if crc else 0
+                    missing -= len(skipped)
+                    left -= len(skipped)
+                kept = b''
+    if kept:
+        raise DamagedData(f'{len(kept)} bytes at its end are not whole records')
+    if checksum != crc:
+        raise DamagedData('its checksum does not match')
+
+
+def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | None:
+    """Read one record; None where its content is damaged."""
+    try:
+        return read(ReadDataStream(BytesIO(body)))
+    except (McapError, StructError, UnicodeDecodeError):
+        return None

@@ -1,0 +1,103 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Reading ahead of the estimator on the second core.
+
+Decompression, sqlite and numpy release the interpreter lock for most of their time, so one thread
+suffices.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from queue import Empty, Full, Queue
+from threading import Event, Thread
+from typing import TypeVar
+
+from imu_allan.block import ImuBlock
+import numpy as np
+
+Item = TypeVar('Item')
+
+BLOCK_MESSAGES = 16384
+"""Messages of a full block: 1 MiB of samples and stamps."""
+
+
+def read_ahead(items: Iterator[Item], depth: int = 4) -> Iterator[Item]:
+    """
+    Produce `items` in a thread, at most `depth` of them ahead of the consumer.
+
+    An exception of the producer is raised in the consumer after the items before it. The thread
+    ends when the consumer does, also early.
+    """
+    ready: Queue[Item | None] = Queue(depth)
+    stopped = Event()
+    failure: list[BaseException] = []
+
+    def put(item: Item | None) -> None:
+        while not stopped.is_set():
+            with suppress(Full):
+                ready.put(item, timeout=0.1)
+                return
+
+    def produce() -> None:
+        try:
+            for item in items:
+                put(item)
+                if stopped.is_set():
+                    break
+        except BaseException as error:
+            failure.append(error)
+        finally:
+            close = getattr(items, 'close', None)
+            if close is not None:
+                close()
+            put(None)
+
+    thread = Thread(target=produce, name='imu_allan read-ahead', daemon=True)
+    thread.start()
+    try:
+        while (item := ready.get()) is not None:
+            yield item
+    finally:
+        stopped.set()
+        with suppress(Empty):
+            while True:
+                ready.get_nowait()
+        thread.join()
+    if failure:
+        raise failure[0]
+
+
+def larger_blocks(
+    blocks: Iterator[tuple[ImuBlock, int]], messages: int = BLOCK_MESSAGES,
+) -> Iterator[tuple[ImuBlock, int]]:
+    """
+    Join blocks of one frame_id until they hold at least `messages`.
+
+    The second item of each pair, the position in the file, is that of the last block joined.
+    """
+    held: list[ImuBlock] = []
+    count = position = 0
+    for block, at in blocks:
+        if held and held[0].frame_id != block.frame_id:
+            yield _joined(held), position
+            held, count = [], 0
+        held.append(block)
+        count += len(block)
+        position = at
+        if count >= messages:
+            yield _joined(held), position
+            held, count = [], 0
+    if held:
+        yield _joined(held), position
+
+
+def _joined(blocks: list[ImuBlock]) -> ImuBlock:
+    if len(blocks) == 1:
+        return blocks[0]
+    return ImuBlock(
+        np.concatenate([block.header_ns for block in blocks]),
+        np.concatenate([block.receive_ns for block in blocks]),
+        np.concatenate([block.samples for block in blocks]),
+        np.concatenate([block.absent for block in blocks]),
+        blocks[0].frame_id)
