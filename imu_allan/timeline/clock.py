@@ -1,0 +1,175 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The two clocks of a message: which one to trust, and where it repeats, jumps or runs backward.
+
+All stamps are int64 nanoseconds. The header stamp is when the driver says the sample was taken,
+the receive stamp is when the recorder or the subscription got the message.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta, timezone
+
+import numpy as np
+from numpy.typing import NDArray
+
+Stamps = NDArray[np.int64]
+
+SECOND = 1_000_000_000
+LOOK_AHEAD = 64
+"""Messages that must follow before the fate of a message is decided."""
+
+_JUMP_MESSAGES = 16
+"""So many messages in a row that stay behind make a clock that jumped back, not a reordering."""
+_STRAY_MESSAGES = 8
+"""At most so many messages far ahead are stray stamps; more are a clock that jumped forward."""
+
+
+@dataclass(frozen=True)
+class ClockQuality:
+    """
+    What a clock looks like over some messages.
+
+    Attributes
+    ----------
+    usable : bool
+        Whether samples can be told apart and put in order by it.
+    flaw : str
+        What is wrong with it in words, empty where usable.
+
+    """
+
+    usable: bool
+    flaw: str = ''
+
+
+def judge_clock(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> ClockQuality:
+    """
+    Judge whether `stamps` can serve as the clock.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        As they came.
+    repeats : ndarray of bool, shape (n - 1,)
+        Whether a message has the same content as the one before: a message that came twice is no
+        flaw of the clock.
+    bursts : bool
+        Whether equal stamps are usual (messages received together).
+
+    """
+    if not stamps.any():
+        return ClockQuality(False, 'zero')
+    if len(stamps) < 2:
+        return ClockQuality(True)
+    steps = np.diff(stamps)
+    if not steps.any():
+        return ClockQuality(bool(repeats.all()) and len(stamps) < 8, 'constant')
+    if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
+        return ClockQuality(False, 'in whole seconds')
+    distinct = steps[~(repeats & (steps == 0))]
+    stuck = np.mean(distinct == 0)
+    if stuck > (0.98 if bursts else 0.1):
+        return ClockQuality(False, f'coarse ({stuck:.0%} of them repeat the one before)')
+    if np.mean(distinct < 0) > 0.4:
+        return ClockQuality(False, 'out of order')
+    return ClockQuality(True)
+
+
+@dataclass(frozen=True)
+class Order:
+    """
+    Messages that can be placed on the timeline.
+
+    Attributes
+    ----------
+    keep : ndarray of bool, shape (n,)
+        Messages whose stamp lies after every stamp kept before.
+    duplicate, out_of_order : ndarray of bool, shape (n,)
+        Why the others are rejected.
+    jumps : ndarray of bool, shape (n,)
+        Kept messages before which the clock jumped back.
+
+    """
+
+    keep: NDArray[np.bool_]
+    duplicate: NDArray[np.bool_]
+    out_of_order: NDArray[np.bool_]
+    jumps: NDArray[np.bool_]
+
+
+def order_stamps(stamps: Stamps, last: int | None) -> Order | None:
+    """
+    Sort out stamps that repeat or run backward.
+
+    Messages behind the newest stamp are rejected; if many follow each other there, the clock has
+    jumped back (clock step, bag loop, restarted simulator) and a new count begins with them.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        As they came.
+    last : int or None
+        Newest stamp kept before, None at the start.
+
+    Returns
+    -------
+    Order or None
+        None where every stamp lies after the one before, the usual case.
+
+    """
+    n = len(stamps)
+    if n == 0 or ((last is None or stamps[0] > last) and bool(np.all(stamps[1:] > stamps[:-1]))):
+        return None
+    keep = np.ones(n, dtype=bool)
+    duplicate = np.zeros(n, dtype=bool)
+    jumps = np.zeros(n, dtype=bool)
+    start, newest = 0, last
+    while start < n:
+        part = stamps[start:]
+        before = np.empty(len(part), dtype=np.int64)
+        before[0] = np.iinfo(np.int64).min if newest is None else newest
+        before[1:] = part[:-1]
+        np.maximum.accumulate(before, out=before)
+        ahead = part > before
+        behind = np.flatnonzero(~ahead)
+        keep[start:] = ahead
+        duplicate[start:] = part == before
+        jump = _first_jump_back(part, behind)
+        if jump is None:
+            break
+        at = start + jump
+        stray = np.flatnonzero(keep[start:at] & (stamps[start:at] >= stamps[at])) + start
+        if 0 < len(stray) <= _STRAY_MESSAGES and (newest is None or newest < stamps[at]):
+            kept_before = np.flatnonzero(keep[start:stray[0]])
+            if len(kept_before) or newest is not None:
+                keep[stray] = False
+                newest = (int(stamps[start + kept_before[-1]]) if len(kept_before)
+                          else newest)
+                start = at
+                continue
+        jumps[at] = True
+        start, newest = at, None
+    return Order(keep, duplicate & ~keep, ~keep & ~duplicate, jumps)
+
+
+def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
+    """Index of the first of many messages in a row that lie behind, yet run forward."""
+    if len(behind) < _JUMP_MESSAGES:
+        return None
+    far = behind[_JUMP_MESSAGES - 1:] - behind[:len(behind) - _JUMP_MESSAGES + 1]
+    for first in behind[:len(far)][far == _JUMP_MESSAGES - 1]:
+        run = stamps[first:first + _JUMP_MESSAGES]
+        if np.count_nonzero(np.diff(run) > 0) > _JUMP_MESSAGES // 2:
+            return int(first)
+    return None
+
+
+def iso_time(stamp_ns: int) -> str | None:
+    """Nanoseconds since 1970 as ISO-8601 with UTC, None where no date can be made of them."""
+    try:
+        moment = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(
+            microseconds=stamp_ns // 1000)
+    except OverflowError:
+        return None
+    return moment.isoformat().replace('+00:00', 'Z')

@@ -1,0 +1,253 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The even grid of the sensor's own rate: how far apart its places are, and which are empty.
+
+Stamps jitter, come in pairs and bursts, and drift slowly; samples get lost. What tells them apart
+is the phase of the stamps against the grid: a lost sample moves it for good by one whole place,
+jitter moves it for a moment, drift moves it slowly, and only the first leaves the phase modulo
+one place unchanged.
+"""
+
+from dataclasses import dataclass
+from math import log, pi, sqrt
+
+from imu_allan.timeline.clock import Stamps
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NEIGHBOURS = 8
+"""Samples on each side of a gap whose mean bridges it."""
+
+_GROUP = 64
+_CLEAN_JITTER = 0.25
+_LONG_STEP = 10.0
+_COUNTING_SPREAD = 0.27
+_SMOOTHING = 31
+_BURST_WINDOW = 128
+
+
+@dataclass(frozen=True)
+class Pace:
+    """
+    How the stamps of a sensor advance.
+
+    Attributes
+    ----------
+    interval_ns : float
+        Mean distance of two samples.
+    spread : float
+        Standard deviation of the stamps about the grid, in intervals.
+    counting : bool
+        The stamps are too uneven to see a single missing sample: messages are counted, and only
+        a lasting jump of the phase is taken for missing samples.
+
+    """
+
+    interval_ns: float
+    spread: float = 0.0
+    counting: bool = False
+
+
+def measure_pace(stamps: Stamps) -> Pace | None:
+    """
+    Measure the sample interval of rising stamps.
+
+    The interval is the one whose grid fits the phases best, among the medians of the distance of
+    every 1, 2, 4, .. 64 messages: one message apart is best where samples get lost, many apart
+    where they come in pairs or bursts.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        Rising stamps in nanoseconds.
+
+    Returns
+    -------
+    Pace or None
+        None for fewer than two stamps.
+
+    """
+    n = len(stamps)
+    if n < 2:
+        return None
+    time = (stamps - stamps[0]).astype(np.float64)
+    if n < 8:
+        return Pace(float(np.median(np.diff(time))))
+    best: Pace | None = None
+    for apart in (1, 2, 4, 8, 16, 32, 64):
+        if apart * 2 >= n:
+            break
+        interval = float(np.median(time[apart:] - time[:-apart])) / apart
+        if interval <= 0:
+            continue
+        pace = _refine(time, interval)
+        if best is None or pace.spread < 0.9 * best.spread - 0.005:
+            best = pace
+    if best is None:
+        return Pace(float(time[-1]) / (n - 1), spread=1.0, counting=True)
+    even = _even_line(time)
+    if best.spread > _COUNTING_SPREAD or (
+            even is not None and _looks_lossy(time, best.interval_ns)):
+        return even or Pace(_burst_interval(time), spread=best.spread, counting=True)
+    return best
+
+
+def _refine(time: Floats, interval: float) -> Pace:
+    """Adjust the interval until the phase stands still, and measure the spread about it."""
+    spread = 1.0
+    for _ in range(4):
+        phase = time / interval - np.arange(len(time))
+        turn, length = _group_phases(phase)
+        if len(turn) > 1:
+            drift = np.median(np.diff(turn)) / _GROUP
+            interval *= 1 + float(drift)
+        mean_length = float(np.mean(length))
+        spread = sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
+    return Pace(interval, spread)
+
+
+def _even_line(time: Floats) -> Pace | None:
+    """Fit one straight line; a pace only if every message lies within 0.6 intervals of it."""
+    n = len(time)
+    interval = float(np.polyfit(np.arange(n), time, 1)[0])
+    residual = time / interval - np.arange(n)
+    residual -= residual.mean()
+    if np.max(np.abs(residual)) > 0.6:
+        return None
+    return Pace(interval, float(residual.std()), counting=True)
+
+
+def _looks_lossy(time: Floats, interval: float) -> bool:
+    """Whether a grid of `interval` would call eight or more samples missing."""
+    steps = np.rint(np.diff(time) / interval)
+    return int(np.count_nonzero(steps > 1)) >= 8
+
+
+def _burst_interval(time: Floats) -> float:
+    apart = min(_GROUP, len(time) // 2)
+    return float(np.median(time[apart:] - time[:-apart])) / apart
+
+
+def _group_phases(phase: Floats) -> tuple[Floats, Floats]:
+    """
+    Mean phase, modulo one place, of every group of 64 messages.
+
+    Returns
+    -------
+    turn : ndarray, shape (groups,)
+        Unwrapped: neighbours differ by less than half a place.
+    length : ndarray, shape (groups,)
+        Resultant length: 1 without jitter, 0 where the phase is arbitrary.
+
+    """
+    circle = np.exp(2j * pi * phase)
+    starts = np.arange(0, max(len(phase) - _GROUP // 2, 1), _GROUP)
+    sums = np.add.reduceat(circle, starts)
+    counts = np.diff(np.append(starts, len(phase)))
+    mean = sums / counts
+    turn = np.unwrap(np.angle(mean)) / (2 * pi)
+    return turn, np.abs(mean)
+
+
+def count_steps(places: Floats, pace: Pace) -> Ints:
+    """
+    Distance on the grid of every message from the one before.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n,)
+        Rising stamps in intervals; 0 is the grid place of the last sample placed before.
+    pace : Pace
+        As measured lately.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        At least 1 each; 1 where nothing is missing.
+
+    """
+    steps = np.empty_like(places)
+    steps[0] = places[0]
+    np.subtract(places[1:], places[:-1], out=steps[1:])
+    if not pace.counting:
+        whole = np.rint(steps)
+        if whole.min() >= 1:
+            uneven = np.abs(steps - whole) >= _CLEAN_JITTER
+            if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
+                return whole.astype(np.int64)
+    n = len(places)
+    phase = places - np.arange(1, n + 1)
+    missing = (_missing_by_bursts(phase, steps, pace) if pace.counting
+               else _missing_by_phase(phase))
+    counted: Ints = np.diff(missing, prepend=0) + 1
+    return counted
+
+
+def _missing_by_phase(phase: Floats) -> Ints:
+    """Count samples missing before each message, by the phase about its own slow drift."""
+    turn, _ = _group_phases(phase)
+    turn -= np.rint(turn[0])
+    centres = np.minimum(np.arange(len(turn)) * _GROUP + _GROUP / 2, len(phase))
+    slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
+    raw = np.rint(phase - slow).astype(np.int64)
+    for width in (3, _SMOOTHING):
+        smooth = _running_median(raw, width)
+        if np.all(smooth[1:] >= smooth[:-1]):
+            break
+    lasting = np.minimum.accumulate(smooth[::-1])[::-1]
+    return np.maximum(lasting, 0)
+
+
+def _missing_by_bursts(phase: Floats, steps: Floats, pace: Pace) -> Ints:
+    """Count samples missing before each message, where only lasting jumps are seen."""
+    missing = np.zeros(len(phase), dtype=np.int64)
+    smallest = max(3.0, 6 * pace.spread)
+    for at in np.flatnonzero(steps > smallest):
+        before = phase[max(at - _BURST_WINDOW, 0):at]
+        after = phase[at:at + _BURST_WINDOW]
+        level = float(np.median(before)) if len(before) else 0.0
+        jump = int(np.rint(np.median(after) - level))
+        if jump > 0:
+            missing[at:] += jump
+    return missing
+
+
+def _running_median(values: Ints, width: int) -> Ints:
+    """Median of `width` neighbours; zeros stand before the first, the last is repeated."""
+    half = width // 2
+    padded = np.concatenate([np.zeros(half, dtype=np.int64), values,
+                             np.full(half, values[-1])])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, width)
+    return np.partition(windows, half, axis=1)[:, half]
+
+
+def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
+    """
+    Local means that stand in for missing samples.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 6)
+        Received samples.
+    at : ndarray of int64, shape (g,)
+        Rows of `samples` before which something is missing.
+    stretch : ndarray of int64, shape (n,)
+        Number of the unbroken stretch each row belongs to.
+
+    Returns
+    -------
+    ndarray, shape (g, 6)
+        Mean of up to 8 samples before and 8 after each gap, of the same stretch.
+
+    """
+    around = at[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS)
+    valid = (around >= 0) & (around < len(samples))
+    around = np.clip(around, 0, len(samples) - 1)
+    valid &= stretch[around] == stretch[at][:, None]
+    weight = valid / valid.sum(axis=1, keepdims=True)
+    means: Floats = np.einsum('gk,gki->gi', weight, samples[around])
+    return means
