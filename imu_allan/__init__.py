@@ -1,2 +1,49 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+"""
+How noisy is this IMU? Allan deviation and noise coefficients, live and from recordings.
+
+The public names are imported when they are first used, so that importing the package costs
+nothing.
+"""
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+from imu_allan.version import __version__
+
+if TYPE_CHECKING:
+    from imu_allan.analysis import analyze as analyze
+    from imu_allan.characterization import Characterization as Characterization
+    from imu_allan.errors import ImuAllanError as ImuAllanError
+    from imu_allan.noise.axis import characterize as characterize
+    from imu_allan.noise.estimator import Estimator as Estimator
+    from imu_allan.noise.simulate import simulate as simulate
+    from imu_allan.result import AxisResult as AxisResult, Result as Result
+    from imu_allan.timeline import TimelineOptions as TimelineOptions
+
+_WHERE = {
+    'analyze': 'imu_allan.analysis',
+    'AxisResult': 'imu_allan.result',
+    'characterize': 'imu_allan.noise.axis',
+    'Characterization': 'imu_allan.characterization',
+    'Estimator': 'imu_allan.noise.estimator',
+    'ImuAllanError': 'imu_allan.errors',
+    'Result': 'imu_allan.result',
+    'simulate': 'imu_allan.noise.simulate',
+    'TimelineOptions': 'imu_allan.timeline',
+}
+
+__all__ = ['__version__', *_WHERE]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(import_module(_WHERE[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_WHERE})

@@ -1,0 +1,231 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The path of every sample: messages, timeline, estimator, fit, result.
+
+The node and the recording tool both push their blocks through one `Characterization`; they differ
+in where blocks come from and where results go, and in nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+import json
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.axis import axis_results, SHORTEST_RECORD
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.terms import AXES
+from imu_allan.result import AxisResult, Remark, Result, Source
+from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
+from imu_allan.version import __version__
+
+State = Mapping[str, NDArray[np.generic]]
+
+
+class Characterization:
+    """
+    One IMU being characterized, in constant memory.
+
+    Parameters
+    ----------
+    kind : {'recording', 'topic'}
+    path : str or None
+        Of the recording.
+    topic : str or None
+    options : TimelineOptions, optional
+    """
+
+    def __init__(self, *, kind: Literal['recording', 'topic'], path: str | None = None,
+                 topic: str | None = None,
+                 options: TimelineOptions = TimelineOptions()) -> None:  # noqa: B008
+        self._kind: Literal['recording', 'topic'] = kind
+        self._path, self._topic = path, topic
+        self._timeline = TimelineStage(options)
+        self._estimator: Estimator | None = None
+        self._columns: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._next = 0
+
+    def update(self, block: ImuBlock) -> None:
+        """
+        Take in the next messages.
+
+        Raises
+        ------
+        ImuAllanError
+            If the timeline cannot make sense of them.
+        """
+        self._absorb(self._timeline.push(block))
+
+    def finish(self) -> None:
+        """Take in what the timeline still holds back: the recording has ended."""
+        self._absorb(self._timeline.flush())
+
+    def break_run(self) -> None:
+        """Begin anew after an interruption of unknown length; what was learnt stays."""
+        self.finish()
+        self._timeline.break_run()
+
+    def summary(self) -> TimelineSummary:
+        """What was seen of clock and samples so far."""
+        return self._timeline.summary()
+
+    def snapshot(self) -> Characterization:
+        """Return an independent copy, which can be fitted in another thread."""
+        twin = Characterization(kind=self._kind, path=self._path, topic=self._topic)
+        twin._timeline = self._timeline.copy()
+        twin._estimator = None if self._estimator is None else self._estimator.copy()
+        twin._columns, twin._next = self._columns, self._next
+        return twin
+
+    def result(self, remarks: Iterable[Remark] = ()) -> Result:
+        """
+        Fit what has come so far; the stream is left as it is.
+
+        Parameters
+        ----------
+        remarks : iterable of Remark, optional
+            Findings of the front door, such as a truncated recording; they come first.
+
+        Returns
+        -------
+        Result
+            Without axes as long as no sample has come.
+
+        Raises
+        ------
+        ImuAllanError
+            If a recording is mostly motion.
+        """
+        twin = self.snapshot()
+        twin.finish()
+        summary = twin.summary()
+        if summary.mostly_motion and self._kind == 'recording':
+            raise ImuAllanError(
+                f'{self._path}, topic {self._topic}: the IMU moves during most of the recording; '
+                'record it at rest, choose a still part with --start and --duration, or keep '
+                'everything with --motion keep')
+        axes, found = twin._axes(summary)
+        source = Source(self._kind, self._path, self._topic, summary.frame_id,
+                        summary.start_time, summary.clock)
+        return Result(__version__, source, summary.timeline, axes,
+                      (*remarks, *summary.remarks, *found))
+
+    def _axes(self, summary: TimelineSummary) -> tuple[dict[str, AxisResult], list[Remark]]:
+        rate = summary.timeline.sample_rate_hz
+        if self._estimator is None:
+            return {}, []
+        if rate is None:
+            return {}, [Remark('unknown_rate', 'the sample rate cannot be told from so few stamps')]
+        names = [list(AXES)[column] for column in self._columns]
+        fitted = axis_results(self._estimator, rate, [AXES[name] for name in names])
+        axes = {name: axis for name, (axis, _) in zip(names, fitted)}
+        remarks = [Remark(remark.code, f'{name}: {remark.message}')
+                   for name, (_, own) in zip(names, fitted) for remark in own]
+        return axes, remarks + _length_remarks(axes, summary)
+
+    def _absorb(self, blocks: Iterable[EvenBlock]) -> None:
+        for block in blocks:
+            if not len(block):
+                continue
+            if self._estimator is None:
+                self._columns = np.flatnonzero(np.isfinite(block.samples[0]))
+                self._estimator = Estimator(len(self._columns))
+            elif block.new_run:
+                self._estimator.start_run()
+            elif block.first_index > self._next:
+                self._estimator.skip(block.first_index - self._next)
+            samples = block.samples
+            if len(self._columns) < samples.shape[1]:
+                samples = samples[:, self._columns]
+            self._estimator.update(samples, block.bridged)
+            self._next = block.first_index + len(block)
+
+    def to_state(self) -> dict[str, NDArray[np.generic]]:
+        """
+        Return everything needed to go on later.
+
+        Returns
+        -------
+        dict of str to ndarray
+            No object arrays, so that it can be stored without pickle.
+        """
+        about = {'kind': self._kind, 'path': self._path, 'topic': self._topic,
+                 'next': self._next, 'columns': self._columns.tolist()}
+        state: dict[str, NDArray[np.generic]] = {'about': np.array(json.dumps(about))}
+        state.update({f'timeline/{key}': value
+                      for key, value in self._timeline.to_state().items()})
+        if self._estimator is not None:
+            state.update({f'estimator/{key}': value
+                          for key, value in self._estimator.to_state().items()})
+        return state
+
+    @classmethod
+    def from_state(cls, state: State) -> Characterization:
+        """
+        Go on from `to_state`.
+
+        Raises
+        ------
+        ImuAllanError
+            If the state is not one of a characterization.
+        """
+        def part(name: str) -> dict[str, NDArray[np.generic]]:
+            return {key[len(name) + 1:]: value for key, value in state.items()
+                    if key.startswith(f'{name}/')}
+
+        try:
+            about = json.loads(str(state['about']))
+            self = cls(kind=about['kind'], path=about['path'], topic=about['topic'])
+            self._next = int(about['next'])
+            self._columns = np.array(about['columns'], dtype=np.int64)
+            self._timeline = TimelineStage.from_state(part('timeline'))
+            estimator = part('estimator')
+            if estimator:
+                self._estimator = Estimator.from_state(estimator)
+                if self._estimator.axes != len(self._columns):
+                    raise ValueError('axes of the estimator and their names differ in number')
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise ImuAllanError(f'saved characterization is damaged: {error}') from error
+        return self
+
+
+def _length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary) -> list[Remark]:
+    """Say what the record is too short for, and how much longer it would take."""
+    live = {name: axis for name, axis in axes.items()
+            if axis.goodness_of_fit.p_value is not None}
+    duration = summary.timeline.duration_s
+    if not live:
+        if summary.timeline.samples < SHORTEST_RECORD:
+            return [Remark('short_recording',
+                           f'{summary.timeline.samples} samples in {duration:.3g} s are too few '
+                           f'for any coefficient; at least {SHORTEST_RECORD} are needed')]
+        return []
+    remarks = []
+    for key, what in (('noise_density', 'noise density'),
+                      ('rate_random_walk', 'rate random walk')):
+        hidden = {name: axis.coefficients[key] for name, axis in live.items()
+                  if not axis.coefficients[key].observable}
+        if not hidden:
+            continue
+        waits = [c.observable_in_s for c in hidden.values() if c.observable_in_s is not None]
+        hint = (f'; on {len(waits)} of these axes a value is expected after another '
+                f'{_time(min(waits))} or more' if waits else '')
+        remarks.append(Remark(
+            'short_recording',
+            f'{what} of {", ".join(hidden)} does not show in {_time(duration)} of data: '
+            f'only an upper bound is given{hint}'))
+    return remarks
+
+
+def _time(seconds: float) -> str:
+    """A duration in the largest unit that fits."""
+    for size, unit in ((86400, 'd'), (3600, 'h'), (60, 'min')):
+        if seconds >= size:
+            return f'{seconds / size:.3g} {unit}'
+    return f'{seconds:.3g} s'

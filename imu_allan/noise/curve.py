@@ -1,0 +1,183 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The Allan deviation curve and its intervals.
+
+The equivalent degrees of freedom of every point are those of the fitted sum of terms, not of one
+dominant noise type: two moments of the estimator follow from the covariance of its second
+differences, which the generalised covariance of phase gives in closed form.
+
+References
+----------
+C. A. Greenhall, "Recipes for degrees of freedom of frequency stability estimators", IEEE Trans.
+Instrum. Meas. 40 (1991). W. J. Riley, "Handbook of Frequency Stability Analysis", NIST SP 1065.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+from imu_allan.noise.cells import RUN_SHIFT
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.pyramid import OVERLAP
+
+Array = NDArray[np.float64]
+
+_LAGS = 64
+_SHAPES = ('quantization_noise', 'noise_density', 'bias_instability', 'rate_random_walk')
+
+
+@dataclass(frozen=True)
+class Octaves:
+    """
+    Allan variance of one or more axes at octave cluster sizes.
+
+    Attributes
+    ----------
+    size : ndarray of int64, shape (octaves,)
+        Samples in a cluster.
+    stride : ndarray of int64, shape (octaves,)
+        Samples between the second differences that were averaged.
+    count : ndarray of int64, shape (octaves,)
+        How many differences were averaged.
+    avar : ndarray, shape (octaves, axes)
+        In the squared unit of a sample.
+    """
+
+    size: NDArray[np.int64]
+    stride: NDArray[np.int64]
+    count: NDArray[np.int64]
+    avar: Array
+
+
+def octaves(estimator: Estimator) -> Octaves:
+    """
+    Read the Allan variance off a finished estimator.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        As `Estimator.finished` returns it.
+
+    Returns
+    -------
+    Octaves
+        Where the whole-record series is fine enough to give more overlap than the pyramid does,
+        the long clusters come from there.
+    """
+    pyramid, periodogram = estimator.pyramid, estimator.periodogram
+    cell = periodogram.cell
+    rows = []
+    for octave, count in enumerate(pyramid.counts):
+        size = 2**octave
+        if size // cell > OVERLAP:
+            found, sums = _series_differences(estimator, size // cell)
+            if found:
+                rows.append((size, cell, found, sums / (2.0 * found * size**2)))
+                continue
+        if count:
+            stride = max(1, size // OVERLAP)
+            rows.append((size, stride, int(count), pyramid.sums[octave] / (2.0 * count * size**2)))
+    if not rows:
+        empty = np.zeros(0, np.int64)
+        return Octaves(empty, empty, empty, np.zeros((0, estimator.axes)))
+    size_, stride_, count_, avar = zip(*rows, strict=True)
+    return Octaves(np.array(size_), np.array(stride_), np.array(count_), np.array(avar))
+
+
+def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
+    """Second differences over `m` cells of the series: how many, and their squared sums."""
+    series = estimator.periodogram.series
+    whole = series.counts == estimator.periodogram.cell
+    found, sums = 0, np.zeros(estimator.axes)
+    runs = series.keys >> RUN_SHIFT
+    for run in np.unique(runs):
+        part = series.take(whole & (runs == run))
+        if len(part) < 2 * m:
+            continue
+        phase = np.concatenate((np.zeros((estimator.axes, 1)), np.cumsum(part.sums, axis=1)),
+                               axis=1)
+        # A difference is good where its 2 m cells are neighbours.
+        keys = part.keys
+        good = keys[2 * m - 1:] - keys[:len(keys) - 2 * m + 1] == 2 * m - 1
+        d = (phase[:, 2 * m:] - 2 * phase[:, m:-m] + phase[:, :-2 * m])[:, good]
+        found += d.shape[1]
+        sums += np.einsum('ij,ij->i', d, d)
+    return found, sums
+
+
+def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
+        dt: float) -> float:
+    """
+    Equivalent degrees of freedom of an Allan variance estimate.
+
+    Parameters
+    ----------
+    coefficients : mapping
+        SI coefficient by key of `TERMS`; a missing key means zero. A ramp has no randomness and
+        is not considered.
+    size : int
+        Samples in a cluster.
+    stride : int
+        Samples between second differences.
+    count : int
+        How many second differences were averaged.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    float
+        ``2 v^2 / var(v)`` for the sum of the terms.
+    """
+    tau = size * dt
+    scales = np.array([1.0, tau, tau**2, tau**3])
+    squares = np.array([coefficients.get(key, 0.0) or 0.0 for key in _SHAPES]) ** 2 * scales
+    if not squares.any():
+        squares[1] = 1.0
+    lags = min(count, int(_LAGS * size / stride))
+    r = squares @ _difference_covariance(size, stride, lags)
+    weight = (count - np.arange(lags)) * 2.0
+    weight[0] = count
+    return float(count**2 * r[0] ** 2 / (weight @ r**2))
+
+
+@lru_cache(maxsize=512)
+def _difference_covariance(size: int, stride: int, lags: int) -> Array:
+    """Covariance of second differences at lags 0, stride, ..., by term, for a unit cluster."""
+    lag = np.arange(lags, dtype=np.float64) * stride
+    total = np.zeros((4, lags))
+    for shift, weight in ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1)):
+        h = np.abs(lag + shift * size) / size
+        total[0] += weight * (h == 0)
+        total[1] -= weight * h / 2
+        total[2] += weight * h**2 * np.log(np.where(h > 0, h, 1)) / (2 * np.pi)
+        total[3] += weight * h**3 / 12
+    return total
+
+
+def interval(avar: ArrayLike, dof: ArrayLike, level: float) -> tuple[Array, Array]:
+    """
+    Chi-square interval of the Allan deviation.
+
+    Parameters
+    ----------
+    avar : array_like, shape (n,)
+    dof : array_like, shape (n,)
+        Equivalent degrees of freedom.
+    level : float
+        Probability, such as 0.95.
+
+    Returns
+    -------
+    low, high : ndarray, shape (n,)
+        Bounds of the deviation.
+    """
+    avar, dof = np.asarray(avar, dtype=np.float64), np.asarray(dof, dtype=np.float64)
+    tail = (1 - level) / 2
+    return (np.sqrt(avar * dof / chi2.isf(tail, dof)),
+            np.sqrt(avar * dof / chi2.ppf(tail, dof)))

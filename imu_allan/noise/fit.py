@@ -1,0 +1,352 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Noise coefficients of one axis from its spectrum, with intervals one can trust.
+
+The fit is a maximum of likelihood over the whole band. Where no sum of the five terms describes
+the spectrum there, the sensor's or driver's low-pass is the usual reason: the finest octaves are
+then left out one after the other, with a roll-off of the white noise towards the edge allowed for,
+until what is left is described. A term is reported only where leaving it out would make the data
+markedly less likely; otherwise there is an upper bound.
+
+References
+----------
+S. S. Wilks, Ann. Math. Statist. 9 (1938), and H. Chernoff, Ann. Math. Statist. 25 (1954): the
+likelihood ratio, and its law at a boundary.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from imu_allan.noise.likelihood import (
+    FLICKER, Groups, maximise, QUANTIZATION, Solution, WALK, WHITE)
+from imu_allan.noise.spectrum import gauss_markov
+
+Array = NDArray[np.float64]
+
+COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
+           'bias_instability': FLICKER, 'rate_random_walk': WALK}
+
+OBSERVABLE = 3.841
+"""
+Likelihood ratio above which a term is observable: its 95 % interval then lies above zero, and
+noise without the term passes for it in at most 2.5 % of records.
+"""
+OBSERVABLE_RAMP = 6.635
+"""
+The same for the ramp. It rests on the few slowest coefficients, where the ratio has longer tails
+than its limiting law: at 3.84, 8 % of records of a mere random walk would show a ramp.
+"""
+_CI95 = 3.841
+_UPPER95 = 2.706
+_SMALLEST_P = 0.01
+_CHANCE = 1e-3
+_TOLERATED_MISFIT = 0.05
+_LOWEST_EDGE_HZ = 0.5
+_EDGE_GROUPS = 24
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A coefficient: value and interval where observable, else an upper bound; SI units."""
+
+    observable: bool
+    value: float
+    low: float
+    high: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    What the spectrum of one axis says.
+
+    Attributes
+    ----------
+    estimates : dict
+        By key of `TERMS`.
+    window_s : float or None
+        Effective averaging window of a low-pass, where one was found.
+    edge_hz : float or None
+        Highest frequency that was used, where not all.
+    p_value : float
+        Of the half-octave residuals.
+    misfit : float
+        Largest relative misfit of a half-octave beyond its sampling error.
+    acceptable : bool
+    gauss_markov : (float, float) or None
+        Standard deviation and correlation time of an additional Gauss-Markov term.
+    expected : callable
+        Design row(s), shape (n, 4), to expected power, shape (n,), in the band that was used.
+    """
+
+    estimates: dict[str, Estimate]
+    window_s: float | None
+    edge_hz: float | None
+    p_value: float
+    misfit: float
+    acceptable: bool
+    gauss_markov: tuple[float, float] | None = None
+    solution: Solution | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One model over one band."""
+
+    groups: Groups
+    solution: Solution
+    fixed: dict[int, float]
+    ramp: float | None
+    edge_hz: float | None
+    rolling: bool
+    p_value: float
+    misfit: float
+    dispersion: float
+
+    @property
+    def good(self) -> bool:
+        return self.p_value > _SMALLEST_P or self.misfit <= _TOLERATED_MISFIT
+
+
+def fit(groups: Groups, dt: float) -> Fit:
+    """
+    Fit one axis.
+
+    Parameters
+    ----------
+    groups : Groups
+        Spectrum of the axis, lines left out.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    Fit
+    """
+    first = _try(groups, None)
+    trial, markov = first, None
+    if not first.good:
+        trial = _without_fine_octaves(groups, dt, first)
+        if not trial.good:
+            found = _with_gauss_markov(groups, dt)
+            if found is not None:
+                trial, markov = found
+    estimates = {key: _estimate(trial, column) for key, column in COLUMNS.items()}
+    window = None
+    if trial.edge_hz is not None or trial.rolling:
+        # At the edge of the band the first column no longer is quantization noise.
+        window = _window(trial)
+        estimates['quantization_noise'] = Estimate(False, 0.0, 0.0, 0.0, np.nan)
+    estimates['rate_ramp'] = _ramp(trial)
+    return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, markov,
+               trial.solution)
+
+
+def _try(groups: Groups, edge_hz: float | None, rolling: bool = False,
+         extra: Array | None = None) -> _Trial:
+    """Fit the terms over a band; drop quantization noise and ramp unless the data asks."""
+    if edge_hz is not None:
+        groups = groups.below(edge_hz)
+    if rolling:
+        edge = edge_hz if edge_hz is not None else float(groups.frequency[-1])
+        design = groups.design.copy()
+        fall = np.minimum((groups.frequency / edge) ** 2, 1.0)
+        design[:, QUANTIZATION] = groups.design[:, WHITE] * fall
+        design[:, WHITE] = groups.design[:, WHITE] * (1 - fall)
+        groups = groups.with_design(design)
+    if extra is not None:
+        groups = groups.with_design(np.column_stack((groups.design, extra)))
+    fixed: dict[int, float] = {}
+    solution = maximise(groups)
+    if not rolling and solution.theta[QUANTIZATION] > 0:
+        without = maximise(groups, solution, fixed={QUANTIZATION: 0.0})
+        if 2 * (without.loss - solution.loss) < OBSERVABLE:
+            fixed, solution = {QUANTIZATION: 0.0}, without
+    elif not rolling:
+        fixed = {QUANTIZATION: 0.0}
+    ramp: float | None = 0.0
+    sloping = maximise(groups, solution, fixed=fixed, ramp=None)
+    if 2 * (solution.loss - sloping.loss) > OBSERVABLE_RAMP:
+        ramp, solution = None, sloping
+    p_value, misfit, dispersion = _residuals(groups, solution)
+    return _Trial(groups, solution, fixed, ramp, edge_hz, rolling, p_value, misfit, dispersion)
+
+
+def _residuals(groups: Groups, solution: Solution) -> tuple[float, float, float]:
+    """Chi-square probability, worst misfit and dispersion of half-octave residuals."""
+    expected = groups.design @ solution.theta
+    ratio = groups.at_ramp(solution.slope) / np.maximum(expected, 1e-300)
+    band = np.floor(2 * np.log2(groups.frequency)).astype(np.int64)
+    _, inverse = np.unique(band, return_inverse=True)
+    dof = np.bincount(inverse, groups.dof)
+    power = np.bincount(inverse, groups.dof * ratio)
+    # Wilson-Hilferty: the cube root of a chi-square is normal even for a few degrees of freedom.
+    normal = (np.cbrt(power / dof) - (1 - 2 / (9 * dof))) / np.sqrt(2 / (9 * dof))
+    free = max(len(dof) - int((solution.theta > 0).sum()), 1)
+    total = float(normal @ normal)
+    p_value = float(chi2.sf(total, free))
+    high, low = chi2.isf(_CHANCE, dof) / dof, chi2.ppf(_CHANCE, dof) / dof
+    misfit = float(max(np.max(power / dof - high), np.max(low - power / dof), 0.0))
+    dispersion = 1.0 if p_value > _SMALLEST_P else total / free
+    return p_value, misfit, dispersion
+
+
+def _without_fine_octaves(groups: Groups, dt: float, first: _Trial) -> _Trial:
+    """Leave out the finest octaves until the rest is described."""
+    best = first
+    decimation = 1
+    while True:
+        edge = 1 / (2 * decimation * dt)
+        if edge < _LOWEST_EDGE_HZ and decimation > 1:
+            break
+        if int((groups.frequency <= edge).sum()) < _EDGE_GROUPS:
+            break
+        for rolling in (False, True):
+            if decimation == 1 and not rolling:
+                continue
+            trial = _try(groups, edge if decimation > 1 else None, rolling)
+            if trial.good:
+                return trial
+            if trial.misfit < best.misfit:
+                best = trial
+        decimation *= 2
+    return best
+
+
+def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, float]] | None:
+    """The terms and a Gauss-Markov process, if they describe the whole band and keep N."""
+    lowest, highest = float(groups.frequency[0]), float(groups.frequency[-1])
+    times = np.geomspace(1 / (2 * np.pi * highest), 1 / (2 * np.pi * lowest), 33)[1:-1]
+
+    def column(time: float) -> Array:
+        return gauss_markov(np.minimum(groups.frequency * dt, 0.5), dt, time)
+
+    def attempt(time: float) -> Solution:
+        design = np.column_stack((groups.design, column(time)))
+        return maximise(groups.with_design(design), fixed={QUANTIZATION: 0.0}, tolerance=1e-3)
+
+    losses = [attempt(time).loss for time in times]
+    best = int(np.argmin(losses))
+    around = np.geomspace(times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)], 17)
+    time = float(around[int(np.argmin([attempt(t).loss for t in around]))])
+    trial = _try(groups, None, extra=column(time))
+    theta = trial.solution.theta
+    if not trial.good or theta[WHITE] <= 0 or theta[-1] <= 0:
+        return None
+    return trial, (float(np.sqrt(theta[-1])), time)
+
+
+def _window(trial: _Trial) -> float | None:
+    """Width of the boxcar that bends the white noise as much as the roll-off does."""
+    if not trial.rolling:
+        # The filter lies above the edge: no more is known than that it is shorter.
+        return None if trial.edge_hz is None else 1 / (2 * trial.edge_hz)
+    edge = float(trial.edge_hz or trial.groups.frequency[-1])
+    white, at_edge = trial.solution.theta[WHITE], trial.solution.theta[QUANTIZATION]
+    if white <= 0 or at_edge >= white:
+        return 1 / (2 * edge)
+    return float(np.sqrt(3 * (1 - at_edge / white)) / (np.pi * edge))
+
+
+def _estimate(trial: _Trial, column: int) -> Estimate:
+    """One coefficient with its profile-likelihood interval."""
+    best = trial.solution
+    others = {key: value for key, value in trial.fixed.items() if key != column}
+    if column in trial.fixed:
+        best = maximise(trial.groups, best, fixed=others, ramp=trial.ramp)
+
+    def rise(coefficient: float) -> float:
+        held = maximise(trial.groups, best, fixed={**others, column: coefficient**2},
+                        ramp=trial.ramp, tolerance=1e-3)
+        return 2 * (held.loss - best.loss) / trial.dispersion
+
+    value = float(np.sqrt(best.theta[column]))
+    ratio = rise(0.0) if value > 0 else 0.0
+    scale = _spread(trial, best, column)
+    if ratio < OBSERVABLE:
+        # A term that the model was fitted without stands at zero there.
+        kept = 0.0 if column in trial.fixed else value
+        return Estimate(False, kept, 0.0, 0.0, _crossing(rise, value, scale, _UPPER95))
+    high = _crossing(rise, value, scale, _CI95)
+    low = _crossing(rise, value, -scale, _CI95)
+    return Estimate(True, value, low, high, high)
+
+
+def _spread(trial: _Trial, best: Solution, column: int) -> float:
+    """A guess at the standard error of a coefficient: the Fisher information of it alone."""
+    expected = np.maximum(trial.groups.design @ best.theta, 1e-300)
+    active = [i for i in range(len(best.theta))
+              if i == column or (best.theta[i] > 0 and i not in trial.fixed)]
+    scaled = trial.groups.design[:, active] / expected[:, None]
+    gram = (scaled * trial.groups.dof[:, None] / 2).T @ scaled
+    norm = np.sqrt(np.diag(gram))
+    inverse = np.linalg.pinv(gram / np.outer(norm, norm))
+    place = active.index(column)
+    error = float(np.sqrt(max(inverse[place, place], 0) * trial.dispersion) / norm[place])
+    value = float(np.sqrt(best.theta[column]))
+    # From the standard error of the square to that of the coefficient.
+    return error / (2 * value) if value**2 > 2 * error else np.sqrt(value**2 + error) - value + \
+        0.1 * np.sqrt(error)
+
+
+def _crossing(rise: Callable[[float], float], value: float, scale: float, level: float) -> float:
+    """Where the likelihood ratio reaches `level`, on the side of `value` that `scale` points to."""
+    root = np.sqrt(level)
+    inner, inner_height = value, -root
+    outer, outer_height = value + root * scale, 0.0
+    for _ in range(40):
+        if scale < 0 and outer <= 0:
+            outer = inner / 2
+        outer_height = float(np.sqrt(max(rise(outer), 0.0))) - root
+        if outer_height > -0.01 * root:
+            break
+        inner, inner_height = outer, outer_height
+        outer = value + (outer - value) * 1.7 if scale > 0 else value - (value - outer) * 1.4
+    for _ in range(12):
+        if abs(outer_height) < 0.01 * root:
+            return outer
+        middle = inner + (outer - inner) * (-inner_height) / (outer_height - inner_height)
+        height = float(np.sqrt(max(rise(middle), 0.0))) - root
+        if abs(height) < 0.01 * root:
+            return float(middle)
+        if height < 0:
+            inner, inner_height = middle, height
+        else:
+            outer, outer_height = middle, height
+    return float(outer)
+
+
+def _ramp(trial: _Trial) -> Estimate:
+    """The ramp: signed, with the interval of a mean."""
+    free = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=None)
+    still = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=0.0)
+    ratio = 2 * (still.loss - free.loss) / trial.dispersion
+
+    def rise(slope: float) -> float:
+        held = maximise(trial.groups, free, fixed=trial.fixed, ramp=slope, tolerance=1e-3)
+        return 2 * (held.loss - free.loss) / trial.dispersion
+
+    expected = np.maximum(trial.groups.design @ free.theta, 1e-300)
+    information = float(np.sum(trial.groups.dof * np.maximum(trial.groups.ramp, 0) / expected))
+    scale = float(np.sqrt(trial.dispersion / information)) if information > 0 else 0.0
+    if scale == 0:
+        return Estimate(False, 0.0, 0.0, 0.0, np.nan)
+    if ratio < OBSERVABLE_RAMP:
+        bounds = [abs(_two_sided(rise, free.slope, side * scale, _UPPER95)) for side in (-1, 1)]
+        return Estimate(False, 0.0, 0.0, 0.0, max(bounds))
+    low, high = (_two_sided(rise, free.slope, side * scale, _CI95) for side in (-1, 1))
+    return Estimate(True, free.slope, low, high, max(abs(low), abs(high)))
+
+
+def _two_sided(rise: Callable[[float], float], value: float, scale: float,
+               level: float) -> float:
+    """Where the ratio reaches `level` on one side of a signed value."""
+    sign = np.sign(scale)
+    return value + float(sign) * _crossing(lambda d: rise(value + float(sign) * d), 0.0,
+                                           abs(scale), level)

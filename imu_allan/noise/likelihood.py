@@ -1,0 +1,328 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Likelihood of the noise terms given a spectrum.
+
+The DCT-II diagonalises white noise and random walk exactly and flicker nearly, so the squared
+coefficients P are independent, each chi-square about its expectation lambda. With the squared
+coefficients theta of the terms, lambda = sum theta_i S_i, and minus the log-likelihood is
+(1/2) sum n (ln lambda + P / lambda), n being the degrees of freedom. Fisher scoring on it is an
+iteratively re-weighted non-negative least squares of a few columns. The ramp is deterministic: it
+enters as a signed mean of the whole-record coefficients.
+
+References
+----------
+P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953).
+C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, ch. 23.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_allan.noise import spectrum
+from imu_allan.noise.periodogram import Piece
+
+Array = NDArray[np.float64]
+
+QUANTIZATION, WHITE, FLICKER, WALK = range(4)
+"""Columns of a design: the four terms that have a spectrum."""
+_SINGLE = 48
+_PER_OCTAVE = 8
+
+
+@dataclass(frozen=True)
+class Bins:
+    """
+    Every frequency of a record, for all axes.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (bins,)
+        In Hz.
+    dof : ndarray, shape (bins,)
+        How many squared coefficients were averaged.
+    power : ndarray, shape (axes, bins)
+        Their mean, in squared sample units.
+    design : ndarray, shape (bins, 4)
+        Expected power for a coefficient 1 of each term.
+    cross : ndarray, shape (axes, bins)
+        Coefficient times that of a unit ramp; zero but in the whole-record part.
+    ramp : ndarray, shape (bins,)
+        Squared coefficient of a unit ramp, negative where the sign of the ramp is lost.
+    piece, index : ndarray of int, shape (bins,)
+        Which piece a bin is from, and its DCT index there.
+    """
+
+    frequency: Array
+    dof: Array
+    power: Array
+    design: Array
+    cross: Array
+    ramp: Array
+    piece: NDArray[np.int64]
+    index: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Groups:
+    """
+    Bins of one axis gathered into narrow bands; fields as in `Bins`, for one axis.
+
+    Attributes
+    ----------
+    frequency, dof, power, cross, ramp : ndarray, shape (groups,)
+    design : ndarray, shape (groups, columns)
+    """
+
+    frequency: Array
+    dof: Array
+    power: Array
+    design: Array
+    cross: Array
+    ramp: Array
+
+    def at_ramp(self, slope: float) -> Array:
+        """Power about the mean that a ramp of `slope` per second gives, shape (groups,)."""
+        if slope == 0:
+            return self.power
+        about = self.power - 2 * slope * self.cross + slope**2 * self.ramp
+        return np.maximum(about, 1e-3 * self.power)
+
+    def below(self, frequency_hz: float) -> 'Groups':
+        """Return the groups up to a frequency."""
+        keep = self.frequency <= frequency_hz
+        return Groups(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+
+    def with_design(self, design: Array) -> 'Groups':
+        """Return the same power under another set of columns."""
+        return replace(self, design=design)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """
+    A maximum of the likelihood.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (columns,)
+        Squared coefficients, none negative.
+    slope : float
+        The ramp, in sample units per second.
+    loss : float
+        Minus the log-likelihood, up to a constant.
+    """
+
+    theta: Array
+    slope: float
+    loss: float
+
+
+@lru_cache(maxsize=256)
+def _shapes(length: int, first: int, last: int) -> tuple[Array, Array]:
+    """Flicker column (with its DCT factor) and the squared sine, by index."""
+    j = np.arange(first, last)
+    nu = j / (2.0 * length)
+    return (spectrum.flicker(nu, 1.0) * spectrum.flicker_dct_factor(j),
+            np.sin(np.pi * nu) ** 2)
+
+
+def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> Bins:
+    """
+    Join the pieces of a spectrum.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        At least one.
+    dt : float
+        Sample interval in seconds.
+    bridged_share : float, optional
+        Share of the samples that stand in for missing ones; what a local mean takes out of the
+        white noise is given back.
+
+    Returns
+    -------
+    Bins
+    """
+    parts = []
+    for number, piece in enumerate(pieces):
+        step = piece.step * dt
+        flicker, s2 = _shapes(piece.length, piece.first, piece.last)
+        fine = 1 - bridged_share if piece.step == 1 else 1 + bridged_share
+        white = np.full(len(s2), (1 - piece.filled) * fine / step)
+        design = np.stack((4 * s2 / step**2, white, flicker,
+                           step * (1 - s2 / 1.5) / (4 * s2)), axis=1)
+        index = np.arange(piece.first, piece.last)
+        part = slice(piece.first, piece.last)
+        ramp = spectrum.ramp_dct(piece.length, step)[piece.first - 1:piece.last - 1]
+        if piece.coefficients is None:
+            cross, squared = np.zeros((len(piece.power), len(index))), -ramp**2
+        else:
+            cross, squared = piece.coefficients[:, part] * ramp, ramp**2
+        parts.append((index / (2 * piece.length * step), np.full(len(index), piece.blocks),
+                      piece.power[:, part], design, cross, squared,
+                      np.full(len(index), number), index))
+    frequency, dof, power, design, cross, squared, number_, index_ = zip(*parts, strict=True)
+    return Bins(np.concatenate(frequency), np.concatenate(dof).astype(np.float64),
+                np.concatenate(power, axis=1), np.concatenate(design),
+                np.concatenate(cross, axis=1), np.concatenate(squared),
+                np.concatenate(number_), np.concatenate(index_))
+
+
+def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Groups:
+    """
+    Gather the bins of one axis into bands of an eighth of an octave.
+
+    Parameters
+    ----------
+    bins : Bins
+    axis : int
+    keep : ndarray of bool, shape (bins,), optional
+        False leaves a bin out.
+
+    Returns
+    -------
+    Groups
+        The lowest 48 coefficients of every whole-record part stay single.
+    """
+    whole = bins.ramp >= 0
+    single = whole & (bins.index <= _SINGLE)
+    band = np.floor(_PER_OCTAVE * np.log2(bins.frequency)).astype(np.int64)
+    # The key keeps apart what must not be averaged: single coefficients, and the whole-record
+    # part, whose ramp has a sign, from the blocks.
+    key = np.where(single, (bins.piece + 2) * 10_000_000 + bins.index, band * 2 + whole)
+    weight = bins.dof if keep is None else bins.dof * keep
+    _, inverse = np.unique(key, return_inverse=True)
+    dof = np.bincount(inverse, weight)
+    some = dof > 0
+
+    def average(values: Array) -> Array:
+        return np.asarray(np.bincount(inverse, weight * values)[some] / dof[some])
+
+    groups = Groups(average(bins.frequency), dof[some], average(bins.power[axis]),
+                    np.stack([average(column) for column in bins.design.T], axis=1),
+                    average(bins.cross[axis]), average(bins.ramp))
+    order = np.argsort(groups.frequency)
+    return Groups(*(getattr(groups, name)[order] for name in groups.__dataclass_fields__))
+
+
+def loss(groups: Groups, theta: Array, slope: float) -> float:
+    """Minus the log-likelihood, up to a constant."""
+    expected = groups.design @ theta
+    if np.any(expected <= 0):
+        return float('inf')
+    return float(0.5 * groups.dof @ (np.log(expected) + groups.at_ramp(slope) / expected))
+
+
+def maximise(groups: Groups, start: Solution | None = None, *,
+             fixed: dict[int, float] | None = None, ramp: float | None = 0.0,
+             tolerance: float = 1e-7) -> Solution:
+    """
+    Find the most likely squared coefficients.
+
+    Parameters
+    ----------
+    groups : Groups
+    start : Solution, optional
+        Where to begin.
+    fixed : dict, optional
+        Squared coefficient by column that is held at a value.
+    ramp : float or None, optional
+        Slope of the ramp that is held, or None to fit it.
+    tolerance : float, optional
+        Change of the loss at which to stop.
+
+    Returns
+    -------
+    Solution
+    """
+    columns = groups.design.shape[1]
+    fixed = fixed or {}
+    free = [i for i in range(columns) if i not in fixed]
+    design = groups.design[:, free]
+    offset = np.zeros(len(groups.dof))
+    theta = np.zeros(columns)
+    for i, value in fixed.items():
+        theta[i] = value
+        offset = offset + value * groups.design[:, i]
+    slope = ramp if ramp is not None else (start.slope if start else 0.0)
+    power = groups.at_ramp(slope)
+    tiny = 1e-12 * float(np.max(power)) if len(power) else 0.0
+
+    def evaluate(part: Array, about: Array) -> tuple[Array, float]:
+        expected = offset + design @ part
+        bad = expected <= 0
+        if bad.any():
+            expected = np.where(bad, tiny + 1e-300, expected)
+        return expected, float(0.5 * groups.dof @ (np.log(expected) + about / expected))
+
+    if start is not None:
+        current = start.theta[free]
+        expected, value = evaluate(current, power)
+    else:
+        current = np.zeros(len(free))
+        expected, value = np.maximum(power, tiny), np.inf
+    for _ in range(60):
+        if ramp is None:
+            weight = groups.dof / expected * (groups.ramp > 0)
+            norm = float(weight @ groups.ramp)
+            if norm > 0:
+                slope = float(weight @ groups.cross) / norm
+                power = groups.at_ramp(slope)
+                if np.isfinite(value):
+                    _, value = evaluate(current, power)
+        weighted = design * (groups.dof / expected**2)[:, None]
+        step = _non_negative(design.T @ weighted, weighted.T @ (power - offset))
+        proposed, new = evaluate(step, power)
+        shrink = 1.0
+        while new > value + 1e-12 * abs(value) and shrink > 1e-3:
+            shrink /= 2
+            mixed = current + shrink * (step - current)
+            proposed, new = evaluate(mixed, power)
+            step = mixed if shrink <= 2e-3 or new <= value else step
+        if new > value:
+            break
+        gained = value - new
+        current, expected, value = step, proposed, new
+        if gained < tolerance:
+            break
+    theta[free] = current
+    return Solution(theta, slope, value)
+
+
+def _non_negative(gram: Array, target: Array) -> Array:
+    """Minimise x' gram x / 2 - target' x over x >= 0; both few and small."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram = gram / np.outer(scale, scale)
+    target = target / scale
+    n = len(target)
+    active = np.ones(n, dtype=bool)
+    x = np.zeros(n)
+    for _ in range(4 * n + 4):
+        x = np.zeros(n)
+        if active.any():
+            part = np.flatnonzero(active)
+            ridge = 1e-13 * np.eye(len(part))
+            x[part] = np.linalg.solve(gram[np.ix_(part, part)] + ridge, target[part])
+        if (x[active] < 0).any():
+            active[int(np.argmin(np.where(active, x, np.inf)))] = False
+            continue
+        slack = target - gram @ x
+        slack[active] = -np.inf
+        worst = int(np.argmax(slack)) if n else 0
+        if n == 0 or slack[worst] <= 1e-10:
+            break
+        trial = active.copy()
+        trial[worst] = True
+        part = np.flatnonzero(trial)
+        solved = np.linalg.solve(gram[np.ix_(part, part)] + 1e-13 * np.eye(len(part)),
+                                 target[part])
+        if solved[int(np.flatnonzero(part == worst)[0])] <= 0:
+            break
+        active = trial
+    return np.asarray(np.maximum(x, 0) / scale)

@@ -1,0 +1,94 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How much longer to record: the Fisher information of a longer record of the same noise.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_allan.noise import spectrum
+
+Array = NDArray[np.float64]
+
+_KEYS = ('noise_density', 'bias_instability', 'rate_random_walk')
+_OCTAVES = 12
+_SINGLE = 32
+_NEEDED = 3.84
+
+
+def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
+            duration_s: float) -> dict[str, tuple[float | None, float | None]]:
+    """
+    Forecast further recording time.
+
+    Parameters
+    ----------
+    coefficients : mapping
+        Best SI value by key, also of terms that are not observable yet.
+    observable : mapping
+        Which of them are observable.
+    dt : float
+        Sample interval in seconds.
+    duration_s : float
+        Length of the record so far in seconds.
+
+    Returns
+    -------
+    dict
+        By key: time until the term is expected to become observable (None where it is, or where
+        nothing hints at its size), and time until its interval is expected to be half as wide
+        (None where it is not observable). Forecasts end at 4096 times the record.
+    """
+    found: dict[str, tuple[float | None, float | None]] = {}
+    theta = np.array([coefficients.get(key, 0.0) for key in _KEYS]) ** 2
+    if theta[0] <= 0 or duration_s < 4 * dt:
+        return dict.fromkeys(_KEYS, (None, None))
+    lengths = duration_s * 2.0 ** np.arange(_OCTAVES + 1)
+    errors = np.array([_standard_errors(theta, dt, length) for length in lengths])
+    for i, key in enumerate(_KEYS):
+        if observable.get(key):
+            reached = errors[:, i] <= errors[0, i] / 2
+            found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2, reached))
+        elif theta[i] > 0:
+            wanted = theta[i] / np.sqrt(_NEEDED)
+            reached = errors[:, i] <= wanted
+            found[key] = (_first(lengths, errors[:, i], wanted, reached), None)
+        else:
+            found[key] = (None, None)
+    return found
+
+
+def _first(lengths: Array, errors: Array, wanted: float, reached: NDArray[np.bool_]
+           ) -> float | None:
+    """Further time at which an error falls to `wanted`; straight lines between octaves."""
+    if not reached.any():
+        return None
+    k = int(np.argmax(reached))
+    if k == 0:
+        return 0.0
+    x = np.log(errors[k - 1:k + 1] / wanted)
+    share = x[0] / (x[0] - x[1])
+    return float(lengths[k - 1] * (lengths[k] / lengths[k - 1]) ** share - lengths[0])
+
+
+def _standard_errors(theta: Array, dt: float, duration: float) -> Array:
+    """Cramer-Rao bound of the squared coefficients, shape (3,)."""
+    n = duration / dt
+    single = np.arange(1, min(_SINGLE, n))
+    edges = np.geomspace(_SINGLE, max(n, _SINGLE + 1), 120) - 0.5
+    j = np.concatenate((single, np.sqrt(edges[1:] * edges[:-1])))
+    modes = np.concatenate((np.ones(len(single)), np.diff(edges)))
+    nu = np.minimum(j / (2 * n), 0.5)
+    shapes = np.stack((spectrum.white(nu, dt), spectrum.flicker(nu, dt),
+                       spectrum.random_walk(nu, dt)), axis=1)
+    active = np.array([0, *(i for i in (1, 2) if theta[i] > 0)])
+    relative = shapes[:, active] / (shapes @ theta)[:, None]
+    information = (relative * modes[:, None] / 2).T @ relative
+    scale = np.sqrt(np.diag(information))
+    inverse = np.linalg.pinv(information / np.outer(scale, scale))
+    errors = np.full(3, np.inf)
+    errors[active] = np.sqrt(np.maximum(np.diag(inverse), 0)) / scale
+    return errors
