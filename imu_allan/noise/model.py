@@ -47,6 +47,7 @@ class NoiseModel:
         Constant part of the signal, in rad/s or m/s^2.
     as_written : mapping of axis name to mapping of term key to str
         The text of each coefficient in the file.
+
     """
 
     name: str | None
@@ -65,6 +66,7 @@ def load_model(path: str | os.PathLike[str]) -> NoiseModel:
     ImuAllanError
         If the file cannot be read or a key, value or unit is not right; the message names the
         file, the key and a right example.
+
     """
     try:
         with Path(path).open('rb') as file:
@@ -97,6 +99,7 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
     ------
     ImuAllanError
         If a key, value or unit is not right.
+
     """
     document = _yaml(text, name)
     if not isinstance(document, dict) or not any(sensor in document for sensor in _SENSORS):

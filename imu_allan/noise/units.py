@@ -81,6 +81,7 @@ def parse(text: str, to: str) -> float:
     ------
     ImuAllanError
         If the number, the unit or its dimension is not right; the message gives a right example.
+
     """
     examples = f"write it with a unit, such as '1 {ENGINEERING_UNITS.get(to, to)}' or '1 {to}'"
     shown = repr(text if len(text) <= _LONGEST else text[:_LONGEST] + '...')
@@ -109,6 +110,7 @@ def convert(value: float, unit: str, to: str) -> float:
     ------
     ImuAllanError
         If the two units are not of one dimension.
+
     """
     factor = _factor(unit, to)
     if factor is None:
@@ -132,6 +134,7 @@ def engineering(value: float, unit: str) -> tuple[float, str]:
     value : float
     unit : str
         For instance ``deg/sqrt(h)`` for an angle random walk.
+
     """
     to = ENGINEERING_UNITS[unit]
     return convert(value, unit, to), to

@@ -22,6 +22,7 @@ def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
     ------
     ImuAllanError
         If the file cannot be written; the message names it and the reason.
+
     """
     target = Path(os.path.realpath(path))
     try:

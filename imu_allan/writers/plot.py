@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any, Literal, TYPE_CHECKING
 import warnings
 
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Term, TERMS
 from imu_allan.noise.units import engineering, typeset
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.table import duration, number, plain
+from imu_allan.writers.table import duration, number
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,12 +62,15 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
     Parameters
     ----------
     result : Result
+        What to draw.
     theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
 
     Returns
     -------
     matplotlib.figure.Figure
         Gyroscope and accelerometer side by side, their coefficients above, the timeline below.
+
     """
     with _style(theme):
         sensors = _sensors_of(result)
@@ -99,16 +102,20 @@ def sensor_figure(result: Result, sensor: str, spectra: Spectra | None = None,
     Parameters
     ----------
     result : Result
+        What to draw.
     sensor : 'gyro' or 'accel'
+        Which of the two.
     spectra : mapping of axis name to (frequency_hz, psd), optional
         Measured two-sided power spectral densities in squared sample units per Hz; without them
         the model's spectrum and the tones are drawn.
     theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
 
     Raises
     ------
     ImuAllanError
         If the result has no axis of `sensor`.
+
     """
     axes = _axes_of(result, sensor)
     if not axes:
@@ -143,9 +150,12 @@ def render(figure: 'Figure', format: str = 'png', dpi: float = 150) -> bytes:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
+        What to write.
     format : 'png', 'svg' or 'pdf'
+        Kind of file.
     dpi : float
         Pixels per inch of a PNG.
+
     """
     content = io.BytesIO()
     # The same result gives the same bytes: no date inside, no random identifiers in the SVG.
@@ -173,6 +183,7 @@ def save_plots(result: Result, folder: str | os.PathLike[str],
     ------
     ImuAllanError
         If a file cannot be written.
+
     """
     sheets = {'allan': overview_figure(result)}
     for sensor in _sensors_of(result):
@@ -214,10 +225,14 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
     Parameters
     ----------
     panel : matplotlib.axes.Axes
+        With its limits set.
     axis : AxisResult
+        Whose terms.
     theme : 'light' or 'dark'
+        Colours of the paper.
     truth : mapping of term key to float, optional
         Draw these coefficients (SI) instead of the estimated ones.
+
     """
     ink, paper = COLOURS[theme]['ink'], COLOURS[theme]['paper']
     curve = axis.curve
@@ -273,13 +288,18 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     Parameters
     ----------
     panel : matplotlib.axes.Axes
+        Where to draw.
     axis : AxisResult
+        Whose density.
     timeline : Timeline
         Gives the sample rate and the lowest frequency.
     colour : str
+        Colour of the axis.
     theme : 'light' or 'dark'
+        Colours of the paper.
     measured : (frequency_hz, psd), optional
         Arrays of shape (n,).
+
     """
     rate = timeline.sample_rate_hz
     if rate is None or timeline.duration_s <= 0:
@@ -317,9 +337,11 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
     Parameters
     ----------
     axis : AxisResult
+        Whose model.
     frequency_hz : ndarray, shape (n,)
         Above zero, up to half of `sample_rate_hz`.
     sample_rate_hz : float
+        Of the samples.
     coefficients : mapping of term key to float, optional
         These terms alone (SI) instead of the fitted ones.
 
@@ -327,6 +349,7 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
     -------
     ndarray, shape (n,)
         In squared sample units per Hz. The ramp is deterministic and has no spectrum.
+
     """
     dt = 1 / sample_rate_hz
     nu = np.asarray(frequency_hz) * dt
@@ -538,15 +561,15 @@ def _spread(values: list[float], apart: float) -> list[float]:
 
 def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '') -> None:
     source, timeline = result.source, result.timeline
-    names = [plain(source.path), plain(source.topic)]
-    title = '   '.join(shorten(name, 60) for name in names if name) or 'samples'
+    names = [printable(name) for name in (source.path, source.topic) if name]
+    title = '   '.join(shorten(name, 60) for name in names) or 'samples'
     rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
     facts = [f'{timeline.samples:,} samples{rate}, {duration(timeline.duration_s)}']
     if source.frame_id:
-        facts.append(f'frame {shorten(plain(source.frame_id), 40)}')
+        facts.append(f'frame {shorten(printable(source.frame_id), 40)}')
     if source.start_time:
-        facts.append(f'from {shorten(plain(source.start_time), 32)}')
-    facts.append(f'imu_allan {shorten(plain(result.imu_allan_version), 20)}')
+        facts.append(f'from {shorten(printable(source.start_time), 32)}')
+    facts.append(f'imu_allan {shorten(printable(result.imu_allan_version), 20)}')
     key = 'points: measured, with 68 % and 95 % intervals;  line: fitted model'
     if what:
         title = f'{what}   {title}'

@@ -27,6 +27,7 @@ def save_result(result: Result, path: str | os.PathLike[str]) -> None:
     ------
     ImuAllanError
         If `path` cannot be written.
+
     """
     write_atomically(path, result.to_json().encode())
 
@@ -39,6 +40,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     ------
     ImuAllanError
         If the file cannot be read, is not of the schema, or contradicts itself.
+
     """
     try:
         with Path(path).open('rb') as file:
@@ -68,6 +70,7 @@ def curves_csv(result: Result) -> str:
     -------
     str
         Header line, then rows in SI units and seconds; numbers read back exactly.
+
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
@@ -89,6 +92,7 @@ def save_curves(result: Result, path: str | os.PathLike[str]) -> None:
     ------
     ImuAllanError
         If `path` cannot be written.
+
     """
     write_atomically(path, curves_csv(result).encode())
 

@@ -10,6 +10,7 @@ as a control sequence.
 
 from typing import TYPE_CHECKING
 
+from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES, Term, TERMS
 from imu_allan.noise.units import convert, engineering
 from imu_allan.result import AxisResult, Coefficient, Result
@@ -30,8 +31,10 @@ def print_result(result: Result, console: 'Console | None' = None) -> None:
     Parameters
     ----------
     result : Result
+        What to print.
     console : rich.console.Console, optional
         Where to; standard output by default.
+
     """
     from rich.console import Console
 
@@ -50,6 +53,7 @@ def result_table(result: Result) -> 'RenderableType':
     -------
     rich renderable
         For `rich.console.Console.print` or `rich.live.Live`.
+
     """
     from rich.console import Group
 
@@ -63,21 +67,16 @@ def result_table(result: Result) -> 'RenderableType':
     return Group(*parts)
 
 
-def plain(text: str | None) -> str:
-    """`text` from a recording without control characters, so that it cannot steer a terminal."""
-    return ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text or '')
-
-
 def _heading(result: Result) -> 'Text':
     from rich.text import Text
 
     source, timeline = result.source, result.timeline
     text = Text()
-    text.append(plain(source.path or source.topic or 'samples'), style='bold')
+    text.append(printable(source.path or source.topic or 'samples'), style='bold')
     if source.path and source.topic:
-        text.append(f'  {plain(source.topic)}')
+        text.append(f'  {printable(source.topic)}')
     if source.frame_id:
-        text.append(f'  frame {plain(source.frame_id)}')
+        text.append(f'  frame {printable(source.frame_id)}')
     rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
     text.append(f'\n{timeline.samples:,} samples{rate}, {duration(timeline.duration_s)}')
     counts = {'missing': timeline.missing, 'duplicate': timeline.duplicates,
@@ -186,6 +185,6 @@ def _notes(result: Result) -> 'list[RenderableType]':
                               'take its coefficients with care', style='yellow'))
     for warning in result.warnings:
         text = Text('warning: ', style='bold yellow')
-        text.append(plain(warning.message), style='not bold')
+        text.append(printable(warning.message), style='not bold')
         notes.append(text)
     return notes

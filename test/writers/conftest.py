@@ -5,9 +5,6 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-import pytest
-
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
 from imu_allan.result import (
     AxisResult,
@@ -21,6 +18,8 @@ from imu_allan.result import (
     Timeline,
     Tone,
 )
+import numpy as np
+import pytest
 
 RATE_HZ = 200.0
 DURATION_S = 3600.0 * 3
