@@ -4,7 +4,7 @@
 
 import argparse
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,6 +44,8 @@ def register(verbs: Any) -> None:
     parser.add_argument('--rate', metavar='HZ', type=positive_number,
                         help='sample rate, instead of the one measured from the stamps; needed '
                              'for a CSV without a time column')
+    parser.add_argument('--force-rate', action='store_true',
+                        help='use --rate even if the stamps advance at another rate')
     parser.add_argument('--clock', choices=('header', 'receive'),
                         help='stamps to trust (default: header, unless they are unusable)')
     parser.add_argument('--start', metavar='TIME', type=moment, default=0.0,
@@ -68,6 +70,8 @@ class _Task:
     path: str
     topic: str | None
     options: Mapping[str, Any]
+    start_s: float
+    duration_s: float | None
     size_bytes: int
     folder: Path | None
 
@@ -76,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     """Characterize every recording; each result is shown once it and those before it are done."""
     if args.json is not None and len(args.recordings) > 1:
         args.parser.error('--json takes one recording; use --output DIR for several')
+    if args.force_rate and args.rate is None:
+        args.parser.error('--force-rate needs --rate')
     complaints: list[ImuAllanError] = []
     tasks = _tasks(args, complaints)
     if args.json is not None and len(tasks) > 1:
@@ -102,8 +108,8 @@ def run(args: argparse.Namespace) -> int:
 def _tasks(args: argparse.Namespace, complaints: list[ImuAllanError]) -> list[_Task]:
     from imu_allan.recordings import open_recording
 
-    options = {'rate_hz': args.rate, 'clock': args.clock or 'auto', 'motion': args.motion,
-               'start_s': args.start, 'duration_s': args.duration}
+    options = {'clock': args.clock or 'auto', 'rate_hz': args.rate,
+               'force_rate': args.force_rate, 'motion': args.motion}
     found: list[tuple[str, str | None, int]] = []
     for path in args.recordings:
         try:
@@ -114,11 +120,10 @@ def _tasks(args: argparse.Namespace, complaints: list[ImuAllanError]) -> list[_T
         except ImuAllanError as error:
             complaints.append(error)
     output = None if args.output is None else Path(args.output)
-    names: list[str | None] = [None] if len(found) == 1 else _distinct(
-        _folder_name(path, topic) for path, topic, _ in found)
+    names = _distinct([_folder_name(path, topic) for path, topic, _ in found])
     return [
-        _Task(path, topic, options, size,
-              None if output is None else output if name is None else output / name)
+        _Task(path, topic, options, args.start, args.duration, size,
+              None if output is None else output if len(found) == 1 else output / name)
         for (path, topic, size), name in zip(found, names, strict=True)]
 
 
@@ -131,8 +136,8 @@ def _folder_name(path: str, topic: str | None) -> str:
     return re.sub(r'[^\w.-]+', '_', name).lstrip('.') or 'recording'
 
 
-def _distinct(names: Iterable[str]) -> list[str | None]:
-    taken: list[str | None] = []
+def _distinct(names: list[str]) -> list[str]:
+    taken: list[str] = []
     for name in names:
         candidates = chain([name], (f'{name}-{number}' for number in naturals(2)))
         taken.append(next(candidate for candidate in candidates if candidate not in taken))
@@ -140,9 +145,11 @@ def _distinct(names: Iterable[str]) -> list[str | None]:
 
 
 def _characterize(task: _Task, progress: Callable[[int], None] | None = None) -> 'Result':
-    import imu_allan
+    from imu_allan.analysis import analyze
+    from imu_allan.timeline import TimelineOptions
 
-    return imu_allan.analyze(task.path, task.topic, progress=progress, **task.options)
+    return analyze(task.path, task.topic, options=TimelineOptions(**task.options),
+                   start_s=task.start_s, duration_s=task.duration_s, progress=progress)
 
 
 def _hand_out(result: 'Result', folder: Path | None, json: str | None, *, first: bool) -> None:
@@ -240,7 +247,8 @@ def _dask_client(address: str) -> Iterator[Any]:
         raise ImuAllanError("--dask: the package distributed is not installed; "
                             "pip install 'imu_allan[fleet]'") from None
     try:
-        client = Client(address, timeout=10, set_as_default=False)
+        client = Client(  # type: ignore[no-untyped-call]
+            address, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
                             'dask scheduler') from error

@@ -12,10 +12,10 @@ import argparse
 from collections.abc import Sequence
 import os
 import sys
-from typing import Any
 
 from imu_allan.cli import analyze, check, export, info, report, simulate
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.version import __version__
 
 EXIT_DONE = 0
 EXIT_KNOWN_ERROR = 1
@@ -33,23 +33,12 @@ exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
 """
 
 
-class _ShowVersion(argparse.Action):
-    def __init__(self, option_strings: Sequence[str], dest: str, **_: Any) -> None:
-        super().__init__(option_strings, dest, nargs=0, help='print the version and exit')
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        # importlib.metadata takes a tenth of the time that --help may cost.
-        from importlib.metadata import version
-        print(f'imu_allan {version("imu_allan")}')
-        parser.exit()
-
-
 def command_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command, every verb registered."""
     parser = argparse.ArgumentParser(
         prog='imu_allan', description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--version', action=_ShowVersion)
+    parser.add_argument('--version', action='version', version=f'imu_allan {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
     for verb in (analyze, info, simulate, check, export, report):
         verb.register(verbs)
