@@ -114,7 +114,7 @@ def _tasks(args: argparse.Namespace, complaints: list[ImuAllanError]) -> list[_T
     for path in args.recordings:
         try:
             with open_recording(path, rate_hz=args.rate) as recording:
-                topics = [args.topic] if not args.all_topics else [
+                topics: list[str | None] = [args.topic] if not args.all_topics else [
                     topic.name for topic in recording.topics] or [None]
                 found.extend((path, topic, recording.size_bytes) for topic in topics)
         except ImuAllanError as error:
