@@ -102,6 +102,22 @@ def parse(text: str, to: str) -> float:
     return value
 
 
+def unit_of(text: str) -> str:
+    """
+    Return the unit of a value that `parse` reads, as it is written.
+
+    Raises
+    ------
+    ImuAllanError
+        If `text` does not begin with a number.
+
+    """
+    match = _NUMBER.match(text)
+    if match is None:
+        raise ImuAllanError(f'{text[:_LONGEST]!r} does not begin with a number')
+    return match[2].strip()
+
+
 def convert(value: float, unit: str, to: str) -> float:
     """
     Return `value` given in `unit` in the unit `to`.

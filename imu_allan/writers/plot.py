@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import io
 from math import inf
-import os
-from pathlib import Path
 from typing import Any, Literal, TYPE_CHECKING
 import warnings
 
@@ -22,7 +20,6 @@ from imu_allan.noise import spectrum
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Term, TERMS
 from imu_allan.noise.units import engineering, typeset
 from imu_allan.result import AxisResult, Result, Timeline
-from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.table import duration, number
 import numpy as np
 from numpy.typing import NDArray
@@ -72,10 +69,10 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
         Gyroscope and accelerometer side by side, their coefficients above, the timeline below.
 
     """
-    with _style(theme):
-        sensors = _sensors_of(result)
+    with plot_style(theme):
+        sensors = sensors_of(result)
         halves = max(1, len(sensors))
-        figure = _figure(6.0 * halves if halves > 1 else 7.0, 7.2)
+        figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 7.2)
         _write_heading(figure, result, theme)
         for column, sensor in enumerate(sensors):
             axes = _axes_of(result, sensor)
@@ -85,7 +82,7 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
             panel = figure.add_axes((left + 0.135 * width, 0.205, 0.735 * width, 0.495))
             for name, axis in axes.items():
                 draw_curve(panel, axis, COLOURS[theme][name[-1]], _MARKERS[name[-1]])
-            _frame_allan(panel, sensor, _limits(axes.values()))
+            frame_allan(panel, sensor, limits_of(axes.values()))
             _label_ends(panel, axes, theme)
         draw_timeline(figure.add_axes((0.02, 0.072, 0.96, 0.03)), result.timeline, theme)
         return figure
@@ -120,18 +117,18 @@ def sensor_figure(result: Result, sensor: str, spectra: Spectra | None = None,
     axes = _axes_of(result, sensor)
     if not axes:
         raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
-    with _style(theme):
-        figure = _figure(5.2 * len(axes) + 0.6, 10.2)
+    with plot_style(theme):
+        figure = empty_figure(5.2 * len(axes) + 0.6, 10.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.885, bottom=0.145, wspace=0.09, hspace=0.2)
         _write_heading(figure, result, theme, _SENSORS[sensor])
-        limits = _limits(axes.values(), rings=True)
+        limits = limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
         for column, (name, axis) in enumerate(axes.items()):
             colour, marker = COLOURS[theme][name[-1]], _MARKERS[name[-1]]
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
-            _frame_allan(allan, sensor, limits, **ends)
+            frame_allan(allan, sensor, limits, **ends)
             draw_curve(allan, axis, colour, marker)
             draw_terms(allan, axis, theme)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
@@ -161,40 +158,12 @@ def render(figure: 'Figure', format: str = 'png', dpi: float = 150) -> bytes:
     # The same result gives the same bytes: no date inside, no random identifiers in the SVG.
     metadata = {'png': {'Software': None}, 'svg': {'Date': None},
                 'pdf': {'CreationDate': None}}[format]
-    with _style(), warnings.catch_warnings():
+    with plot_style(), warnings.catch_warnings():
         # A frame_id in a script that the font lacks shows as boxes; that is no reason to complain.
         warnings.filterwarnings('ignore', message='.*[Gg]lyph.*')
         figure.savefig(content, format=format, dpi=dpi, metadata=metadata,
                        facecolor=figure.get_facecolor())
     return content.getvalue()
-
-
-def save_plots(result: Result, folder: str | os.PathLike[str],
-               formats: Sequence[str] = ('png',), spectra: Spectra | None = None) -> list[Path]:
-    """
-    Write the overview as ``allan.FORMAT`` and one sheet a sensor as ``gyro.FORMAT`` and so on.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written.
-
-    """
-    sheets = {'allan': overview_figure(result)}
-    for sensor in _sensors_of(result):
-        sheets[sensor] = sensor_figure(result, sensor, spectra)
-    paths = []
-    for name, figure in sheets.items():
-        for format in formats:
-            path = Path(folder) / f'{name}.{format}'
-            write_atomically(path, render(figure, format))
-            paths.append(path)
-    return paths
 
 
 def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o') -> None:
@@ -399,10 +368,10 @@ def draw_timeline(panel: 'Axes', timeline: Timeline, theme: Theme = 'light') -> 
         if spans:
             total = duration(sum(span.duration_s for span in spans))
             parts.append((f'■ {len(spans)} × {name} ({total})', colour))
-    _write_in_a_row(panel, parts)
+    write_in_a_row(panel, parts)
 
 
-def _write_in_a_row(panel: 'Axes', parts: Sequence[tuple[str, str]]) -> None:
+def write_in_a_row(panel: 'Axes', parts: Sequence[tuple[str, str]]) -> None:
     """Write coloured texts one after the other above `panel`."""
     from matplotlib.artist import Artist
     from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
@@ -460,7 +429,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                    fontweight='bold')
 
 
-def _limits(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
+def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
     """
     Lowest and highest Allan deviation to show.
 
@@ -483,8 +452,9 @@ def _limits(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, 
     return low / 1.6, high * 1.6
 
 
-def _frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
-                 left: bool = True, right: bool = True) -> None:
+def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
+                left: bool = True, right: bool = True) -> None:
+    """Set scales, limits and labels of an Allan deviation panel; SI left, engineering right."""
     panel.set_xscale('log')
     panel.set_yscale('log')
     panel.set_ylim(*limits)
@@ -591,7 +561,8 @@ def shorten(text: str, longest: int) -> str:
     return f'{text[:half]}…{text[-half:]}'
 
 
-def _sensors_of(result: Result) -> list[str]:
+def sensors_of(result: Result) -> list[str]:
+    """Return which of gyro and accel the result has."""
     return [sensor for sensor in _SENSORS if _axes_of(result, sensor)]
 
 
@@ -600,7 +571,8 @@ def _axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
             if name.startswith(sensor) and name in result.axes}
 
 
-def _figure(width: float, height: float) -> 'Figure':
+def empty_figure(width: float, height: float) -> 'Figure':
+    """Return a figure of this size in inches that needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -610,7 +582,8 @@ def _figure(width: float, height: float) -> 'Figure':
 
 
 @contextmanager
-def _style(theme: Theme = 'light') -> Iterator[None]:
+def plot_style(theme: Theme = 'light') -> Iterator[None]:
+    """Fonts, lines and colours of every figure, for as long as the context lasts."""
     import matplotlib
 
     colours = COLOURS[theme]

@@ -1,0 +1,55 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Draw plots and a report from one or more result files."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def register(verbs: Any) -> None:
+    """Add the verb and its options to the command."""
+    parser = verbs.add_parser(
+        'report', help='plots and an HTML report; several results are compared',
+        description='Write an HTML report that works offline, and the plots as PNG, SVG and PDF. '
+                    'Several results are drawn into one figure, with a table of their '
+                    'differences in units of their intervals.')
+    parser.add_argument('results', metavar='RESULT', nargs='+',
+                        help='result file, written by: imu_allan analyze RECORDING --json RESULT')
+    parser.add_argument('--output', metavar='DIR', default='.',
+                        help='folder to write to (default: this folder)')
+    parser.add_argument('--format', metavar='LIST', type=_formats, default=('png', 'svg', 'pdf'),
+                        help='plots to write, of png, svg, pdf (default: all three)')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the files and print their paths."""
+    from imu_allan.writers.folder import save_comparison, save_report
+    from imu_allan.writers.result_file import load_result
+
+    results = [load_result(path) for path in args.results]
+    if len(results) == 1:
+        paths = save_report(results[0], args.output, args.format)
+    else:
+        from rich.console import Console
+
+        from imu_allan.writers.comparison import compare, difference_table, names_of
+
+        names = names_of([Path(path) for path in args.results])
+        paths = save_comparison(dict(zip(names, results, strict=True)), args.output, args.format)
+        console = Console()
+        if not console.is_terminal:
+            console.width = 130
+        console.print(difference_table(compare(dict(zip(names, results, strict=True)))))
+    for path in paths:
+        print(path)
+    return 0
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    formats = tuple(dict.fromkeys(part.strip() for part in text.split(',')))
+    unknown = [part for part in formats if part not in ('png', 'svg', 'pdf')]
+    if unknown:
+        raise argparse.ArgumentTypeError(f'{unknown[0]!r} is not one of png, svg, pdf')
+    return formats

@@ -1,0 +1,258 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Several results side by side: sensors of one kind, or one sensor on several days.
+
+The first result is the reference. A difference is given in units of the intervals of the two: the
+distance over the root sum of squares of the halves of the 95 % intervals that face each other. Of
+two recordings of the same sensor, one coefficient in twenty lies beyond 1 by chance.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import hypot
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.units import engineering
+from imu_allan.result import Coefficient, Result
+from imu_allan.writers.plot import (
+    COLOURS,
+    draw_curve,
+    empty_figure,
+    frame_allan,
+    limits_of,
+    plot_style,
+    shorten,
+    Theme,
+    write_in_a_row,
+)
+from imu_allan.writers.table import duration, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+MARKERS = 'os^Dv*Ph'
+
+
+@dataclass(frozen=True)
+class Difference:
+    """
+    One coefficient of one axis in two results.
+
+    Attributes
+    ----------
+    axis, key, unit : str
+        Which coefficient, and its SI unit.
+    reference, other : str
+        Names of the results.
+    coefficients : (Coefficient, Coefficient)
+        Of the reference and of the other.
+    ratio : float or None
+        Other over reference; None where one is not observable.
+    in_intervals : float or None
+        Signed difference in units of the intervals; None where one is not observable.
+
+    """
+
+    axis: str
+    key: str
+    unit: str
+    reference: str
+    other: str
+    coefficients: tuple[Coefficient, Coefficient]
+    ratio: float | None
+    in_intervals: float | None
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """
+    Return a short name for each file, all different.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Result files; files of one name are told apart by their folders.
+
+    """
+    for parts in range(1, 1 + max(len(path.parts) for path in paths)):
+        names = ['/'.join(path.with_suffix('').parts[-parts:]) for path in paths]
+        if len(set(names)) == len(names):
+            shared = {name.rpartition('/')[2] for name in names}
+            # Of a/result and b/result nobody needs to read "result".
+            return [name.rpartition('/')[0] for name in names] \
+                if parts > 1 and len(shared) == 1 else names
+    return [f'{path.stem} ({place})' for place, path in enumerate(paths, 1)]
+
+
+def compare(results: Mapping[str, Result]) -> list[Difference]:
+    """
+    Compare every result with the first.
+
+    Parameters
+    ----------
+    results : mapping of name to Result
+        At least two.
+
+    Returns
+    -------
+    list of Difference
+        By axis, term and result; terms that neither shows are left out.
+
+    Raises
+    ------
+    ImuAllanError
+        If there are fewer than two results, or no axis is in all of them.
+
+    """
+    if len(results) < 2:
+        raise ImuAllanError('a comparison needs at least two results')
+    reference, *others = results
+    differences = []
+    for axis in AXES:
+        if not all(axis in result.axes for result in results.values()):
+            continue
+        for key, term in TERMS.items():
+            a = results[reference].axes[axis].coefficients[key]
+            for other in others:
+                b = results[other].axes[axis].coefficients[key]
+                if a.observable or b.observable:
+                    differences.append(Difference(
+                        axis, key, term.unit(AXES[axis]), reference, other, (a, b),
+                        *_difference(a, b)))
+    if not differences:
+        raise ImuAllanError('the results have no axis in common on which a coefficient is '
+                            'observable')
+    return differences
+
+
+def difference_table(differences: Sequence[Difference]) -> 'Table':
+    """
+    Lay the differences out for a terminal.
+
+    Parameters
+    ----------
+    differences : sequence of Difference
+        From `compare`.
+
+    Returns
+    -------
+    rich.table.Table
+
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, padding=0, caption_justify='left', caption=(
+        'difference in units of the 95 % intervals; of equal sensors one in twenty lies '
+        'beyond 1'))
+    for heading in ('axis', 'term', 'unit', 'reference', 'other', 'value', 'ratio', 'difference'):
+        table.add_column(heading, overflow='fold', justify='right' if heading in (
+            'reference', 'value', 'ratio', 'difference') else 'left')
+    for difference in differences:
+        beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
+        table.add_row(
+            difference.axis, TERMS[difference.key].symbol, engineering(1.0, difference.unit)[1],
+            shown(difference.coefficients[0]), Text(printable(difference.other)),
+            shown(difference.coefficients[1]),
+            '' if difference.ratio is None else f'{difference.ratio:.4g}',
+            Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',
+                 style='bold yellow' if beyond else ''))
+    return table
+
+
+def shown(coefficient: Coefficient) -> str:
+    """Return the coefficient in its engineering unit, or its bound."""
+    if coefficient.value is not None:
+        return number(engineering(coefficient.value, coefficient.unit)[0])
+    if coefficient.upper95 is None:
+        return 'not observable'
+    return f'< {number(engineering(coefficient.upper95, coefficient.unit)[0])}'
+
+
+def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 'Figure':
+    """
+    Draw the Allan deviation of every result, a panel for each axis.
+
+    Parameters
+    ----------
+    results : mapping of name to Result
+        What to draw.
+    theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    """
+    axes = [axis for axis in AXES if any(axis in result.axes for result in results.values())]
+    sensors = [sensor for sensor in ('gyro', 'accel')
+               if any(axis.startswith(sensor) for axis in axes)]
+    colours = result_colours(len(results), theme)
+    with plot_style(theme):
+        figure = empty_figure(15.0, 1.6 + 4.6 * max(1, len(sensors)))
+        head = 1.35 / figure.get_figheight()
+        grid = figure.add_gridspec(max(1, len(sensors)), 3, left=0.062, right=0.938,
+                                   bottom=0.55 / figure.get_figheight(), top=1 - head,
+                                   wspace=0.09, hspace=0.3)
+        heading = figure.add_axes((0.02, 1 - 0.75 / figure.get_figheight(), 0.96, 0.01))
+        heading.axis('off')
+        figure.text(0.02, 1 - 0.3 / figure.get_figheight(), 'Allan deviation compared',
+                    fontsize=13, fontweight='bold', va='center')
+        write_in_a_row(heading, [
+            (f'{_sign(place)} {shorten(printable(name), 60)} '
+             f'({duration(result.timeline.duration_s)})', colours[place])
+            for place, (name, result) in enumerate(results.items())])
+        for row, sensor in enumerate(sensors):
+            shown_axes = [axis for axis in axes if axis.startswith(sensor)]
+            limits = limits_of([result.axes[axis] for result in results.values()
+                                for axis in shown_axes if axis in result.axes])
+            for column, axis in enumerate(shown_axes):
+                panel = figure.add_subplot(grid[row, column])
+                frame_allan(panel, sensor, limits, left=column == 0,
+                            right=column == len(shown_axes) - 1)
+                panel.set_title(axis.replace('_', ' '), loc='left')
+                for place, result in enumerate(results.values()):
+                    if axis in result.axes:
+                        draw_curve(panel, result.axes[axis], colours[place],
+                                   MARKERS[place % len(MARKERS)])
+        return figure
+
+
+def result_colours(count: int, theme: Theme = 'light') -> list[str]:
+    """
+    Return a colour for each of `count` results, told apart in colour-blind vision.
+
+    Parameters
+    ----------
+    count : int
+        How many; beyond seven they repeat and only the markers differ.
+    theme : 'light' or 'dark'
+        Of the paper.
+
+    """
+    named = COLOURS[theme]
+    palette = [named['z'], named['x'], named['y'],
+               *(('#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b') if theme == 'light'
+                 else ('#e39ac4', '#f0e442', '#9fd0f0', '#b0b0b0'))]
+    return [palette[place % len(palette)] for place in range(count)]
+
+
+def _difference(a: Coefficient, b: Coefficient) -> tuple[float | None, float | None]:
+    if a.value is None or b.value is None or a.ci95 is None or b.ci95 is None:
+        return None, None
+    ratio = b.value / a.value if a.value else None
+    if b.value >= a.value:
+        half = hypot(a.ci95[1] - a.value, b.value - b.ci95[0])
+    else:
+        half = hypot(a.value - a.ci95[0], b.ci95[1] - b.value)
+    return ratio, (b.value - a.value) / half if half > 0 else None
+
+
+def _sign(place: int) -> str:
+    return '●■▲◆▼★✚⬢'[place % len(MARKERS)]
