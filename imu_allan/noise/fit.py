@@ -44,10 +44,12 @@ than its limiting law: at 3.84, 8 % of records of a mere random walk would show 
 _CI95 = 3.841
 _UPPER95 = 2.706
 _SMALLEST_P = 0.01
+_BENT_P = 0.001
 _CHANCE = 1e-3
 _TOLERATED_MISFIT = 0.05
 _LOWEST_EDGE_HZ = 0.5
 _EDGE_GROUPS = 24
+_WORTH = 3.0
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,14 @@ class _Trial:
     dispersion: float
 
     @property
+    def described(self) -> bool:
+        """Whether the residuals are no larger than chance makes them."""
+        return self.p_value > _SMALLEST_P
+
+    @property
     def good(self) -> bool:
-        return self.p_value > _SMALLEST_P or self.misfit <= _TOLERATED_MISFIT
+        """Whether they are small enough for a user not to care."""
+        return self.described or self.misfit <= _TOLERATED_MISFIT
 
 
 def fit(groups: Groups, dt: float) -> Fit:
@@ -129,10 +137,9 @@ def fit(groups: Groups, dt: float) -> Fit:
     -------
     Fit
     """
-    first = _try(groups, None)
-    trial, markov = first, None
-    if not first.good:
-        trial = _without_fine_octaves(groups, dt, first)
+    trial, markov = _try(groups, None), None
+    if trial.p_value < _BENT_P:
+        trial = _without_fine_octaves(groups, dt, trial)
         if not trial.good:
             found = _with_gauss_markov(groups, dt)
             if found is not None:
@@ -198,25 +205,41 @@ def _residuals(groups: Groups, solution: Solution) -> tuple[float, float, float]
 
 
 def _without_fine_octaves(groups: Groups, dt: float, first: _Trial) -> _Trial:
-    """Leave out the finest octaves until the rest is described."""
-    best = first
-    decimation = 1
-    while True:
+    """
+    Leave out the finest octaves until the rest is described.
+
+    Leaving out more than needed costs precision, keeping too much a bias: of the bands tried, that
+    one is returned whose noise density is best, both errors taken together.
+    """
+    tried = [first]
+    for decimation in (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024):
         edge = 1 / (2 * decimation * dt)
         if edge < _LOWEST_EDGE_HZ and decimation > 1:
             break
         if int((groups.frequency <= edge).sum()) < _EDGE_GROUPS:
             break
+        if tried[-1].described:
+            # A roll-off of another shape passes unseen while it still bends the density by a
+            # multiple of its error; an octave further down the bend is a quarter.
+            further = _try(groups, edge, rolling=True)
+            worth = _error_of_density(further) < _WORTH * _error_of_density(tried[-1])
+            return further if further.described and worth else tried[-1]
         for rolling in (False, True):
             if decimation == 1 and not rolling:
                 continue
-            trial = _try(groups, edge if decimation > 1 else None, rolling)
-            if trial.good:
-                return trial
-            if trial.misfit < best.misfit:
-                best = trial
-        decimation *= 2
-    return best
+            tried.append(_try(groups, edge if decimation > 1 else None, rolling))
+            if tried[-1].described:
+                break
+    return min(tried, key=_error_of_density)
+
+
+def _error_of_density(trial: _Trial) -> float:
+    """Relative error of the noise density: sampling, and what the worst misfit may bend it."""
+    value = float(np.sqrt(trial.solution.theta[WHITE]))
+    if value <= 0:
+        return float('inf')
+    sampling = _spread(trial, trial.solution, WHITE) / value
+    return float(np.hypot(sampling, 0 if trial.described else trial.misfit / 2))
 
 
 def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, float]] | None:

@@ -5,7 +5,7 @@ Narrow lines in the spectrum: vibration, mains, idle tones of a quantizer.
 
 A line would pass for flicker or white noise in a fit, so its bins, and those its side lobes reach,
 are left out and the line is named. A line is what rises above the median of its neighbourhood by
-more than chance allows; anything broad stays for the fit to judge.
+more than chance allows, seen at three resolutions: a quantizer's idle tone is a few hertz wide.
 """
 
 from dataclasses import dataclass
@@ -28,6 +28,8 @@ _FALSE_ALARM = 1e-4
 _LEAK = 0.02
 _WIDEST_SHARE = 0.3
 _LEAST_RISE = 1.3
+_LEAST_BROAD_RISE = 1.5
+_SCALES = (1, 8, 32)
 _LOWEST_INDEX = 12
 _MOST = 32
 
@@ -75,30 +77,30 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
         if piece.length != longest[piece.step] or piece.length < _SHORTEST_PIECE:
             continue
         here = np.flatnonzero(bins.piece == number)
-        low = max(0, _LOWEST_INDEX - piece.first)
-        here = here[low:]
+        here = here[max(0, _LOWEST_INDEX - piece.first):]
         if len(here) < _NEIGHBOURHOOD:
             continue
         ratio = bins.power[axis, here] / expected[here]
-        hit, floor = _rising(ratio, piece.blocks)
-        if not hit.any() or hit.mean() > _WIDEST_SHARE:
-            continue
         width = 1 / (2 * piece.length * piece.step * dt)
-        for begin, end in _clusters(hit):
-            excess = np.maximum(ratio[begin:end] - floor[begin:end], 0)
-            peak = float(excess.max() / floor[begin:end].min())
-            reach = int(np.ceil(np.sqrt(peak / _LEAK) / np.pi)) + 1
-            left, right = max(0, begin - reach), min(len(here), end + reach)
-            keep[here[left:right]] = False
-            spans.append((bins.frequency[here[left]], bins.frequency[here[right - 1]]))
-            level = excess * expected[here[begin:end]]
-            for part in _peaks(level):
-                at = bins.frequency[here[begin:end]][part]
-                frequency = float(level[part] @ at / level[part].sum())
-                amplitude = float(np.sqrt(2 * level[part].sum() / piece.length))
-                if piece.step == 1 or not _folded(frequency, lines, 1 / (piece.step * dt),
-                                                  3 * width):
-                    lines.append(Line(frequency, amplitude))
+        taken = np.zeros(len(here), dtype=bool)
+        for scale in _SCALES:
+            for begin, end, floor in _rises(np.where(taken, np.nan, ratio), piece.blocks, scale):
+                excess = np.maximum(ratio[begin:end] - floor, 0)
+                # A sharp line leaks into side lobes; a broad one has skirts of its own width.
+                reach = 1 + (int(np.ceil(np.sqrt(excess.max() / floor / _LEAK) / np.pi))
+                             if scale == 1 else end - begin)
+                left, right = max(0, begin - reach), min(len(here), end + reach)
+                taken[left:right] = True
+                spans.append((bins.frequency[here[left]], bins.frequency[here[right - 1]]))
+                level = excess * expected[here[begin:end]]
+                for part in _peaks(level) if scale == 1 else [slice(None)]:
+                    at = bins.frequency[here[begin:end]][part]
+                    frequency = float(level[part] @ at / level[part].sum())
+                    amplitude = float(np.sqrt(2 * level[part].sum() / piece.length))
+                    if piece.step == 1 or not _folded(frequency, lines,
+                                                      1 / (piece.step * dt), 3 * width):
+                        lines.append(Line(frequency, amplitude))
+        keep[here[taken]] = False
     # Shorter blocks of the same stage see the same lines, only less sharply.
     for number, piece in enumerate(pieces):
         if piece.length == longest[piece.step]:
@@ -113,21 +115,42 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
     return lines[:_MOST], keep
 
 
-def _rising(ratio: Array, blocks: int) -> tuple[Mask, Array]:
-    """Where a flattened spectrum rises above its neighbourhood, and the level of that."""
-    middle = chi2.ppf(0.5, blocks) / blocks
-    chance = chi2.isf(_FALSE_ALARM / len(ratio), blocks) / blocks
-    hit = np.zeros(len(ratio), dtype=bool)
-    floor = ratio
-    for _ in range(3):
-        # Bins already found are levelled, lest several lines lift the median together.
-        level = np.where(hit, floor, ratio)
+def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]:
+    """
+    Where a flattened spectrum rises above its neighbourhood: begin, end and level around.
+
+    The spectrum is averaged over `scale` bins first, which decides how broad a line is seen. Bins
+    that are NaN have been taken by a sharper line.
+    """
+    count = len(ratio) // scale
+    if count < _NEIGHBOURHOOD:
+        return []
+    cells = ratio[:count * scale].reshape(count, scale)
+    known = np.isfinite(cells).sum(axis=1)
+    mean = np.nansum(cells, axis=1) / np.maximum(known, 1)
+    empty = known < (scale + 1) // 2
+    dof = blocks * scale
+    middle = chi2.ppf(0.5, dof) / dof
+    chance = chi2.isf(_FALSE_ALARM / count, dof) / dof
+    least = _LEAST_RISE if scale == 1 else _LEAST_BROAD_RISE
+    hit = np.zeros(count, dtype=bool)
+    floor = mean
+    for _ in range(4):
+        # Cells already found are levelled, lest several lines lift the median together.
+        good = np.flatnonzero(~(hit | empty))
+        if len(good) < _NEIGHBOURHOOD:
+            return []
+        level = np.interp(np.arange(count), good, mean[good])
         floor = median_filter(level, _NEIGHBOURHOOD, mode='nearest') / middle
-        found = ratio > floor * max(chance, _LEAST_RISE)
+        found = (mean > floor * max(chance, least)) & ~empty
         if (found == hit).all():
             break
         hit = found
-    return hit, np.asarray(floor)
+    if not hit.any() or hit.mean() > _WIDEST_SHARE:
+        return []
+    places = np.flatnonzero(hit)
+    groups = np.split(places, np.flatnonzero(np.diff(places) > 4) + 1)
+    return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min())) for g in groups]
 
 
 def _peaks(level: Array) -> list[slice]:
@@ -144,10 +167,3 @@ def _folded(frequency: float, lines: list[Line], rate: float, width: float) -> b
     """Whether a line is the image of a known one at a lower sample rate."""
     return any(abs(abs(line.frequency_hz - rate * round(line.frequency_hz / rate)) - frequency)
                < width for line in lines)
-
-
-def _clusters(hit: Mask) -> list[tuple[int, int]]:
-    """Begin and end of groups of hits less than four bins apart."""
-    places = np.flatnonzero(hit)
-    cut = np.flatnonzero(np.diff(places) > 4) + 1
-    return [(int(group[0]), int(group[-1]) + 1) for group in np.split(places, cut)]
