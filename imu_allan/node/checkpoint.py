@@ -1,0 +1,190 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The state file: what a node has learnt, kept over a crash or a reboot.
+
+A file is the line ``imu_allan.state/1``, the SHA-256 of the rest, and NumPy arrays in the npz
+format without pickles. It is replaced atomically, so a reader finds the old state or the new.
+"""
+
+from collections.abc import Mapping
+import contextlib
+from datetime import datetime, timezone
+import fcntl
+import hashlib
+import io
+import os
+from pathlib import Path
+from typing import Any
+import zipfile
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.writers.atomic import write_atomically
+import numpy as np
+from numpy.typing import NDArray
+
+State = Mapping[str, NDArray[Any]]
+
+VERSION = 1
+_NAME = b'imu_allan.state/'
+_DIGEST_BYTES = 32
+_LARGEST_BYTES = 64_000_000
+
+
+class UnusableState(Exception):
+    """
+    A state file that cannot be resumed from.
+
+    Attributes
+    ----------
+    reason : str
+        One word for the name under which the file is kept: foreign, newer, damaged.
+
+    """
+
+    def __init__(self, reason: str, explanation: str) -> None:
+        super().__init__(explanation)
+        self.reason = reason
+
+
+def encode_state(state: State) -> bytes:
+    """Give the content of a state file."""
+    arrays = io.BytesIO()
+    np.savez(arrays, allow_pickle=False, **dict(state))
+    payload = arrays.getvalue()
+    return _NAME + b'%d\n' % VERSION + hashlib.sha256(payload).digest() + payload
+
+
+def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
+    """
+    Read the arrays of a state file.
+
+    Raises
+    ------
+    UnusableState
+        If `data` is not a whole state file of this version.
+
+    """
+    if not data.startswith(_NAME):
+        # An interrupted copy may have left the beginning of the name, or nothing.
+        reason = 'damaged' if _NAME.startswith(data) else 'foreign'
+        raise UnusableState(reason, 'it is not a state file of imu_allan')
+    line, _, rest = data.partition(b'\n')
+    version = line[len(_NAME):]
+    if not version.isdigit() or len(version) > 9:
+        raise UnusableState('damaged', 'its first line is damaged')
+    if int(version) != VERSION:
+        raise UnusableState('newer' if int(version) > VERSION else 'foreign',
+                            f'it has version {int(version)}, this imu_allan reads {VERSION}')
+    digest, payload = rest[:_DIGEST_BYTES], rest[_DIGEST_BYTES:]
+    if hashlib.sha256(payload).digest() != digest:
+        raise UnusableState('damaged', 'its checksum is wrong')
+    try:
+        with zipfile.ZipFile(io.BytesIO(payload)) as archive:
+            # A compressed member could be any size once unpacked.
+            if sum(member.file_size for member in archive.infolist()) > len(payload):
+                raise UnusableState('damaged', 'its arrays are larger than the file')
+        with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (ValueError, KeyError, OSError, EOFError, MemoryError, OverflowError,
+            NotImplementedError, RuntimeError, zipfile.BadZipFile) as error:
+        raise UnusableState('damaged', f'its arrays cannot be read ({error})') from error
+
+
+class StateFile:
+    """
+    One node's state file, locked against every other node while this object is open.
+
+    Parameters
+    ----------
+    path : path-like
+        The folder is made if it is missing.
+
+    Raises
+    ------
+    ImuAllanError
+        If another process holds the file or its folder cannot be written to.
+
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(os.path.realpath(Path(path).expanduser()))
+        if self.path.is_dir():
+            raise ImuAllanError(f'state_file {path}: is a folder; name a file in it')
+        lock = self.path.with_name(self.path.name + '.lock')
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = lock.open('ab')
+        except OSError as error:
+            raise ImuAllanError(f'state_file {path}: cannot be written ({error.strerror}); '
+                                'choose a folder that may be written to') from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._lock.close()
+            raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '
+                                'a file of its own') from error
+
+    def close(self) -> None:
+        """Release the lock."""
+        self._lock.close()
+
+    def load(self) -> dict[str, NDArray[Any]] | None:
+        """
+        Read the state that was saved last; None if there is no file.
+
+        Raises
+        ------
+        UnusableState
+            If the file is there and cannot be used.
+
+        """
+        try:
+            with self.path.open('rb') as file:
+                data = file.read(_LARGEST_BYTES + 1)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise UnusableState('unreadable', f'it cannot be read ({error.strerror})') from error
+        if len(data) > _LARGEST_BYTES:
+            raise UnusableState('foreign', 'it is too large for a state file of imu_allan')
+        return decode_state(data)
+
+    def save(self, state: State) -> int:
+        """
+        Replace the saved state and return the size of the file in bytes.
+
+        Raises
+        ------
+        ImuAllanError
+            If the file cannot be written; the state before it stays.
+
+        """
+        data = encode_state(state)
+        write_atomically(self.path, data)
+        return len(data)
+
+    def keep_aside(self, reason: str) -> Path:
+        """
+        Give the saved state another name, so that a new run cannot overwrite it.
+
+        Parameters
+        ----------
+        reason : str
+            A word that becomes part of the name.
+
+        Raises
+        ------
+        ImuAllanError
+            If the file cannot be renamed.
+
+        """
+        now = datetime.now(timezone.utc).strftime('%Y%m%dT%H%M%S.%fZ')
+        aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
+        try:
+            with contextlib.suppress(FileNotFoundError):
+                self.path.rename(aside)
+        except OSError as error:
+            raise ImuAllanError(f'{self.path}: cannot be renamed ({error.strerror}); move it '
+                                'away or choose another state_file') from error
+        return aside

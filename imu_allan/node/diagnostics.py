@@ -1,0 +1,233 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What ``/diagnostics`` says: is everything well with the samples, the fit and the files."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from imu_allan.node.result_messages import as_text, spoken_duration
+from imu_allan.noise.terms import TERMS
+from imu_allan.result import Result
+from imu_allan.timeline import TimelineSummary
+
+_RATE_TOLERANCE = 0.02
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+Verdict = tuple[bytes, str]
+
+
+@dataclass
+class Facts:
+    """
+    What the node counts and remembers for ``/diagnostics``.
+
+    Attributes
+    ----------
+    topic : str
+    queue : int
+        Messages the middleware keeps until they are taken.
+    expected_rate : float
+        In Hz; 0 where it is unknown.
+    state_file : str
+        Empty where none is kept.
+    received, lost, malformed, skipped : int
+        Messages taken, numbered but never received, not decodable, and passed over in a pause.
+    publishers : int
+    received_hz : float
+        Messages taken per second, lately.
+    cpu_s : float or None
+        CPU time of the whole process per message, lately, in seconds.
+    longest_hold_s : float
+        Longest time between two takings since the last report.
+    paused : bool
+    on_trial : bool
+        Whether messages are held back until they show the IMU of the state file.
+    fit_s : float or None
+        Time the last fit took.
+    fit_error, update_error, save_error, checkpoint_error : str
+        What the last attempt failed with; empty where it did not.
+    checkpoint_age_s : float or None
+    resumed : str
+        What became of the state file when the node started.
+
+    """
+
+    topic: str
+    queue: int
+    expected_rate: float
+    state_file: str
+    received: int = 0
+    lost: int = 0
+    malformed: int = 0
+    skipped: int = 0
+    publishers: int = 0
+    silent_s: float = 0.0
+    received_hz: float = 0.0
+    cpu_s: float | None = None
+    longest_hold_s: float = 0.0
+    paused: bool = False
+    on_trial: bool = False
+    fit_s: float | None = None
+    fit_error: str = ''
+    update_error: str = ''
+    save_error: str = ''
+    checkpoint_error: str = ''
+    checkpoint_age_s: float | None = None
+    resumed: str = ''
+
+
+def diagnostics_message(node_name: str, stamp: Time, facts: Facts, summary: TimelineSummary,
+                        result: Result | None) -> DiagnosticArray:
+    """
+    All statuses of the node.
+
+    Parameters
+    ----------
+    node_name : str
+        In front of the names of the statuses.
+    stamp : builtin_interfaces.msg.Time
+        Now.
+    facts : Facts
+        What the node counts.
+    summary : TimelineSummary
+        Of everything received so far.
+    result : Result or None
+        The last fit.
+
+    """
+    array = DiagnosticArray()
+    array.header.stamp = stamp
+    parts = {'reception': (_reception_verdict(facts), _reception_values(facts)),
+             'timeline': (_timeline_verdict(facts, summary), _timeline_values(facts, summary)),
+             'estimation': (_estimation_verdict(facts, result),
+                            _estimation_values(facts, result)),
+             'storage': (_storage_verdict(facts), _storage_values(facts))}
+    for name, ((level, message), values) in parts.items():
+        array.status.append(DiagnosticStatus(
+            level=level, name=f'{node_name}: {name}', message=message, hardware_id=facts.topic,
+            values=[KeyValue(key=key, value=as_text(value)) for key, value in values.items()
+                    if value is not None]))
+    return array
+
+
+def waiting_for(result: Result) -> tuple[str, str, float] | None:
+    """Axis, term and seconds of the coefficient that is expected to become observable next."""
+    waits = [(coefficient.observable_in_s, name, key)
+             for name, axis in result.axes.items()
+             for key, coefficient in axis.coefficients.items()
+             if not coefficient.observable and coefficient.observable_in_s is not None]
+    if not waits:
+        return None
+    seconds, name, key = min(waits)
+    return name, key, seconds
+
+
+def _reception_verdict(facts: Facts) -> Verdict:
+    if not facts.publishers:
+        return ERROR, f'nothing publishes {facts.topic}'
+    if facts.silent_s > 2:
+        return ERROR, f'no message for {facts.silent_s:.0f} s'
+    if facts.publishers > 1:
+        return WARN, f'{facts.publishers} nodes publish {facts.topic}: their samples mix'
+    if facts.malformed:
+        return WARN, f'{facts.malformed} messages could not be decoded'
+    if facts.lost:
+        return WARN, f'{facts.lost} messages were lost on the way'
+    if facts.paused:
+        return WARN, 'paused: samples are passed over'
+    return OK, f'receiving {facts.received_hz:.4g} messages per second'
+
+
+def _reception_values(facts: Facts) -> Mapping[str, object]:
+    return {'received': facts.received, 'lost': facts.lost, 'malformed': facts.malformed,
+            'passed_over': facts.skipped, 'publishers': facts.publishers,
+            'rate_hz': facts.received_hz, 'cpu_per_message_s': facts.cpu_s,
+            'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
+            'paused': facts.paused}
+
+
+def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
+    timeline = summary.timeline
+    rate = summary.measured_rate_hz or timeline.sample_rate_hz
+    if facts.update_error:
+        return ERROR, facts.update_error
+    if facts.on_trial:
+        return OK, 'looking whether this is the IMU of the state file'
+    if summary.moving:
+        return WARN, 'the IMU moves: this part is left out'
+    if summary.mostly_motion:
+        return WARN, 'the IMU was moving most of the time: let it rest'
+    if facts.expected_rate and rate and abs(rate / facts.expected_rate - 1) > _RATE_TOLERANCE:
+        return WARN, f'measured {rate:.5g} Hz, expected {facts.expected_rate:g} Hz'
+    if summary.remarks:
+        return WARN, '; '.join(remark.message for remark in summary.remarks)
+    faults = [f'{count} {what}' for count, what in (
+        (timeline.missing, 'samples missing'), (timeline.duplicates, 'duplicates'),
+        (timeline.out_of_order, 'out of order'), (timeline.rejected, 'rejected'),
+        (summary.clock_jumps, 'clock jumps')) if count]
+    if faults:
+        return WARN, ', '.join(faults)
+    if not timeline.samples:
+        return OK, 'no samples yet'
+    return OK, f'{timeline.samples} samples at {rate or 0:.5g} Hz'
+
+
+def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, object]:
+    timeline = summary.timeline
+    return {'rate_hz': summary.measured_rate_hz, 'jitter_s': summary.jitter_s,
+            'clock': summary.clock, 'frame_id': summary.frame_id, 'samples': timeline.samples,
+            'duration_s': timeline.duration_s, 'missing': timeline.missing,
+            'bridged': summary.bridged, 'gaps': len(timeline.gaps),
+            'longest_gap_s': max((gap.duration_s for gap in timeline.gaps), default=0.0),
+            'duplicates': timeline.duplicates, 'out_of_order': timeline.out_of_order,
+            'rejected': timeline.rejected, 'clock_jumps': summary.clock_jumps,
+            'header_repeats': summary.header_repeats,
+            'header_backward': summary.header_backward, 'moving': summary.moving,
+            'motion_excluded_s': summary.excluded_s,
+            'expected_rate_hz': facts.expected_rate or None}
+
+
+def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
+    if facts.fit_error:
+        return ERROR, facts.fit_error
+    if result is None or not result.axes:
+        return OK, 'no result yet'
+    following = waiting_for(result)
+    if following is None:
+        hidden = sum(not coefficient.observable for axis in result.axes.values()
+                     for coefficient in axis.coefficients.values())
+        return OK, (f'{hidden} coefficients are below what this data can show' if hidden
+                    else 'all coefficients are observable')
+    axis, key, seconds = following
+    return OK, (f'{key.replace("_", " ")} of {axis} expected to be observable in '
+                f'{spoken_duration(seconds)}')
+
+
+def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, object]:
+    values: dict[str, object] = {'fit_duration_s': facts.fit_s}
+    if result is not None:
+        values['fitted_duration_s'] = result.timeline.duration_s
+        for key in TERMS:
+            values[f'observable/{key}'] = sum(axis.coefficients[key].observable
+                                              for axis in result.axes.values())
+        following = waiting_for(result)
+        if following is not None:
+            axis, key, seconds = following
+            values |= {'next_observable': f'{axis} {key}', 'next_observable_in_s': seconds}
+    return values
+
+
+def _storage_verdict(facts: Facts) -> Verdict:
+    if facts.checkpoint_error:
+        return ERROR, facts.checkpoint_error
+    if facts.save_error:
+        return ERROR, facts.save_error
+    if not facts.state_file:
+        return OK, 'no state file: a crash or a reboot begins a new run'
+    return OK, facts.resumed or 'a new run'
+
+
+def _storage_values(facts: Facts) -> Mapping[str, object]:
+    return {'state_file': facts.state_file or None, 'checkpoint_age_s': facts.checkpoint_age_s}

@@ -1,0 +1,21 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Entry point of `imu_allan_node`, the node that characterizes the IMU on a topic."""
+
+from collections.abc import Sequence
+
+from imu_allan.node.process import run_process, StopRequest
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop; save and return the exit status."""
+    return run_process('imu_allan_node', _serve, args)
+
+
+def _serve(stop: StopRequest) -> int:
+    from imu_allan.node.characterization_node import CharacterizationNode
+    node = CharacterizationNode()
+    try:
+        return node.serve(stop)
+    finally:
+        node.destroy_node()

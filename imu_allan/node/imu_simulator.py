@@ -1,0 +1,22 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Entry point of `imu_simulator`, the node that publishes an IMU simulated from a noise model."""
+
+from collections.abc import Sequence
+
+from imu_allan.node.process import run_process, StopRequest
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until its duration is over or it is told to stop; return the exit status."""
+    return run_process('imu_simulator', _serve, args)
+
+
+def _serve(stop: StopRequest) -> int:
+    from imu_allan.node.simulator_node import SimulatorNode
+    node = SimulatorNode()
+    try:
+        node.serve(stop)
+    finally:
+        node.destroy_node()
+    return 0

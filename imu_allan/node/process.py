@@ -1,0 +1,108 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the processes of both nodes share: starting, being told to stop, ending with a status."""
+
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import signal
+import sys
+from types import FrameType
+
+from imu_allan.errors import ImuAllanError
+
+ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
+                'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
+
+
+class StopRequest:
+    """Set by SIGINT or SIGTERM; what is under way is finished first."""
+
+    def __init__(self) -> None:
+        self.signal: signal.Signals | None = None
+
+    def __bool__(self) -> bool:
+        """Whether the process has been told to stop."""
+        return self.signal is not None
+
+    def receive(self, number: int, _: FrameType | None) -> None:
+        """Handle a signal: note it down, and nothing else."""
+        self.signal = signal.Signals(number)
+
+
+def run_process(program: str, serve: Callable[[StopRequest], int],
+                args: Sequence[str] | None = None) -> int:
+    """
+    Run `serve` between the start and the shutdown of rclpy.
+
+    Parameters
+    ----------
+    program : str
+        Name in front of error lines.
+    serve : callable
+        Creates the node and serves it until it is done or the StopRequest is set; returns the
+        exit status. It imports rclpy and the messages itself.
+    args : sequence of str, optional
+        Command line; that of the process by default.
+
+    Returns
+    -------
+    int
+        Exit status: that of `serve`, or 1 after a known error, told in one line on stderr.
+
+    """
+    stop = StopRequest()
+    try:
+        with _told_to_stop(stop), _ros(args):
+            return serve(stop)
+    except ImuAllanError as error:
+        return _fail(program, str(error))
+    except ImportError as error:
+        if (error.name or '').partition('.')[0] not in ROS_PACKAGES:
+            raise
+        return _fail(program, f'needs ROS 2, which {sys.executable} cannot import ({error}); '
+                     'source a ROS 2 installation (source /opt/ros/jazzy/setup.bash) or install '
+                     "the wheels: pip install 'imu_allan[ros]'")
+
+
+@contextlib.contextmanager
+def _told_to_stop(stop: StopRequest) -> Iterator[None]:
+    # rclpy's own handlers raise KeyboardInterrupt wherever the program is, half-way through an
+    # update too, and shut the context down before a last result can be published.
+    before = {number: signal.signal(number, stop.receive)
+              for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _ros(args: Sequence[str] | None) -> Iterator[None]:
+    import rclpy
+    from rclpy.exceptions import ROSInterruptException
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+    from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import try_shutdown
+
+    try:
+        rclpy.init(args=None if args is None else list(args),
+                   signal_handler_options=SignalHandlerOptions.NO)
+    except (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError) as error:
+        raise ImuAllanError(f'{_one_line(error)}; check the arguments after --ros-args and the '
+                            'parameter file') from error
+    try:
+        with contextlib.suppress(ExternalShutdownException, ROSInterruptException):
+            yield
+    finally:
+        try_shutdown()
+
+
+def _one_line(error: object) -> str:
+    return ' '.join(str(error).split())
+
+
+def _fail(program: str, message: str) -> int:
+    print(f'{program}: {_one_line(message)}', file=sys.stderr)
+    return 1

@@ -1,0 +1,234 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A node that stands in for an IMU driver: Imu messages with known noise."""
+
+from pathlib import Path
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.parameters import declare, Setting, warn_of_unknown
+from imu_allan.node.process import StopRequest
+from imu_allan.noise.model import load_model
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.simulator import SimulatedImu
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+
+TOPIC = 'imu/data_raw'
+
+SETTINGS = (
+    Setting('model', 'consumer_mems',
+            'Noise model: a YAML file, or the name of one that the package ships in config/',
+            read_only=True),
+    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
+            read_only=True),
+    Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
+            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
+    Setting('duration', 0.0, 'Simulated seconds, after which the node ends; 0 is without end',
+            0.0, 1e9, read_only=True),
+    Setting('seed', 0, 'Another number gives other noise', 0, 2**31 - 1, read_only=True),
+    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
+    Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
+            'the start', 0.0, 2**31 - 1.0, read_only=True),
+    Setting('wait_for_subscriptions', 0, 'Publish nothing before as many subscriptions are '
+            'matched', 0, 100, read_only=True),
+    Setting('drop_samples', 20, 'How many samples ~/drop leaves out', 1, 1_000_000),
+    Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the angular '
+            'velocity takes a tenth as many rad/s', 0.0, 1e3),
+)
+
+_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_SERVICE_PERIOD_S = 0.05
+_BURST = 256
+_KNOCK_HZ = 17.0
+_KNOCK_DECAY_S = 0.15
+
+
+class SimulatorNode(Node):
+    """
+    Publishes a simulated IMU at rest, in real time, faster, or as fast as it is taken.
+
+    Header stamps are those of simulated time, whatever the speed. It is served by `serve`, not by
+    an executor alone: samples have to leave at their own time.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('imu_simulator')
+        values = declare(self, SETTINGS, self._apply)
+        warn_of_unknown(self)
+        self._model = load_model(find_model(values['model']))
+        self._rate: float = values['rate']
+        self._speed: float = values['speed']
+        self._total = round(values['duration'] * self._rate) if values['duration'] else None
+        self._frame_id: str = values['frame_id']
+        self._wanted: int = values['wait_for_subscriptions'] or (self._speed == 0)
+        self._drop_samples: int = values['drop_samples']
+        self._knock_size: float = values['knock_size']
+        self._imu = SimulatedImu(self._model, self._rate, values['seed'])
+        self._start_ns = round(values['start_time'] * 1e9) or time.time_ns()
+        self._next = 0
+        self._drop_until = 0
+        self._knocks: list[int] = []
+
+        if self._speed == 0:
+            # Only a writer that keeps all waits for a reader that has not taken yet.
+            qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0,
+                             reliability=ReliabilityPolicy.RELIABLE)
+        else:
+            qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+        self._publisher = self.create_publisher(
+            Imu, TOPIC, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        self._truth = self.create_publisher(DiagnosticArray, '~/truth', _LATCHED)
+        self._truth.publish(self._truth_message())
+        self.create_service(Trigger, '~/drop', self._drop)
+        self.create_service(Trigger, '~/knock', self._knock)
+
+    def serve(self, stop: StopRequest) -> None:
+        """Publish until the duration is over or `stop` is set."""
+        executor = SingleThreadedExecutor()
+        executor.add_node(self)
+        try:
+            self._wait_for_subscriptions(executor, stop)
+            self.get_logger().info(
+                f'publishing {self._model.name or "a simulated IMU"} on '
+                f'{self._publisher.topic_name} at {self._rate:g} Hz'
+                + (f', {self._speed:g} times real time' if self._speed not in (0, 1) else ''))
+            self._publish_all(executor, stop)
+            # What a reader has not taken yet would go with the writer.
+            while not (stop or self._publisher.wait_for_all_acked(Duration(seconds=0.5))):
+                executor.spin_once(timeout_sec=0)
+            self.get_logger().info(f'published {self._next} samples')
+        finally:
+            executor.shutdown()
+
+    def _wait_for_subscriptions(self, executor: SingleThreadedExecutor,
+                                stop: StopRequest) -> None:
+        told = time.monotonic()
+        while not stop and self._publisher.get_subscription_count() < self._wanted:
+            executor.spin_once(timeout_sec=_SERVICE_PERIOD_S)
+            if time.monotonic() - told > 5:
+                told = time.monotonic()
+                self.get_logger().info(f'waiting for {self._wanted} subscriptions to '
+                                       f'{self._publisher.topic_name}')
+
+    def _publish_all(self, executor: SingleThreadedExecutor, stop: StopRequest) -> None:
+        began = time.monotonic()
+        served = began
+        while not stop and (self._total is None or self._next < self._total):
+            now = time.monotonic()
+            if now - served >= _SERVICE_PERIOD_S:
+                served = now
+                executor.spin_once(timeout_sec=0)
+            count = _BURST
+            if self._speed:
+                pace = self._rate * self._speed
+                due = int((now - began) * pace) + 1 - self._next
+                if due <= 0:
+                    wait = began + self._next / pace - time.monotonic()
+                    time.sleep(max(0.0, min(wait, _SERVICE_PERIOD_S)))
+                    continue
+                count = min(count, due)
+            if self._total is not None:
+                count = min(count, self._total - self._next)
+            self._publish(count, stop)
+
+    def _publish(self, count: int, stop: StopRequest) -> None:
+        index = np.arange(self._next, self._next + count)
+        samples = self._imu.draw(count)
+        for knock in self._knocks:
+            samples += self._knock_size * _knock_shape((index - knock) / self._rate)
+        self._knocks = [knock for knock in self._knocks
+                        if (self._next - knock) / self._rate < 20 * _KNOCK_DECAY_S]
+        stamps = self._start_ns + np.rint(index / self._rate * 1e9).astype(np.int64)
+        self._next += count
+        kept = index >= self._drop_until
+        block = ImuBlock(stamps[kept], stamps[kept], samples[kept],
+                         np.tile(self._imu.absent, (int(kept.sum()), 1)), self._frame_id)
+        for row in encode_imu_rows(block):
+            message = row.tobytes()
+            while not stop:
+                try:
+                    self._publisher.publish(message)
+                    break
+                except rclpy_implementation.RCLError:
+                    # The queue of a writer that keeps all is full: it has waited 0.1 s already.
+                    continue
+
+    def _drop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._drop_until = max(self._next, self._drop_until) + self._drop_samples
+        response.success = True
+        response.message = f'leaving out {self._drop_samples} samples'
+        return response
+
+    def _knock(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._knocks.append(self._next)
+        response.success = True
+        response.message = f'a knock of {self._knock_size:g} m/s^2'
+        return response
+
+    def _apply(self, name: str, value: object) -> None:
+        if name in ('drop_samples', 'knock_size'):
+            setattr(self, f'_{name}', value)
+
+    def _truth_message(self) -> DiagnosticArray:
+        array = DiagnosticArray()
+        array.header.frame_id = self._frame_id
+        for axis, quantity in AXES.items():
+            status = DiagnosticStatus(name=f'{self.get_name()}: {axis}', level=b'\0',
+                                      message='true values',
+                                      hardware_id=self._publisher.topic_name)
+            for key, value in self._model.axes.get(axis, {}).items():
+                status.values += [
+                    KeyValue(key=f'{key}/value', value=repr(float(value))),
+                    KeyValue(key=f'{key}/unit', value=TERMS[key].unit(quantity))]
+            array.status.append(status)
+        return array
+
+
+def find_model(name: str) -> Path:
+    """
+    Find a noise model: a path, or the name of a file in the package's config folder.
+
+    Raises
+    ------
+    ImuAllanError
+        If there is neither.
+
+    """
+    path = Path(name).expanduser()
+    if path.is_file():
+        return path
+    folders = [Path(__file__).parents[2] / 'config',
+               Path(sys.prefix) / 'share' / 'imu_allan' / 'config']
+    try:
+        from ament_index_python.packages import get_package_share_directory
+        folders.insert(0, Path(get_package_share_directory('imu_allan')) / 'config')
+    except (ImportError, LookupError, OSError):
+        pass
+    for folder in folders:
+        shipped = folder / f'{path.stem}.yaml'
+        if path.name == name and shipped.is_file():
+            return shipped
+    raise ImuAllanError(f'parameter model: {name}: no such file, and no model of that name is '
+                        'shipped; give the path of a noise model YAML file')
+
+
+def _knock_shape(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ring from time zero on all axes and decay, shape (n, 6), of unit acceleration."""
+    after = np.maximum(seconds, 0.0)
+    ringing = np.where(seconds >= 0, np.exp(-after / _KNOCK_DECAY_S)
+                       * np.cos(2 * np.pi * _KNOCK_HZ * after), 0.0)
+    return np.asarray(ringing[:, None] * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))
