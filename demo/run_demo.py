@@ -1,0 +1,385 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The main job in about a minute: `make demo`.
+
+A simulated MEMS IMU publishes sensor_msgs/Imu from a process of its own, faster than real time by
+its header stamps. The node, in another process, characterizes it live: its coefficients converge
+on the screen beside the true values. This process records what is published as a rosbag2
+recording; the offline tool analyzes that recording and must find the same numbers.
+
+`make demo RECORDING=path` analyzes a recording of yours instead.
+"""
+
+import argparse
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack
+import json
+import os
+from pathlib import Path
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import blocks_from_messages
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.model import load_model, NoiseModel
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.units import engineering
+from imu_allan.recordings.write import write_recording
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+SHOWN_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
+AGREEMENT = 1e-9
+"""The node and the recording tool may differ by no more than this, relatively."""
+
+CONSOLE = Console(highlight=False)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demo and return the exit status."""
+    folder = Path(__file__).resolve().parents[1]
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n\n')[0])
+    parser.add_argument('--recording', help='analyze this recording, simulate nothing')
+    parser.add_argument('--topic', help='its Imu topic, where there are several')
+    parser.add_argument('--output', type=Path, default=Path('demo_output'))
+    parser.add_argument('--model', type=Path, default=folder / 'config' / 'consumer_mems.yaml')
+    parser.add_argument('--rate', type=float, default=200.0, help='samples per simulated second')
+    parser.add_argument('--hours', type=float, default=1.0, help='simulated time')
+    args = parser.parse_args(argv)
+    try:
+        if args.recording is not None:
+            return show_recording(args.recording, args.topic, args.output)
+        return show_simulation(args.model, args.rate, args.hours * 3600, args.output)
+    except ImuAllanError as error:
+        print(f'demo: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def show_recording(recording: str, topic: str | None, output: Path) -> int:
+    """Analyze a recording of the user's."""
+    analyze(recording, output, *(('--topic', topic) if topic else ()))
+    list_files(output)
+    return 0
+
+
+def show_simulation(model_file: Path, rate_hz: float, seconds: float, output: Path) -> int:
+    """Characterize a simulated IMU live and again from its recording."""
+    model = load_model(model_file)
+    for stale in ('live', 'recording'):
+        shutil.rmtree(output / stale, ignore_errors=True)
+    output.mkdir(parents=True, exist_ok=True)
+    CONSOLE.print(
+        f'[bold]Live[/]: a simulated IMU ({model.name or model_file.stem}) publishes '
+        f'{seconds / 3600:g} h of sensor_msgs/Imu at {rate_hz:g} Hz, as fast as it is taken.\n'
+        'Every value of the node stands beside the truth; green: the truth lies within its 95 % '
+        'interval.')
+    live = characterize_live(model_file, model, rate_hz, seconds, output)
+    recording = output / 'recording'
+    CONSOLE.print(f'\n[bold]Offline[/]: imu_allan analyze {recording} --output {output}')
+    analyze(str(recording), output)
+    offline = json.loads((output / 'result.json').read_text())
+    numbers, difference = largest_difference(live['axes'], offline['axes'])
+    agree = difference <= AGREEMENT and (live['timeline']['samples']
+                                         == offline['timeline']['samples'])
+    CONSOLE.print(
+        f'\n[bold]{"The same numbers" if agree else "NOT the same numbers"}[/]: node and '
+        f'recording differ by at most {difference:.1e} (relative, {numbers:,} numbers from '
+        f'{live["timeline"]["samples"]:,} and {offline["timeline"]["samples"]:,} samples).')
+    list_files(output)
+    return 0 if agree else 1
+
+
+def characterize_live(model_file: Path, model: NoiseModel, rate_hz: float, seconds: float,
+                      output: Path) -> dict[str, Any]:
+    """Run simulator and node, record what passes between them, return the node's result."""
+    # Discovery must reach nobody else's robot, and nobody else's topics must reach the node.
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 101))
+    os.environ['ROS_LOG_DIR'] = str((output / 'live' / 'log').resolve())
+    namespace = f'/imu_allan_demo_{os.getpid()}'
+    topic = f'{namespace}/imu/data_raw'
+    lossless = {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
+                f'qos_overrides.{topic}.subscription.history': 'keep_all'}
+    # The clean-up: whatever happens, no process is left behind.
+    with ExitStack() as stack:
+        stack.enter_context(ros_process(
+            'imu_allan_node', 'imu_allan.node.imu_allan_node', namespace, output,
+            {**lossless, 'publish_period': 1.0, 'output_dir': str(output / 'live')}))
+        simulator = stack.enter_context(ros_process(
+            'imu_simulator', 'imu_allan.node.imu_simulator', namespace, output,
+            {'model': str(model_file), 'rate': rate_hz, 'duration': seconds, 'speed': 0.0,
+             'wait_for_subscriptions': 2}))
+        bystander = stack.enter_context(Bystander.joined(namespace, topic, lossless))
+        with Screen(model, rate_hz, seconds) as screen:
+            write_recording(output / 'recording', bystander.blocks(simulator, screen))
+        if simulator.returncode:
+            raise ImuAllanError(f'the simulator ended with status {simulator.returncode}; see '
+                                f'{output}/live/imu_simulator.log')
+        saved = bystander.save()
+    result_file = next(path for path in saved if path.endswith('result.json'))
+    result: dict[str, Any] = json.loads(Path(result_file).read_text())
+    return result
+
+
+@contextmanager
+def ros_process(name: str, module: str, namespace: str, output: Path,
+                parameters: Mapping[str, object]) -> Iterator['subprocess.Popen[bytes]']:
+    """Run a node in a process of its own; its words go to a log file."""
+    settings = [word for key, value in parameters.items()
+                for word in ('-p', f'{key}:={json.dumps(value)}')]
+    log = output / 'live' / f'{name}.log'
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with log.open('wb') as words:
+        process = subprocess.Popen(
+            [sys.executable, '-c', f'import sys; from {module} import main; sys.exit(main())',
+             '--ros-args', '-r', f'__ns:={namespace}', *settings],
+            stdin=subprocess.DEVNULL, stdout=words, stderr=subprocess.STDOUT)
+        try:
+            yield process
+        except BaseException:
+            end(process)
+            if process.returncode not in (0, -signal.SIGINT):
+                print(f'{name} said:\n{log.read_text(errors="replace")[-2000:]}', file=sys.stderr)
+            raise
+        end(process)
+
+
+def end(process: 'subprocess.Popen[bytes]') -> None:
+    """End a process that was started here, politely first."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        if process.poll() is not None:
+            return
+        process.send_signal(number)
+        try:
+            process.wait(timeout=15)
+        except (subprocess.TimeoutExpired, KeyboardInterrupt):
+            continue
+
+
+class Bystander:
+    """The third party on the topic: records the samples, watches the node's answers."""
+
+    @classmethod
+    @contextmanager
+    def joined(cls, namespace: str, topic: str,
+               qos: Mapping[str, str]) -> Iterator['Bystander']:
+        """Join the topics for as long as the context lasts."""
+        import rclpy
+
+        rclpy.init(args=[])
+        try:
+            yield cls(namespace, topic, qos)
+        finally:
+            rclpy.try_shutdown()
+
+    def __init__(self, namespace: str, topic: str, qos: Mapping[str, str]) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+        from imu_allan.node.drained_subscription import DrainedSubscription
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+        from rclpy.parameter import Parameter
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from sensor_msgs.msg import Imu
+        from std_srvs.srv import Trigger
+
+        self._node = Node('bystander', namespace=namespace, parameter_overrides=[
+            Parameter(name, value=value) for name, value in qos.items()])
+        self._samples = DrainedSubscription(self._node, Imu, topic, depth=100_000)
+        self._node.create_subscription(
+            DiagnosticArray, f'{namespace}/imu_allan/coefficients', self._hear,
+            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._saving = self._node.create_client(Trigger, f'{namespace}/imu_allan/save')
+        self._request = Trigger.Request()
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._heard: dict[str, dict[str, str]] = {}
+
+    def blocks(self, simulator: 'subprocess.Popen[bytes]', screen: 'Screen'
+               ) -> Iterator[ImuBlock]:
+        """Yield what is published until the simulator has ended; keep the screen up to date."""
+        recorded = 0
+        while True:
+            ended = simulator.poll() is not None
+            batch = self._samples.take()
+            if batch.messages:
+                yield from blocks_from_messages(batch.messages, batch.receive_ns)
+                recorded += len(batch.messages)
+            elif ended:
+                return
+            self._executor.spin_once(timeout_sec=0.05)
+            screen.show(recorded, self._heard)
+
+    def save(self) -> list[str]:
+        """Let the node write its result; return the paths."""
+        future = self._saving.call_async(self._request)
+        self._executor.spin_until_future_complete(future, timeout_sec=60)
+        answer = future.result() if future.done() else None
+        if answer is None or not answer.success:
+            raise ImuAllanError('the node did not save: '
+                                + ('no answer' if answer is None else answer.message))
+        return [word.strip(',;') for word in answer.message.split()]
+
+    def _hear(self, array: Any) -> None:
+        for status in array.status:
+            self._heard[status.name.rpartition(' ')[2]] = {
+                item.key: item.value for item in status.values}
+
+
+class Screen:
+    """The live table on a terminal, a line now and then in a pipe."""
+
+    def __init__(self, model: NoiseModel, rate_hz: float, seconds: float) -> None:
+        self._model, self._rate, self._seconds = model, rate_hz, seconds
+        self._live = (Live(console=CONSOLE, auto_refresh=False)
+                      if CONSOLE.is_terminal else None)
+        self._began: float | None = None
+        self._shown = time.monotonic()
+        self._every = 0.25 if self._live is not None else 5.0
+
+    def __enter__(self) -> 'Screen':
+        """Take the lower part of the terminal."""
+        if self._live is not None:
+            self._live.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        """Leave the last table standing."""
+        if self._live is not None:
+            self._live.__exit__(*exception)
+
+    def show(self, samples: int, heard: Mapping[str, Mapping[str, str]]) -> None:
+        """Show how far the simulation is and what the node says by now."""
+        now = time.monotonic()
+        if samples and self._began is None:
+            self._began = now
+        done = samples / self._rate >= self._seconds
+        if now - self._shown < self._every and not done:
+            return
+        self._shown = now
+        elapsed = now - self._began if self._began is not None else 0.0
+        pace = samples / self._rate / elapsed if elapsed else 0.0
+        text = (f'{samples / self._rate / 60:6.1f} of {self._seconds / 60:.1f} simulated minutes'
+                f', {pace:,.0f} times real time')
+        if self._live is None:
+            CONSOLE.print(f'{text}: {self._one_line(heard)}', soft_wrap=True)
+        else:
+            self._live.update(Group(Text(text), *self._tables(heard)), refresh=True)
+
+    def _one_line(self, heard: Mapping[str, Mapping[str, str]]) -> str:
+        parts = []
+        for key in SHOWN_TERMS:
+            cells = [cell(heard.get(axis, {}), self._model, axis, key).plain.split('\n')[0]
+                     for axis in ('gyro_x', 'gyro_y', 'gyro_z')]
+            truth, unit = true_value(self._model, 'gyro_x', key)
+            parts.append(f'{TERMS[key].symbol} {" ".join(cells)} (true {truth} {unit})')
+        return 'gyro ' + ', '.join(parts)
+
+    def _tables(self, heard: Mapping[str, Mapping[str, str]]) -> Iterable[Table]:
+        for sensor, title in (('gyro', 'Gyroscope'), ('accel', 'Accelerometer')):
+            table = Table(title=title, title_justify='left', title_style='bold')
+            table.add_column('term')
+            table.add_column('unit')
+            for name in ('true', 'x', 'y', 'z'):
+                table.add_column(name, justify='right', min_width=16 if name != 'true' else 6)
+            axes = [axis for axis in AXES if axis.startswith(sensor)]
+            for key in SHOWN_TERMS:
+                truth, unit = true_value(self._model, axes[0], key)
+                table.add_row(
+                    f'{TERMS[key].symbol} {TERMS[key].name(AXES[axes[0]])}', unit, truth,
+                    *(cell(heard.get(axis, {}), self._model, axis, key) for axis in axes))
+            yield table
+
+
+def true_value(model: NoiseModel, axis: str, key: str) -> tuple[str, str]:
+    """Give what the model says, in the unit of datasheets."""
+    value, unit = engineering(model.axes[axis].get(key, 0.0), TERMS[key].unit(AXES[axis]))
+    return f'{value:.4g}', unit
+
+
+def cell(values: Mapping[str, str], model: NoiseModel, axis: str, key: str) -> Text:
+    """Give one coefficient as the node published it, coloured by whether it holds the truth."""
+    unit = TERMS[key].unit(AXES[axis])
+
+    def shown(name: str) -> str:
+        return f'{engineering(float(values[f"{key}/{name}"]), unit)[0]:.4g}'
+
+    truth = model.axes[axis].get(key, 0.0)
+    if f'{key}/value' in values:
+        low, high = (float(values[f'{key}/ci95_{end}']) for end in ('low', 'high'))
+        text = Text(shown('value'), style='bold green' if low <= truth <= high else 'bold yellow')
+        text.append(f'\n{shown("ci95_low")} .. {shown("ci95_high")}', style='not bold')
+        return text
+    if f'{key}/upper95' in values:
+        bound = float(values[f'{key}/upper95'])
+        return Text(f'< {shown("upper95")}', style='green' if truth <= bound else 'yellow')
+    return Text('...', style='dim')
+
+
+def analyze(recording: str, output: Path, *options: str) -> None:
+    """Run the offline tool, and the exporter on its result, as a user would."""
+    command = [sys.executable, '-m', 'imu_allan']
+    run([*command, 'analyze', recording, '--output', str(output), *options])
+    run([*command, 'export', str(output / 'result.json'), '--for', 'kalibr',
+         '--output', str(output / 'imu.yaml')], quiet=True)
+
+
+def run(command: Sequence[str], *, quiet: bool = False) -> None:
+    """Run a command; the demo ends with its status if it fails."""
+    sys.stdout.flush()
+    process = subprocess.run(command, check=False, stdin=subprocess.DEVNULL,
+                             stdout=subprocess.DEVNULL if quiet else None)
+    if process.returncode:
+        sys.exit(process.returncode)
+
+
+def largest_difference(left: object, right: object) -> tuple[int, float]:
+    """
+    Compare two trees of numbers.
+
+    Returns
+    -------
+    numbers : int
+        How many were compared.
+    difference : float
+        The largest relative one; infinite where the trees differ in anything but numbers.
+
+    """
+    if isinstance(left, dict) and isinstance(right, dict) and left.keys() == right.keys():
+        pairs = [(left[key], right[key]) for key in left]
+    elif isinstance(left, list) and isinstance(right, list) and len(left) == len(right):
+        pairs = list(zip(left, right, strict=True))
+    elif type(left) is float and type(right) is float:
+        return 1, abs(left - right) / (max(abs(left), abs(right)) or 1.0)
+    else:
+        return 0, 0.0 if left == right else float('inf')
+    found = [largest_difference(*pair) for pair in pairs]
+    return sum(count for count, _ in found), max((worst for _, worst in found), default=0.0)
+
+
+def list_files(output: Path) -> None:
+    """Say what lies where."""
+    CONSOLE.print('\n[bold]Files[/]')
+    for name, what in (
+            ('report.html', 'everything on one page, open it in a browser'),
+            ('allan_deviation.png', 'the plot'),
+            ('imu.yaml', 'the configuration of Kalibr'),
+            ('result.json', 'all numbers'),
+            ('curve.csv', 'the Allan deviation'),
+            ('recording', 'what was published, as a rosbag2 recording')):
+        if (output / name).exists():
+            CONSOLE.print(f'  {output / name}  {what}', soft_wrap=True)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,287 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+from collections.abc import Iterator
+import contextlib
+import json
+import os
+from pathlib import Path
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+import imu_allan
+from imu_allan.block import ImuBlock
+from imu_allan.cli.main import main
+from imu_allan.noise.model import NoiseModel
+from imu_allan.recordings.write import write_recording
+from imu_allan.simulator import simulated_blocks
+import numpy as np
+import pytest
+
+RATE_HZ = 100.0
+SAMPLES = 30_000
+START_NS = 1_700_000_000 * 10**9
+
+COMMAND = [sys.executable, '-m', 'imu_allan', 'analyze']
+
+
+def test_table_goes_to_stdout_and_nothing_to_stderr(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(recording)]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == ''
+    assert '30,000 samples at 100 Hz' in shown.out
+    assert 'angle random walk' in shown.out
+    assert 'velocity random walk' in shown.out
+
+
+def test_json_holds_exactly_what_python_returns(
+        recording: Path, tmp_path: Path) -> None:
+    assert main(['analyze', str(recording), '--json', str(tmp_path / 'r.json')]) == 0
+    written = json.loads((tmp_path / 'r.json').read_text())
+    assert written == imu_allan.analyze(recording).to_dict()
+    assert written['schema'] == 'imu_allan.result/1'
+
+
+def test_output_folder_holds_result_curve_plot_and_report(
+        recording: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'with' / 'parents'
+    assert main(['analyze', str(recording), '--output', str(output)]) == 0
+    assert sorted(path.name for path in output.iterdir()) == [
+        'allan_deviation.png', 'curve.csv', 'report.html', 'result.json']
+    assert (output / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_several_recordings_get_folders_of_their_own_and_tables_in_order(
+        recording: Path, tmp_path: Path, model: NoiseModel,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    other = write_recording(tmp_path / 'b' / 'at_rest', simulated_blocks(model, 50.0, 5000))
+    assert main(['analyze', str(recording), str(other), '--output', str(tmp_path / 'out')]) == 0
+    shown = capsys.readouterr().out
+    assert shown.index(str(recording)) < shown.index(str(other))
+    rates = {folder.name: json.loads((folder / 'result.json').read_text())['timeline'][
+        'sample_rate_hz'] for folder in (tmp_path / 'out').iterdir()}
+    assert rates == {'at_rest': pytest.approx(100), 'at_rest-2': pytest.approx(50)}
+
+
+def test_one_bad_recording_does_not_keep_the_others_from_being_analyzed(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', 'no/such', str(recording), 'nor/this']) == 1
+    shown = capsys.readouterr()
+    assert '30,000 samples' in shown.out
+    assert [line.split(':')[1].strip() for line in shown.err.splitlines()] == [
+        'no/such', 'nor/this']
+
+
+@pytest.fixture
+def two_topics(tmp_path: Path, model: NoiseModel) -> Path:
+    """Two recordings of one topic each, merged into a split one by hand."""
+    from imu_allan.cdr import encode_imu_rows
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import get_typestore, Stores
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    path = tmp_path / 'two'
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, rate in (('/front/imu', 100.0), ('/../up', 50.0)):
+            connection = writer.add_connection(topic, 'sensor_msgs/msg/Imu', typestore=store)
+            for block in simulated_blocks(model, rate, 3000, start_ns=START_NS):
+                for stamp, row in zip(block.receive_ns, encode_imu_rows(block), strict=True):
+                    writer.write(connection, int(stamp), row.tobytes())
+    return path
+
+
+def test_several_topics_are_named_and_the_user_chooses(
+        two_topics: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(two_topics)]) == 1
+    complaint = capsys.readouterr().err
+    assert '/front/imu' in complaint
+    assert '/../up' in complaint
+    assert '--topic' in complaint
+    assert main(['analyze', str(two_topics), '--topic', '/front/imu']) == 0
+    assert '3,000 samples at 100 Hz' in capsys.readouterr().out
+
+
+def test_all_topics_are_analyzed_and_no_topic_name_leads_out_of_the_output_folder(
+        two_topics: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / 'deep' / 'output'
+    assert main(['analyze', str(two_topics), '--all-topics', '--output', str(output)]) == 0
+    shown = capsys.readouterr().out
+    assert 'at 100 Hz' in shown
+    assert 'at 50 Hz' in shown
+    assert len(list(output.iterdir())) == 2
+    assert list((tmp_path / 'deep').iterdir()) == [output]
+
+
+def test_all_topics_do_not_fit_into_one_json_file(
+        two_topics: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(two_topics), '--all-topics',
+                 '--json', str(tmp_path / 'r.json')]) == 1
+    assert '--output' in capsys.readouterr().err
+    assert not (tmp_path / 'r.json').exists()
+
+
+def test_start_and_duration_choose_a_part(recording: Path, tmp_path: Path) -> None:
+    assert main(['analyze', str(recording), '--start', '1min', '--duration', '100',
+                 '--json', str(tmp_path / 'r.json')]) == 0
+    result = json.loads((tmp_path / 'r.json').read_text())
+    assert result['timeline']['samples'] == 100 * RATE_HZ
+    assert result['source']['start_time'].startswith('2023-11-14T22:14:20')
+
+
+def test_a_stated_rate_that_contradicts_the_stamps_must_be_forced(
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = ['analyze', str(recording), '--rate', '200', '--json', str(tmp_path / 'r.json')]
+    assert main(wrong) == 1
+    assert capsys.readouterr().err.startswith(f'imu_allan: {recording}')
+    assert main([*wrong, '--force-rate']) == 0
+    assert json.loads((tmp_path / 'r.json').read_text())['timeline']['sample_rate_hz'] == 200
+
+
+def test_clock_can_be_chosen(recording: Path, tmp_path: Path) -> None:
+    assert main(['analyze', str(recording), '--clock', 'receive',
+                 '--json', str(tmp_path / 'r.json')]) == 0
+    assert json.loads((tmp_path / 'r.json').read_text())['source']['clock'] == 'receive'
+
+
+def shaken(model: NoiseModel) -> Iterator[ImuBlock]:
+    for block in simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=START_NS,
+                                  block_samples=SAMPLES):
+        block.samples[12_000:12_500] += np.sin(np.arange(500))[:, None]
+        yield block
+
+
+def test_motion_can_be_kept(tmp_path: Path, model: NoiseModel) -> None:
+    path = write_recording(tmp_path / 'shaken', shaken(model))
+    density = {}
+    for choice in ('exclude', 'keep'):
+        assert main(['analyze', str(path), '--motion', choice,
+                     '--json', str(tmp_path / 'r.json')]) == 0
+        result = json.loads((tmp_path / 'r.json').read_text())
+        density[choice] = result['axes']['gyro_x']['curve']['adev'][0]
+        assert bool(result['timeline']['motion']) == (choice == 'exclude')
+    assert density['keep'] > 2 * density['exclude']
+
+
+def test_jobs_give_the_same_results_in_the_same_order(
+        recording: Path, tmp_path: Path, model: NoiseModel,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))
+    shown = []
+    for options in ((), ('--jobs', '2')):
+        assert main(['analyze', str(recording), str(other), *options]) == 0
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
+
+
+def test_an_error_in_a_worker_is_one_line_too(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(recording), str(recording), '--topic', '/nowhere',
+                 '--jobs', '2']) == 1
+    assert capsys.readouterr().err.count('no topic /nowhere') == 2
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_results(
+        recording: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip('distributed')
+    assert main(['analyze', str(recording), '--json', str(tmp_path / 'here.json')]) == 0
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1,
+                                  dashboard_address=None) as cluster:
+        assert main(['analyze', str(recording), '--json', str(tmp_path / 'there.json'),
+                     '--dask', cluster.scheduler_address]) == 0
+    assert (tmp_path / 'here.json').read_bytes() == (tmp_path / 'there.json').read_bytes()
+
+
+def test_a_dask_address_where_nobody_answers_is_one_line(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip('distributed')
+    assert main(['analyze', str(recording), '--dask', 'not an address']) == 1
+    complaint = capsys.readouterr().err
+    assert complaint.startswith('imu_allan: --dask not an address: ')
+    assert complaint.count('\n') == 1
+
+
+def on_a_terminal(arguments: list[str]) -> bytes:
+    """Return what the command writes to a stderr that is a terminal."""
+    master, slave = pty.openpty()
+    with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=slave,
+                          env={**os.environ, 'TERM': 'xterm'}) as process:
+        os.close(slave)
+        seen = b''
+        while True:
+            try:
+                piece = os.read(master, 65536)
+            except OSError:
+                break
+            if not piece:
+                break
+            seen += piece
+    os.close(master)
+    assert process.returncode == 0
+    return seen
+
+
+def test_progress_is_shown_on_a_terminal_only_and_can_be_switched_off(recording: Path) -> None:
+    assert b'100%' in on_a_terminal([*COMMAND, str(recording)])
+    assert on_a_terminal([*COMMAND, str(recording), '--no-progress']) == b''
+
+
+def processes_of_group(group: int) -> list[str]:
+    """Names of the living processes of a process group."""
+    names = []
+    for status in Path('/proc').glob('[0-9]*/stat'):
+        with contextlib.suppress(OSError):
+            name, fields = status.read_text().rsplit(')', 1)
+            state, _, process_group = fields.split()[:3]
+            if int(process_group) == group and state != 'Z':
+                names.append(name)
+    return names
+
+
+@pytest.mark.parametrize('jobs', ['1', '2'])
+def test_ctrl_c_ends_every_process_and_leaves_no_file(
+        tmp_path: Path, model: NoiseModel, jobs: str) -> None:
+    long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 200_000))
+    with subprocess.Popen(
+            [*COMMAND, *[str(long)] * 50, '--jobs', jobs, '--output', str(tmp_path / 'out')],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        os.killpg(process.pid, signal.SIGINT)
+        process.stdout.read()
+        assert process.stderr.read() == b''
+    assert process.returncode == 130
+    for folder in (tmp_path / 'out').iterdir():
+        assert not any(file.name.startswith('.') for file in folder.iterdir())
+    deadline = time.monotonic() + 10
+    while processes_of_group(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert processes_of_group(process.pid) == []
+
+
+def test_an_output_folder_that_cannot_be_written_is_one_line(
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'file').write_text('')
+    assert main(['analyze', str(recording), '--output', str(tmp_path / 'file')]) == 1
+    complaint = capsys.readouterr().err
+    assert str(tmp_path / 'file') in complaint
+    assert complaint.count('\n') == 1
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
+                    reason='IMU_ALLAN_DATA names no folder of real recordings')
+def test_a_real_recording_is_characterized_in_well_under_a_minute(tmp_path: Path) -> None:
+    recording = Path(os.environ['IMU_ALLAN_DATA']) / 'adis16405_imu2'
+    began = time.monotonic()
+    subprocess.run([*COMMAND, str(recording), '--output', str(tmp_path)], check=True,
+                   stdout=subprocess.DEVNULL)
+    assert time.monotonic() - began < 45
+    axes = json.loads((tmp_path / 'result.json').read_text())['axes']
+    for axis, density in (('gyro_x', 7.0e-4), ('gyro_y', 7.4e-4), ('gyro_z', 6.7e-4)):
+        assert axes[axis]['coefficients']['noise_density']['value'] == pytest.approx(
+            density, rel=0.03)

@@ -1,0 +1,84 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+
+from imu_allan.block import ImuBlock
+from imu_allan.cli.main import main
+from imu_allan.noise.model import NoiseModel
+from imu_allan.recordings.write import write_recording
+from imu_allan.simulator import simulated_blocks
+import numpy as np
+import pytest
+
+START_NS = 1_700_000_000 * 10**9
+
+
+def test_clean_recording_is_described(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['info', str(recording)]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == ''
+    for line in ('/imu/data_raw', '  messages    30,000', '  duration    5 min',
+                 '  start       2023-11-14T22:13:20Z', '  frame_id    imu_link',
+                 '  clock       header stamps', '  faults      none'):
+        assert f'{line}\n' in shown.out
+    assert '  rate        100 Hz' in shown.out
+
+
+def faulty(model: NoiseModel) -> Iterator[ImuBlock]:
+    for block in simulated_blocks(model, 100.0, 20_000, start_ns=START_NS,
+                                  block_samples=20_000):
+        stamps = block.header_ns.copy()
+        stamps[500] = stamps[499]
+        keep = np.ones(20_000, dtype=bool)
+        keep[1000:1003] = keep[5000:6000] = False
+        yield ImuBlock(stamps[keep], block.receive_ns[keep], block.samples[keep],
+                       block.absent[keep], block.frame_id)
+
+
+def test_gaps_and_faults_are_counted(
+        tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['info', str(write_recording(tmp_path / 'faulty', faulty(model)))]) == 0
+    shown = capsys.readouterr().out
+    assert '1 duplicates' in shown
+    assert '1 repeated header stamps' in shown
+    assert '  gaps        1, 10 s in all: 10 s at 50 s' in shown
+
+
+def test_sensor_that_is_not_there_is_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from imu_allan.noise.model import parse_model
+    gyro = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
+    path = write_recording(tmp_path / 'gyro', simulated_blocks(gyro, 100.0, 500))
+    assert main(['info', str(path)]) == 0
+    assert '  absent      accel_x, accel_y, accel_z' in capsys.readouterr().out
+
+
+def test_recording_without_imu_says_what_it_holds(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import get_typestore, Stores
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / 'talk', version=9) as writer:
+        connection = writer.add_connection('/chatter', 'std_msgs/msg/String', typestore=store)
+        writer.write(connection, 1, b'\x00\x01\x00\x00\x02\x00\x00\x00a\x00')
+    assert main(['info', str(tmp_path / 'talk')]) == 1
+    complaint = capsys.readouterr().err
+    assert '/chatter (std_msgs/msg/String)' in complaint
+    assert complaint.count('\n') == 1
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
+                    reason='IMU_ALLAN_DATA names no folder of real recordings')
+def test_clock_faults_of_a_real_recording_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path(os.environ['IMU_ALLAN_DATA']) / 'robot_localization_test1_2imu_xsens'
+    assert main(['info', str(path)]) == 0
+    xsens, odometry = capsys.readouterr().out.split('/my_odometry2imu/imu_data')
+    assert '590 repeated receive stamps' in xsens
+    assert '347 repeated header stamps' in odometry
+    assert '31 backward header stamps' in odometry
+    assert 'nav_msgs/msg/Odometry' in odometry

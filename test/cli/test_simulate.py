@@ -1,0 +1,93 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+from pathlib import Path
+import subprocess
+import sys
+
+import imu_allan
+from imu_allan.cli.main import main
+from imu_allan.recordings import open_recording
+import numpy as np
+import pytest
+
+CONFIG = Path(__file__).parents[2] / 'config'
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_analysis_of_a_simulated_recording_finds_the_model(
+        storage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / 'simulated'
+    assert main(['simulate', str(CONFIG / 'consumer_mems.yaml'), '--storage', storage,
+                 '--rate', '200', '--duration', '10min', '--output', str(output)]) == 0
+    assert capsys.readouterr().out == f'{output}\n'
+    assert any(output.glob(f'*.{"mcap" if storage == "mcap" else "db3"}'))
+    result = imu_allan.analyze(output)
+    assert result.timeline.samples == 120_000
+    assert result.timeline.sample_rate_hz == pytest.approx(200, rel=1e-9)
+    for axis, density in (('gyro_x', np.deg2rad(0.008)), ('accel_y', 150e-6 * 9.80665)):
+        low, high = result.axes[axis].coefficients['noise_density'].ci95
+        assert low * 0.99 < density < high * 1.01
+
+
+def read(path: Path) -> np.ndarray:
+    with open_recording(path) as recording:
+        return np.concatenate([block.samples for block in recording.blocks('/imu/data_raw')])
+
+
+def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path: Path) -> None:
+    for name, seed in (('a', '7'), ('b', '7'), ('c', '8')):
+        assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '20s',
+                     '--seed', seed, '--output', str(tmp_path / name)]) == 0
+    np.testing.assert_array_equal(read(tmp_path / 'a'), read(tmp_path / 'b'))
+    assert np.all(read(tmp_path / 'a') != read(tmp_path / 'c'))
+
+
+def test_without_output_the_recording_is_named_after_the_model(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '1s']) == 0
+    assert (tmp_path / 'tactical_mems' / 'metadata.yaml').is_file()
+
+
+def test_nothing_that_exists_is_overwritten(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'mine').mkdir()
+    assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '1s',
+                 '--output', str(tmp_path / 'mine')]) == 1
+    assert 'exists already' in capsys.readouterr().err
+    assert list((tmp_path / 'mine').iterdir()) == []
+
+
+@pytest.mark.parametrize(('text', 'named'), [
+    ('gyro: {noise_density: 5}', 'gyro.noise_density'),
+    ('gyro: {noise_density: 5 m/s}', 'gyro.noise_density'),
+    ('gyro: {noise: 5 deg/s}', 'noise'),
+    ('[]', 'gyro'),
+    ('gyro: {', 'YAML'),
+])
+def test_a_wrong_model_is_one_line_that_names_what_is_wrong(
+        text: str, named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / 'model.yaml'
+    model.write_text(text)
+    assert main(['simulate', str(model), '--output', str(tmp_path / 'out')]) == 1
+    complaint = capsys.readouterr().err
+    assert str(model) in complaint
+    assert named in complaint
+    assert complaint.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+def peak_megabytes(tmp_path: Path, duration: str) -> float:
+    code = ('import resource, sys; from imu_allan.cli.main import main; '
+            'status = main(sys.argv[1:]); '
+            'print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024); sys.exit(status)')
+    done = subprocess.run(
+        [sys.executable, '-c', code, 'simulate', str(CONFIG / 'consumer_mems.yaml'), '--rate',
+         '1000', '--duration', duration, '--output', str(tmp_path / duration)],
+        check=True, capture_output=True, text=True)
+    return float(done.stdout.split()[-1])
+
+
+def test_memory_does_not_grow_with_the_length_of_the_recording(tmp_path: Path) -> None:
+    assert peak_megabytes(tmp_path, '200s') < peak_megabytes(tmp_path, '20s') + 10
