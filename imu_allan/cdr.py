@@ -20,25 +20,21 @@ Common Object Request Broker Architecture 3.3, part 2, section 9.3 (CDR transfer
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from struct import unpack_from
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
+import numpy as np
+from numpy.typing import NDArray
 
 Serialization = Literal['cdr', 'ros1']
 
 _TEXT_LENGTH_AT = 12
 _TEXT_AT = 16
 _DOUBLES = 37
-_GYRO = 13
-_GYRO_COVARIANCE = 16
-_ACCEL = 25
-_ACCEL_COVARIANCE = 28
 _NANOSECONDS = 1_000_000_000
 
 
@@ -260,8 +256,9 @@ def encode_imu_rows(
     fields['nanosec'] = block.header_ns % _NANOSECONDS
     fields['orientation_w'] = 1.0
     fields['orientation_covariance'] = -1.0
-    fields['gyro'] = block.samples[:, :3]
-    fields['accel'] = block.samples[:, 3:]
+    halves = np.ascontiguousarray(block.samples, byte_order + 'f8').view('V24')
+    fields['gyro'] = halves[:, 0]
+    fields['accel'] = halves[:, 1]
     fields['gyro_covariance'] = np.where(block.absent[:, 0], -1.0, 0.0)
     fields['accel_covariance'] = np.where(block.absent[:, 1], -1.0, 0.0)
     return rows
@@ -271,25 +268,35 @@ def _doubles_at(text_end: int, serialization: Serialization) -> int:
     return 4 + (text_end - 4 + 7) // 8 * 8 if serialization == 'cdr' else text_end
 
 
+@lru_cache(maxsize=256)
+def _record(
+    byte_order: Literal['<', '>'], doubles_at: int, size: int, serialization: Serialization,
+) -> np.dtype[np.void]:
+    """Describe one message of `size` bytes as a record of named fields."""
+    fields = {
+        # ROS 1 counts seconds unsigned.
+        'sec': (byte_order + ('i4' if serialization == 'cdr' else 'u4'), 4),
+        'nanosec': (byte_order + 'u4', 8),
+        'orientation_w': (byte_order + 'f8', doubles_at + 8 * 3),
+        'orientation_covariance': (byte_order + 'f8', doubles_at + 8 * 4),
+        'gyro': ('V24', doubles_at + 8 * 13),
+        'gyro_covariance': (byte_order + 'f8', doubles_at + 8 * 16),
+        'accel': ('V24', doubles_at + 8 * 25),
+        'accel_covariance': (byte_order + 'f8', doubles_at + 8 * 28),
+    }
+    return np.dtype({
+        'names': list(fields),
+        'formats': [kind for kind, _ in fields.values()],
+        'offsets': [at for _, at in fields.values()],
+        'itemsize': size,
+    })
+
+
 def _fields(
     rows: NDArray[np.uint8], layout: ImuLayout, serialization: Serialization,
 ) -> NDArray[np.void]:
     """View the rows as records of named fields; shape (n,)."""
-    order, at = layout.byte_order, layout.doubles_at
-    record = np.dtype({
-        'names': ['sec', 'nanosec', 'orientation_w', 'orientation_covariance',
-                  'gyro', 'gyro_covariance', 'accel', 'accel_covariance',
-                  'gyro_bytes', 'accel_bytes'],
-        # ROS 1 counts seconds unsigned.
-        'formats': [order + ('i4' if serialization == 'cdr' else 'u4'), order + 'u4',
-                    order + 'f8', order + 'f8', f'(3,){order}f8', order + 'f8',
-                    f'(3,){order}f8', order + 'f8', 'V24', 'V24'],
-        'offsets': [4, 8, at + 8 * 3, at + 8 * 4,
-                    at + 8 * _GYRO, at + 8 * _GYRO_COVARIANCE,
-                    at + 8 * _ACCEL, at + 8 * _ACCEL_COVARIANCE,
-                    at + 8 * _GYRO, at + 8 * _ACCEL],
-        'itemsize': rows.shape[1],
-    })
+    record = _record(layout.byte_order, layout.doubles_at, rows.shape[1], serialization)
     return rows.view(record)[:, 0]
 
 
@@ -301,8 +308,8 @@ def _decode_run(
     samples = np.empty((len(rows), 6), layout.byte_order + 'f8')
     # Copying three doubles as one opaque item is several times faster than as numbers.
     halves = samples.view('V24')
-    halves[:, 0] = fields['gyro_bytes']
-    halves[:, 1] = fields['accel_bytes']
+    halves[:, 0] = fields['gyro']
+    halves[:, 1] = fields['accel']
     header_ns = fields['sec'].astype(np.int64)
     header_ns *= _NANOSECONDS
     header_ns += fields['nanosec']

@@ -9,6 +9,14 @@ from typing import BinaryIO, cast, Protocol
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
+try:
+    # An order of magnitude faster, where it is installed.
+    from isal.isal_zlib import crc32
+except ImportError:
+    from zlib import crc32
+
+__all__ = ['Bounded', 'DamagedData', 'Readable', 'crc32', 'decompress', 'decompressing']
+
 
 class DamagedData(ValueError):
     """Data that cannot be what it is declared to be; the message tells why."""

@@ -22,13 +22,13 @@ from io import BytesIO
 from pathlib import Path
 from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
-import zlib
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.decompress import (
     Bounded,
+    crc32,
     DamagedData,
     decompress,
     decompressing,
@@ -155,8 +155,8 @@ class McapRecording(Recording):
             return False
         file.seek(footer.summary_start)
         summary = file.read(footer_at - footer.summary_start)
-        if footer.summary_crc and footer.summary_crc != zlib.crc32(
-                tail[:_FOOTER_SIZE - 4], zlib.crc32(summary)):
+        if footer.summary_crc and footer.summary_crc != crc32(
+                tail[:_FOOTER_SIZE - 4], crc32(summary)):
             return False
         at = 0
         while len(summary) - at >= _FRAME.size:
@@ -383,7 +383,7 @@ def _windows(
         yield from _stream(source, size, wanted, describe, crc)
         return
     data = decompress(compression, file.read(stored), size)
-    if crc and zlib.crc32(data) != crc:
+    if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')
     pieces, consumed = gather(data, wanted, describe)
     yield pieces
@@ -402,7 +402,7 @@ def _stream(
         if not window:
             raise DamagedData(f'it ends {left} bytes early')
         left -= len(window)
-        checksum = zlib.crc32(window, checksum) if crc else 0
+        checksum = crc32(window, checksum) if crc else 0
         window = kept + window
         pieces, consumed = gather(window, wanted, describe)
         yield pieces
@@ -418,7 +418,7 @@ def _stream(
                     skipped = source.read(min(_WINDOW, missing))
                     if not skipped:
                         raise DamagedData(f'it ends {left} bytes early')
-                    checksum = zlib.crc32(skipped, checksum) if crc else 0
+                    checksum = crc32(skipped, checksum) if crc else 0
                     missing -= len(skipped)
                     left -= len(skipped)
                 kept = b''
