@@ -68,7 +68,7 @@ SETTINGS = (
     Setting('publish_period', 10.0, 'Seconds from one fit and publication to the next',
             0.5, 86_400.0),
     Setting('output_dir', '~/.ros/imu_allan', 'Folder in which ~/save and the end of the node '
-            'write; every run gets a folder of its own in it'),
+            'write; every run gets a folder of its own in it', may_be_empty=False),
     Setting('state_file', '', 'File that keeps what was learnt over a crash or a reboot; empty '
             'keeps nothing', read_only=True),
     Setting('checkpoint_period', 60.0, 'At most so many seconds of samples are lost in a crash',

@@ -15,6 +15,7 @@ import hashlib
 import io
 import os
 from pathlib import Path
+import re
 from typing import Any
 import zipfile
 
@@ -124,10 +125,19 @@ class StateFile:
             self._lock.close()
             raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '
                                 'a file of its own') from error
+        self._sweep_up()
 
     def close(self) -> None:
         """Release the lock."""
         self._lock.close()
+
+    def _sweep_up(self) -> None:
+        # A process killed while it saved leaves its unfinished file.
+        leftover = re.compile(re.escape(f'.{self.path.name[:100]}.') + r'\w{8}')
+        with contextlib.suppress(OSError):
+            for path in self.path.parent.iterdir():
+                if leftover.fullmatch(path.name):
+                    path.unlink()
 
     def load(self) -> dict[str, NDArray[Any]] | None:
         """

@@ -38,6 +38,8 @@ class Setting:
         Range of a number, both ends included.
     choices : sequence of str, optional
         What a text, or each text of a sequence, may be.
+    may_be_empty : bool
+        Whether a text may be empty.
     read_only : bool
         Whether it can only be set when the node starts.
 
@@ -49,6 +51,7 @@ class Setting:
     lowest: float | None = None
     highest: float | None = None
     choices: Sequence[str] = ()
+    may_be_empty: bool = True
     read_only: bool = False
 
     def descriptor(self) -> ParameterDescriptor:
@@ -69,8 +72,8 @@ class Setting:
         """Why `value` is refused beyond type and range; empty if it is not."""
         if isinstance(value, float) and not math.isfinite(value):
             return f'{self.name}: {value} is not a finite number'
-        if isinstance(value, str) and '\0' in value:
-            return f'{self.name}: contains a null character'
+        if isinstance(value, str) and not value and not self.may_be_empty:
+            return f'{self.name}: must not be empty'
         texts = [value] if isinstance(value, str) else value
         if self.choices:
             for text in texts:

@@ -97,7 +97,7 @@ class Trial:
         if not self.blocks:
             return False
         spent = self.blocks[-1].receive_ns[-1] - self.blocks[0].receive_ns[0]
-        return (self._messages >= TRIAL_MESSAGES and bool(spent >= TRIAL_S * 1e9)
+        return ((self._messages >= TRIAL_MESSAGES and bool(spent >= TRIAL_S * 1e9))
                 or self._messages >= LONGEST_TRIAL_MESSAGES)
 
     @property

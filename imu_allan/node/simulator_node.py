@@ -31,7 +31,7 @@ TOPIC = 'imu/data_raw'
 SETTINGS = (
     Setting('model', 'consumer_mems',
             'Noise model: a YAML file, or the name of one that the package ships in config/',
-            read_only=True),
+            may_be_empty=False, read_only=True),
     Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
             read_only=True),
     Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '

@@ -1,0 +1,158 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Real nodes in processes of their own, and a node of the test's own that speaks to them."""
+
+from collections.abc import Callable, Mapping
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any, TypeVar
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+T = TypeVar('T')
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ENTRY_POINTS = {'imu_allan_node': 'imu_allan.node.imu_allan_node',
+                'imu_simulator': 'imu_allan.node.imu_simulator'}
+LOSSLESS = {'qos_overrides./imu/data_raw.subscription.reliability': 'reliable',
+            'qos_overrides./imu/data_raw.subscription.history': 'keep_all'}
+"""Parameters with which the node makes a simulator at full speed wait for it."""
+
+
+class Process:
+    """A node in a process of its own."""
+
+    def __init__(self, program: str, args: list[str], log: Path, env: Mapping[str, str]) -> None:
+        self.log_path = log
+        start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
+        with log.open('wb') as output:
+            self.popen = subprocess.Popen([sys.executable, '-c', start, *args], stdout=output,
+                                          stderr=subprocess.STDOUT, env={**os.environ, **env})
+
+    @property
+    def log(self) -> str:
+        """What it has printed."""
+        return self.log_path.read_text()
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self.popen.poll() is None
+
+    def wait(self, timeout: float = 60.0) -> int:
+        """Wait for its end and return the exit status."""
+        try:
+            return self.popen.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f'still running after {timeout} s:\n{self.log}') from None
+
+    def stop(self, number: signal.Signals = signal.SIGINT, timeout: float = 60.0) -> int:
+        """Send a signal and return the exit status."""
+        self.popen.send_signal(number)
+        return self.wait(timeout)
+
+
+class Ros:
+    """
+    A test's own node, and the processes it starts.
+
+    Parameters
+    ----------
+    context : Context
+        Of the domain of this test run.
+    folder : Path
+        Where logs and outputs go.
+    namespace : str
+        In which the processes live, so that tests do not hear each other.
+
+    """
+
+    def __init__(self, context: Context, folder: Path, namespace: str) -> None:
+        self.folder = folder
+        self.namespace = namespace
+        self.node = Node('tester', namespace=namespace, context=context)
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.node)
+        self._processes: list[Process] = []
+
+    def name(self, topic: str) -> str:
+        """Full name of a topic, service or node of this test."""
+        return f'{self.namespace}/{topic}'
+
+    def start(self, program: str, parameters: Mapping[str, Any] | None = None,
+              *, remaps: Mapping[str, str] | None = None, files: tuple[Path, ...] = (),
+              env: Mapping[str, str] | None = None, namespace: str | None = None) -> Process:
+        """Start a node."""
+        args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
+        for file in files:
+            args += ['--params-file', str(file)]
+        given = dict(parameters or {})
+        if program == 'imu_allan_node':
+            given.setdefault('output_dir', str(self.folder / 'output'))
+        for key, value in given.items():
+            # QoS overrides name the topic in full.
+            key = key.replace('./imu/', f'.{self.namespace}/imu/')
+            args += ['-p', f'{key}:={yaml_value(value)}']
+        for before, after in (remaps or {}).items():
+            args += ['-r', f'{before}:={after}']
+        log = self.folder / f'{program}_{len(self._processes)}.log'
+        process = Process(program, args, log, env or {})
+        self._processes.append(process)
+        return process
+
+    def until(self, condition: Callable[[], T], timeout: float = 30.0) -> T:
+        """Spin until `condition` gives something true, and return it."""
+        end = time.monotonic() + timeout
+        while True:
+            found = condition()
+            if found:
+                return found
+            if time.monotonic() > end:
+                logs = '\n'.join(f'-- {p.log_path.name}\n{p.log}' for p in self._processes)
+                raise AssertionError(f'did not come true within {timeout} s\n{logs}')
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def listen(self, kind: type, topic: str, qos: QoSProfile | int = LATCHED,
+               callback: Callable[[Any], None] | None = None) -> list[Any]:
+        """Subscribe; return the list into which messages come."""
+        messages: list[Any] = []
+        full = topic if topic.startswith('/') else self.name(topic)
+        self.node.create_subscription(kind, full, callback or messages.append, qos)
+        return messages
+
+    def call(self, kind: type, service: str, request: Any = None, timeout: float = 30.0) -> Any:
+        """Call a service and return its response."""
+        client = self.node.create_client(kind, self.name(service))
+        self.until(client.service_is_ready, timeout)
+        future = client.call_async(request or kind.Request())
+        self.until(future.done, timeout)
+        self.node.destroy_client(client)
+        return future.result()
+
+    def close(self) -> None:
+        """End every process that is still running."""
+        for process in self._processes:
+            if process.running:
+                process.popen.kill()
+                process.popen.wait()
+        self.executor.shutdown()
+        self.node.destroy_node()
+
+
+def yaml_value(value: Any) -> str:
+    """Write a value as rcl parses it on the command line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return '[' + ', '.join(yaml_value(item) for item in value) + ']'
+    if isinstance(value, (str, Path)):
+        return "'" + str(value).replace("'", "''") + "'"
+    return repr(value)

@@ -1,0 +1,163 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+import hashlib
+import io
+from pathlib import Path
+import pickle
+import subprocess
+import sys
+import zipfile
+
+from hypothesis import given, settings, strategies
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.checkpoint import decode_state, encode_state, StateFile, UnusableState
+import numpy as np
+import pytest
+
+STATE = {'about': np.array('{"text": "ä"}'), 'sums': np.arange(12.0).reshape(3, 4),
+         'counts': np.array([1, 2**62]), 'flags': np.array([True, False]),
+         'empty': np.empty((0, 6))}
+CONTENT = encode_state(STATE)
+
+
+def framed(payload: bytes, version: bytes = b'1') -> bytes:
+    return b'imu_allan.state/' + version + b'\n' + hashlib.sha256(payload).digest() + payload
+
+
+def test_a_state_reads_back_exactly() -> None:
+    found = decode_state(CONTENT)
+    assert list(found) == list(STATE)
+    for key, array in STATE.items():
+        assert found[key].dtype == array.dtype
+        np.testing.assert_array_equal(found[key], array)
+
+
+@settings(max_examples=300, deadline=None)
+@given(position=strategies.integers(0, len(CONTENT) - 1), flip=strategies.integers(1, 255))
+def test_a_changed_byte_anywhere_makes_the_state_unusable(position: int, flip: int) -> None:
+    mutated = bytearray(CONTENT)
+    mutated[position] ^= flip
+    with pytest.raises(UnusableState):
+        decode_state(bytes(mutated))
+
+
+@settings(max_examples=100, deadline=None)
+@given(length=strategies.integers(0, len(CONTENT) - 1))
+def test_a_state_cut_off_anywhere_is_damaged(length: int) -> None:
+    with pytest.raises(UnusableState) as caught:
+        decode_state(CONTENT[:length])
+    assert caught.value.reason == 'damaged'
+
+
+@settings(max_examples=300, deadline=None)
+@given(payload=strategies.binary(max_size=400))
+def test_any_payload_with_a_right_checksum_is_refused_without_another_error(
+        payload: bytes) -> None:
+    with pytest.raises(UnusableState) as caught:
+        decode_state(framed(payload))
+    assert caught.value.reason == 'damaged'
+
+
+def test_another_file_is_foreign() -> None:
+    with pytest.raises(UnusableState) as caught:
+        decode_state(b'%YAML:1.0\n')
+    assert caught.value.reason == 'foreign'
+
+
+def test_a_later_version_is_newer() -> None:
+    with pytest.raises(UnusableState, match='version 2') as caught:
+        decode_state(framed(b'whatever the future brings', b'2'))
+    assert caught.value.reason == 'newer'
+
+
+def test_pickles_are_never_loaded(tmp_path: Path) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[object, ...]:
+            return (Path.touch, (tmp_path / 'exploded',))
+
+    arrays = io.BytesIO()
+    np.savez(arrays, allow_pickle=True, bomb=np.array([Bomb()], dtype=object))
+    for payload in (arrays.getvalue(), pickle.dumps(Bomb())):
+        with pytest.raises(UnusableState) as caught:
+            decode_state(framed(payload))
+        assert caught.value.reason == 'damaged'
+    assert not (tmp_path / 'exploded').exists()
+
+
+def test_arrays_that_unpack_to_more_than_the_file_are_refused() -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
+        zeros = io.BytesIO()
+        np.save(zeros, np.zeros(1_000_000))
+        archive.writestr('zeros.npy', zeros.getvalue())
+    assert len(packed.getvalue()) < 50_000
+    with pytest.raises(UnusableState, match='larger than the file'):
+        decode_state(framed(packed.getvalue()))
+
+
+def test_no_file_is_no_state(tmp_path: Path) -> None:
+    assert StateFile(tmp_path / 'new' / 'state').load() is None
+
+
+def test_a_state_is_saved_and_loaded(tmp_path: Path) -> None:
+    file = StateFile(tmp_path / 'state')
+    assert file.save(STATE) == file.path.stat().st_size
+    loaded = file.load()
+    assert loaded is not None
+    np.testing.assert_array_equal(loaded['sums'], STATE['sums'])
+
+
+def test_a_failed_save_leaves_the_state_before(tmp_path: Path,
+                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    file = StateFile(tmp_path / 'state')
+    file.save(STATE)
+    before = file.path.read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr('os.fsync', full)
+    with pytest.raises(ImuAllanError, match='No space left on device'):
+        file.save({'sums': np.zeros(5)})
+    assert file.path.read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['state', 'state.lock']
+
+
+def test_what_is_kept_aside_keeps_its_content_and_says_why(tmp_path: Path) -> None:
+    file = StateFile(tmp_path / 'state')
+    file.path.write_bytes(b'precious')
+    aside = file.keep_aside('foreign')
+    assert aside.name.startswith('state.foreign.20')
+    assert aside.read_bytes() == b'precious'
+    assert not file.path.exists()
+
+
+def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
+    (tmp_path / '.state.a1b2c3d4').write_bytes(b'half of a state')
+    (tmp_path / '.state.keep.this.one').write_bytes(b'of somebody else')
+    StateFile(tmp_path / 'state')
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['.state.keep.this.one',
+                                                                'state.lock']
+
+
+def test_a_file_in_use_by_another_process_is_refused_until_it_ends(tmp_path: Path) -> None:
+    path = tmp_path / 'state'
+    hold = ('import sys; from imu_allan.node.checkpoint import StateFile; '
+            f'file = StateFile({str(path)!r}); print("held", flush=True); sys.stdin.read()')
+    with subprocess.Popen([sys.executable, '-c', hold], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b'held\n'
+        with pytest.raises(ImuAllanError, match='in use by another node'):
+            StateFile(path)
+        other.kill()
+    StateFile(path).close()
+
+
+def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / 'file').write_text('in the way')
+    with pytest.raises(ImuAllanError, match=r'state_file .*: cannot be written'):
+        StateFile(tmp_path / 'file' / 'state')
+    with pytest.raises(ImuAllanError, match='is a folder'):
+        StateFile(tmp_path)

@@ -1,0 +1,157 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+import time
+from typing import Any
+
+from imu_allan.cdr import decode_imu, encode_imu
+from imu_allan.node import drained_subscription
+from imu_allan.node.drained_subscription import DrainedSubscription
+import numpy as np
+import pytest
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from ros_harness import Ros
+from sensor_msgs.msg import Imu
+
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def message(number: int) -> bytes:
+    return encode_imu(number, np.arange(6.0) + number, 'imu')
+
+
+def publisher(ros: Ros, subscription: DrainedSubscription, matched: int = 1) -> Publisher:
+    made = ros.node.create_publisher(Imu, ros.name('imu'), RELIABLE)
+    ros.until(lambda: made.get_subscription_count() == 1 and subscription.publishers == matched)
+    return made
+
+
+def take_all(ros: Ros, subscription: DrainedSubscription, count: int
+             ) -> list[drained_subscription.Batch]:
+    batches: list[drained_subscription.Batch] = []
+
+    def complete() -> bool:
+        batches.append(subscription.take())
+        return sum(len(batch.messages) for batch in batches) >= count
+
+    ros.until(complete)
+    return batches
+
+
+def numbers(batches: list[drained_subscription.Batch]) -> list[int]:
+    return [decode_imu(message)[0] for batch in batches for message in batch.messages]
+
+
+@pytest.fixture(params=['drained', 'by callback'])
+def subscription(ros: Ros, request: pytest.FixtureRequest) -> DrainedSubscription:
+    return DrainedSubscription(ros.node, Imu, ros.name('imu'), 100,
+                               draining=request.param == 'drained')
+
+
+def test_messages_come_whole_in_order_and_with_their_time_of_receipt(
+        ros: Ros, subscription: DrainedSubscription) -> None:
+    talker = publisher(ros, subscription)
+    before = time.time_ns()
+    for number in range(50):
+        talker.publish(message(number))
+    batches = take_all(ros, subscription, 50)
+    after = time.time_ns()
+    assert [m for batch in batches for m in batch.messages] == [message(n) for n in range(50)]
+    receive_ns = np.concatenate([batch.receive_ns for batch in batches])
+    assert np.all(np.diff(receive_ns) >= 0)
+    assert before <= receive_ns[0] <= receive_ns[-1] <= after
+    assert sum(batch.lost for batch in batches) == 0
+
+
+def test_the_executor_leaves_the_messages_in_the_queue(ros: Ros) -> None:
+    subscription = DrainedSubscription(ros.node, Imu, ros.name('imu'), 100)
+    talker = publisher(ros, subscription)
+    for number in range(10):
+        talker.publish(message(number))
+    assert talker.wait_for_all_acked()
+    for _ in range(20):
+        ros.executor.spin_once(timeout_sec=0.01)
+    assert numbers([subscription.take()]) == list(range(10))
+
+
+def test_what_the_queue_could_not_hold_is_counted_as_lost(ros: Ros) -> None:
+    subscription = DrainedSubscription(ros.node, Imu, ros.name('imu'), 10)
+    talker = publisher(ros, subscription)
+    talker.publish(message(0))
+    take_all(ros, subscription, 1)
+    for number in range(1, 26):
+        talker.publish(message(number))
+    batches = []
+
+    def last_has_come() -> bool:
+        batches.append(subscription.take())
+        return 25 in numbers(batches)
+
+    ros.until(last_has_come)
+    found = numbers(batches)
+    assert len(found) < 25
+    assert sum(batch.lost for batch in batches) == 25 - len(found)
+
+
+def test_a_publisher_that_starts_anew_has_lost_nothing(
+        ros: Ros, subscription: DrainedSubscription) -> None:
+    for _ in range(2):
+        talker = publisher(ros, subscription)
+        for number in range(20):
+            talker.publish(message(number))
+        batches = take_all(ros, subscription, 20)
+        assert sum(batch.lost for batch in batches) == 0
+        ros.node.destroy_publisher(talker)
+        ros.until(lambda: subscription.publishers == 0)
+
+
+def test_the_numbers_of_two_publishers_do_not_make_losses(
+        ros: Ros, subscription: DrainedSubscription) -> None:
+    first = publisher(ros, subscription)
+    for number in range(20):
+        first.publish(message(number))
+    take_all(ros, subscription, 20)
+    second = publisher(ros, subscription, matched=2)
+    for number in range(20):
+        first.publish(message(number))
+        second.publish(message(number))
+    batches = take_all(ros, subscription, 40)
+    assert len(numbers(batches)) == 40
+    assert sum(batch.lost for batch in batches) == 0
+
+
+@pytest.mark.parametrize('answer', ['no such method', 'messages'])
+def test_an_rclpy_whose_queue_answers_otherwise_is_served_by_callback(
+        ros: Ros, monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
+    def drain(*_: Any) -> Any:
+        if answer == 'messages':
+            raise TypeError('take_message did not return bytes')
+        raise AttributeError('take_message')
+
+    monkeypatch.setattr(drained_subscription, '_drain', drain)
+    subscription = DrainedSubscription(ros.node, Imu, ros.name('imu'), 100)
+    assert not subscription.draining
+    talker = publisher(ros, subscription)
+    for number in range(10):
+        talker.publish(message(number))
+    assert numbers(take_all(ros, subscription, 10)) == list(range(10))
+
+
+def test_a_publisher_with_other_qos_is_told_of(ros: Ros, capfd: pytest.CaptureFixture[str]
+                                               ) -> None:
+    node = ros.node
+    name = ros.name('imu')
+    ros_node_parameters = f'qos_overrides.{name}.subscription.reliability'
+    node.declare_parameter(ros_node_parameters, 'reliable')
+    subscription = DrainedSubscription(node, Imu, name, 10)
+    node.create_publisher(Imu, name, QoSProfile(
+        depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+    text = []
+
+    def told() -> bool:
+        text.append(capfd.readouterr().err)
+        return 'incompatible QoS' in ''.join(text)
+
+    ros.until(told)
+    assert subscription.publishers == 0

@@ -1,0 +1,310 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A node that has characterized five minutes of a simulated IMU, seen through every interface."""
+
+from collections.abc import Iterator
+import json
+import math
+import os
+from pathlib import Path
+import subprocess
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Vector3Stamped
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import Result
+from imu_allan.writers.result_file import load_result
+import numpy as np
+import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage, SetParametersResult
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter
+from ros_harness import LOSSLESS, Ros
+from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+RATE_HZ = 200.0
+DURATION_S = 300.0
+TRUTH = {'gyro': {'noise_density': 1e-3, 'rate_random_walk': 3e-4},
+         'accel': {'noise_density': 2e-3}}
+MODEL = """
+gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), rate_random_walk: 3e-4 rad/s^2/sqrt(Hz)}
+accel: {noise_density: 2e-3 m/s^2/sqrt(Hz)}
+"""
+
+
+@pytest.fixture(scope='module')
+def live(shared_ros: Ros) -> Ros:
+    ros = shared_ros
+    model = ros.folder / 'model.yaml'
+    model.write_text(MODEL)
+    ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': RATE_HZ,
+                                 'export_for': ['kalibr', 'openvins'], **LOSSLESS})
+    simulator = ros.start('imu_simulator', {
+        'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3})
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    ros.until(lambda: not simulator.running, 60)
+    assert simulator.wait() == 0
+    count = int(RATE_HZ * DURATION_S)
+    ros.until(lambda: reports and values(reports[-1], 'timeline').get('samples') == str(count))
+    done = len(arrays)
+    ros.until(lambda: len(arrays) > done or values(
+        reports[-1], 'estimation').get('fitted_duration_s') == repr(DURATION_S))
+    return ros
+
+
+def status(array: DiagnosticArray, name: str) -> DiagnosticStatus | None:
+    return next((s for s in array.status if s.name == f'imu_allan: {name}'), None)
+
+
+def values(array: DiagnosticArray, name: str) -> dict[str, str]:
+    found = status(array, name)
+    return {} if found is None else {entry.key: entry.value for entry in found.values}
+
+
+def latest(ros: Ros, kind: type, topic: str) -> object:
+    """Join late and get what was published last."""
+    messages = ros.listen(kind, topic)
+    return ros.until(lambda: messages)[0]
+
+
+@pytest.fixture(scope='module')
+def result(live: Ros) -> Result:
+    response = live.call(Trigger, 'imu_allan/save')
+    assert response.success, response.message
+    return load_result(response.message.splitlines()[0])
+
+
+def test_a_late_subscriber_gets_every_axis_with_values_and_intervals(live: Ros) -> None:
+    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
+    assert [s.name for s in array.status] == [f'imu_allan: {axis}' for axis in AXES]
+    for axis in AXES:
+        entries = values(array, axis)
+        assert set(entries) >= {'noise_density/value', 'noise_density/ci95_low',
+                                'noise_density/ci95_high', 'noise_density/unit'}
+        low, high = (float(entries[f'noise_density/ci95_{end}']) for end in ('low', 'high'))
+        true = TRUTH[axis.partition('_')[0]]['noise_density']
+        assert low * 0.98 < true < high * 1.02
+        assert low < float(entries['noise_density/value']) < high
+    assert values(array, 'gyro_x')['noise_density/unit'] == 'rad/s/sqrt(Hz)'
+    assert values(array, 'accel_z')['noise_density/unit'] == 'm/s^2/sqrt(Hz)'
+    assert array.header.frame_id == 'imu_link'
+    assert all(s.hardware_id == live.name('imu/data_raw') for s in array.status)
+
+
+def test_an_axis_warns_while_what_filters_need_is_not_observable(live: Ros) -> None:
+    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
+    walk = 'rate_random_walk/observable'
+    seen = {values(array, axis)[walk] for axis in AXES}
+    # The model's gyroscope shows a random walk in five minutes, its accelerometer has none.
+    assert seen == {'true', 'false'}
+    for axis in AXES:
+        found = status(array, axis)
+        assert found is not None
+        if values(array, axis)[walk] == 'false':
+            assert found.level == DiagnosticStatus.WARN
+            assert 'rate random walk not observable' in found.message
+            assert float(values(array, axis)['rate_random_walk/upper95']) > 0
+            assert 'rate_random_walk/value' not in values(array, axis)
+        elif 'no noise model' not in found.message:
+            assert found.level == DiagnosticStatus.OK
+
+
+def test_topics_service_and_file_say_the_same_to_the_last_digit(
+        live: Ros, result: Result) -> None:
+    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
+    for name, axis in result.axes.items():
+        entries = values(array, name)
+        for key in TERMS:
+            value = axis.coefficients[key].value
+            assert entries.get(f'{key}/value') == (None if value is None else repr(value))
+    for sensor in ('gyro', 'accel'):
+        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+            vector = latest(live, Vector3Stamped, f'imu_allan/{sensor}/{key}')
+            assert vector.header.frame_id == 'imu_link'
+            for letter in 'xyz':
+                expected = result.axes[f'{sensor}_{letter}'].coefficients[key].value
+                found = getattr(vector.vector, letter)
+                assert math.isnan(found) if expected is None else found == expected
+
+
+def test_the_allan_deviation_array_has_four_labelled_rows_of_25(
+        live: Ros, result: Result) -> None:
+    for sensor in ('gyro', 'accel'):
+        array = latest(live, Float64MultiArray, f'imu_allan/{sensor}/allan_deviation')
+        assert [(d.label, d.size, d.stride) for d in array.layout.dim] == [
+            ('tau,x,y,z', 4, 100), ('octave', 25, 25)]
+        rows = np.array(array.data).reshape(4, 25)
+        curve = result.axes[f'{sensor}_x'].curve
+        n = len(curve.tau_s)
+        np.testing.assert_array_equal(rows[0, :n], curve.tau_s)
+        np.testing.assert_array_equal(rows[1, :n], curve.adev)
+        assert n < 25
+        assert np.isnan(rows[:, n:]).all()
+        assert np.isfinite(rows[:, :n]).all()
+
+
+def test_stamps_are_those_of_the_last_sample(
+        live: Ros, result: Result) -> None:
+    vector = latest(live, Vector3Stamped, 'imu_allan/gyro/noise_density')
+    assert result.source.start_time is not None
+    start = np.datetime64(result.source.start_time.removesuffix('Z'), 'ns').astype(np.int64)
+    stamp = vector.header.stamp.sec * 10**9 + vector.header.stamp.nanosec
+    assert (stamp - start) * 1e-9 == pytest.approx(DURATION_S - 1 / RATE_HZ, abs=2e-6)
+
+
+def test_save_writes_result_curves_plot_and_filter_configurations(live: Ros) -> None:
+    response = live.call(Trigger, 'imu_allan/save')
+    assert response.success
+    paths = [Path(line) for line in response.message.splitlines()]
+    assert [path.name for path in paths] == [
+        'result.json', 'curve.csv', 'imu.yaml', 'kalibr_imu_chain.yaml', 'allan_deviation.png']
+    folder = paths[0].parent
+    assert folder.parent == live.folder / 'output'
+    assert folder.name.startswith(f'{live.namespace[1:]}_imu_allan_20')
+    assert sorted(folder.iterdir()) == sorted(paths)
+    document = json.loads(paths[0].read_text())
+    assert document['source']['kind'] == 'topic'
+    assert document['source']['topic'] == live.name('imu/data_raw')
+    assert document['timeline']['samples'] == RATE_HZ * DURATION_S
+    assert paths[-1].read_bytes().startswith(b'\x89PNG')
+    assert f'rostopic: "{live.name("imu/data_raw")}"' in paths[2].read_text()
+
+
+def test_a_folder_that_cannot_be_written_is_answered_with_the_reason(live: Ros) -> None:
+    (live.folder / 'file').write_text('in the way')
+    change(live, 'output_dir', str(live.folder / 'file' / 'output'))
+    response = live.call(Trigger, 'imu_allan/save')
+    assert not response.success
+    assert 'cannot be written' in response.message
+    assert '\n' not in response.message
+    change(live, 'output_dir', str(live.folder / 'output'))
+    assert live.call(Trigger, 'imu_allan/save').success
+
+
+@pytest.fixture
+def full_disk(tmp_path: Path) -> Iterator[Path]:
+    if os.geteuid() != 0 or subprocess.run(
+            ['mount', '-t', 'tmpfs', '-o', 'size=16k', 'tmpfs', tmp_path],
+            capture_output=True, check=False).returncode:
+        pytest.skip('only root can mount a small disk')
+    yield tmp_path
+    subprocess.run(['umount', tmp_path], check=True)
+
+
+def test_a_full_disk_is_answered_with_the_reason_and_leaves_no_half_files(
+        live: Ros, full_disk: Path) -> None:
+    change(live, 'output_dir', str(full_disk))
+    response = live.call(Trigger, 'imu_allan/save')
+    assert not response.success
+    assert 'No space left on device' in response.message
+    for path in full_disk.rglob('*'):
+        assert path.is_dir() or path.read_bytes(), path
+        assert not path.name.startswith('.'), path
+    change(live, 'output_dir', str(live.folder / 'output'))
+
+
+def test_the_plot_is_drawn_for_a_subscriber_and_is_a_png(live: Ros) -> None:
+    image = latest(live, CompressedImage, 'imu_allan/plot/compressed')
+    assert image.format == 'png'
+    assert bytes(image.data).startswith(b'\x89PNG')
+
+
+def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> None:
+    reports = live.listen(DiagnosticArray, '/diagnostics', 10)
+    report = live.until(lambda: reports)[-1]
+    assert [s.name for s in report.status] == [
+        'imu_allan: reception', 'imu_allan: timeline', 'imu_allan: estimation',
+        'imu_allan: storage']
+    assert all(s.hardware_id == live.name('imu/data_raw') for s in report.status)
+    reception = values(report, 'reception')
+    assert reception['received'] == str(int(RATE_HZ * DURATION_S))
+    assert reception['lost'] == '0'
+    assert 1e-6 < float(reception['cpu_per_message_s']) < 1e-2
+    assert reception['publishers'] == '0'
+    silent = status(report, 'reception')
+    assert silent is not None
+    assert silent.level == DiagnosticStatus.ERROR
+    timeline = values(report, 'timeline')
+    assert float(timeline['rate_hz']) == pytest.approx(RATE_HZ, rel=1e-6)
+    assert float(timeline['jitter_s']) < 1e-6
+    assert timeline['clock'] == 'header'
+    assert timeline['missing'] == timeline['duplicates'] == timeline['out_of_order'] == '0'
+    estimation = values(report, 'estimation')
+    assert estimation['observable/noise_density'] == '6'
+
+
+def test_every_parameter_out_of_range_is_refused_with_a_reason(live: Ros) -> None:
+    for name, value in (('publish_period', 0.0), ('publish_period', -1.0),
+                        ('publish_period', 1e9), ('publish_period', math.nan),
+                        ('publish_period', 'often'), ('checkpoint_period', 0.0),
+                        ('checkpoint_period', math.inf), ('export_for', ['kalibr', 'nonsense']),
+                        ('output_dir', ''), ('motion', 'keep'), ('clock', 'receive'),
+                        ('expected_rate', 100.0), ('gap_tolerance', 3),
+                        ('state_file', '/tmp/other'), ('use_sim_time', 'perhaps')):
+        answer = set_parameter(live, name, value)
+        assert not answer.successful, name
+        assert answer.reason, name
+
+
+def test_a_refused_parameter_keeps_its_value(live: Ros) -> None:
+    change(live, 'publish_period', 0.75)
+    assert not set_parameter(live, 'publish_period', 0.0).successful
+    response = live.call(GetParameters, 'imu_allan/get_parameters',
+                         GetParameters.Request(names=['publish_period']))
+    assert response.values[0].double_value == 0.75
+    change(live, 'publish_period', 0.5)
+
+
+def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None:
+    names = live.call(ListParameters, 'imu_allan/list_parameters').result.names
+    own = {'publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion',
+           'expected_rate', 'gap_tolerance', 'export_for', 'clock'}
+    assert own <= set(names)
+    response = live.call(DescribeParameters, 'imu_allan/describe_parameters',
+                         DescribeParameters.Request(names=sorted(own)))
+    for descriptor in response.descriptors:
+        assert len(descriptor.description) > 20, descriptor.name
+        if descriptor.type == Parameter.Type.DOUBLE.value:
+            assert descriptor.floating_point_range, descriptor.name
+        if descriptor.type == Parameter.Type.INTEGER.value:
+            assert descriptor.integer_range, descriptor.name
+    read_only = {d.name for d in response.descriptors if d.read_only}
+    assert read_only == {'state_file', 'motion', 'clock', 'expected_rate', 'gap_tolerance'}
+    assert f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth' in names
+
+
+def test_the_queue_holds_two_seconds_and_more(live: Ros) -> None:
+    name = f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth'
+    response = live.call(GetParameters, 'imu_allan/get_parameters',
+                         GetParameters.Request(names=[name]))
+    assert response.values[0].integer_value == 10_000
+
+
+def test_reset_begins_anew_and_says_so_on_every_topic(live: Ros) -> None:
+    """The last test of this file: nothing is left after it."""
+    arrays = live.listen(DiagnosticArray, 'imu_allan/coefficients')
+    live.until(lambda: arrays)
+    response = live.call(Trigger, 'imu_allan/reset')
+    assert response.success
+    live.until(lambda: len(arrays) > 1)
+    assert list(arrays[-1].status) == []
+    vector = latest(live, Vector3Stamped, 'imu_allan/gyro/noise_density')
+    assert math.isnan(vector.vector.x)
+    response = live.call(Trigger, 'imu_allan/save')
+    assert not response.success
+    assert 'nothing to save' in response.message
+
+
+def set_parameter(ros: Ros, name: str, value: object) -> SetParametersResult:
+    parameter: ParameterMessage = Parameter(name, value=value).to_parameter_msg()
+    response = ros.call(SetParameters, 'imu_allan/set_parameters',
+                        SetParameters.Request(parameters=[parameter]))
+    return response.results[0]
+
+
+def change(ros: Ros, name: str, value: object) -> None:
+    answer = set_parameter(ros, name, value)
+    assert answer.successful, answer.reason
