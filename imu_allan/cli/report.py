@@ -32,9 +32,8 @@ def run(args: argparse.Namespace) -> int:
     if len(results) == 1:
         paths = save_report(results[0], args.output, args.format)
     else:
-        from rich.console import Console
-
         from imu_allan.writers.comparison import compare, difference_table, names_of
+        from rich.console import Console
 
         names = names_of([Path(path) for path in args.results])
         paths = save_comparison(dict(zip(names, results, strict=True)), args.output, args.format)

@@ -75,7 +75,7 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
         figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 7.2)
         _write_heading(figure, result, theme)
         for column, sensor in enumerate(sensors):
-            axes = _axes_of(result, sensor)
+            axes = axes_of(result, sensor)
             left, width = column / halves, 1 / halves
             _draw_table(figure.add_axes((left + 0.04 * width, 0.715, 0.92 * width, 0.155)),
                         sensor, axes, theme)
@@ -114,7 +114,7 @@ def sensor_figure(result: Result, sensor: str, spectra: Spectra | None = None,
         If the result has no axis of `sensor`.
 
     """
-    axes = _axes_of(result, sensor)
+    axes = axes_of(result, sensor)
     if not axes:
         raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
     with plot_style(theme):
@@ -563,10 +563,11 @@ def shorten(text: str, longest: int) -> str:
 
 def sensors_of(result: Result) -> list[str]:
     """Return which of gyro and accel the result has."""
-    return [sensor for sensor in _SENSORS if _axes_of(result, sensor)]
+    return [sensor for sensor in _SENSORS if axes_of(result, sensor)]
 
 
-def _axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
+def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
+    """Return the axes of gyro or accel by name, in order."""
     return {name: result.axes[name] for name in AXES
             if name.startswith(sensor) and name in result.axes}
 

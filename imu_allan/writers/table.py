@@ -156,13 +156,8 @@ def _cell(coefficient: Coefficient, term: Term, *, tall: bool) -> 'Text':
 
 
 def number(value: float) -> str:
-    """Four significant digits, plain where that is readable."""
-    if value == 0:
-        return '0'
-    if 1e-3 <= abs(value) < 1e5:
-        digits = f'{value:.4g}'
-        return f'{value:.0f}' if 'e' in digits else digits
-    return f'{value:.3e}'
+    """Return four significant digits, without an exponent up to a million."""
+    return f'{value:.0f}' if 1e4 <= abs(value) < 1e6 else f'{value:.4g}'
 
 
 def _notes(result: Result) -> 'list[RenderableType]':

@@ -1,0 +1,123 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A headless Chromium, driven over the WebDriver protocol, with its requests and its console."""
+
+from __future__ import annotations
+
+from base64 import b64decode
+from collections.abc import Iterator
+from contextlib import contextmanager
+import json
+from pathlib import Path
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from typing import Any
+from urllib.error import URLError
+from urllib.request import Request, urlopen
+
+CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') \
+    or shutil.which('google-chrome')
+DRIVER = shutil.which('chromedriver')
+
+_ARGUMENTS = ['--headless=new', '--no-sandbox', '--disable-gpu', '--disable-quic',
+              '--no-first-run', '--disable-background-networking', '--disable-component-update',
+              '--disable-sync', '--hide-scrollbars', '--disable-dev-shm-usage']
+
+
+class Browser:
+    """One page of one browser."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    def call(self, path: str, body: dict[str, Any] | None = None) -> Any:
+        """Send a command; without a body, ask."""
+        request = Request(self._address + path, method='GET' if body is None else 'POST',
+                          data=None if body is None else json.dumps(body).encode(),
+                          headers={'Content-Type': 'application/json'})
+        with urlopen(request, timeout=60) as answer:
+            return json.load(answer)['value']
+
+    def cdp(self, command: str, **parameters: Any) -> Any:
+        """Send a command of the DevTools protocol."""
+        return self.call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
+
+    def open(self, page: Path, *, width: int = 1200, height: int = 900, dark: bool = False,
+             phone: bool = False) -> None:
+        """Show a report and wait until its plots are drawn."""
+        self.cdp('Emulation.setDeviceMetricsOverride', width=width, height=height,
+                 deviceScaleFactor=1, mobile=phone)
+        self.cdp('Emulation.setEmulatedMedia', features=[
+            {'name': 'prefers-color-scheme', 'value': 'dark' if dark else 'light'}])
+        self.call('/url', {'url': page.resolve().as_uri()})
+        for _ in range(300):
+            if self.run('return document.documentElement.dataset.drawn') == 'yes':
+                return
+            time.sleep(0.1)
+        raise AssertionError(f'the plots were not drawn; console: {self.console()}')
+
+    def run(self, script: str) -> Any:
+        """Return what a function body in JavaScript returns."""
+        return self.call('/execute/sync', {'script': script, 'args': []})
+
+    def console(self) -> list[str]:
+        """Return what was written to the console since the last question."""
+        return [entry['message'] for entry in self.call('/se/log', {'type': 'browser'})]
+
+    def requests(self) -> list[str]:
+        """Return the addresses that were asked for since the last question."""
+        events = [json.loads(entry['message'])['message']
+                  for entry in self.call('/se/log', {'type': 'performance'})]
+        return [event['params']['request']['url'] for event in events
+                if event['method'] == 'Network.requestWillBeSent']
+
+    def picture(self, path: Path, *, whole: bool = True) -> None:
+        """Save the page as a PNG."""
+        data = self.cdp('Page.captureScreenshot', format='png', captureBeyondViewport=whole)
+        path.write_bytes(b64decode(data['data']))
+
+
+@contextmanager
+def running_browser() -> Iterator[Browser]:
+    """Start a browser with a profile of its own; it ends with the context."""
+    assert CHROMIUM and DRIVER
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        port = probe.getsockname()[1]
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        driver = subprocess.Popen([DRIVER, f'--port={port}'], stdout=subprocess.DEVNULL,
+                                  stderr=subprocess.DEVNULL)
+        try:
+            session = _start_session(port, profile)
+            browser = Browser(f'http://127.0.0.1:{port}/session/{session}')
+            try:
+                yield browser
+            finally:
+                request = Request(f'http://127.0.0.1:{port}/session/{session}', method='DELETE')
+                urlopen(request, timeout=30).close()
+        finally:
+            driver.terminate()
+            driver.wait(10)
+
+
+def _start_session(port: int, profile: str) -> str:
+    body = {'capabilities': {'alwaysMatch': {
+        'browserName': 'chrome',
+        'goog:chromeOptions': {'binary': CHROMIUM,
+                               'args': [*_ARGUMENTS, f'--user-data-dir={profile}']},
+        'goog:loggingPrefs': {'browser': 'ALL', 'performance': 'ALL'}}}}
+    request = Request(f'http://127.0.0.1:{port}/session', method='POST',
+                      data=json.dumps(body).encode(),
+                      headers={'Content-Type': 'application/json'})
+    for attempt in range(100):
+        try:
+            with urlopen(request, timeout=60) as answer:
+                return str(json.load(answer)['value']['sessionId'])
+        except URLError as error:
+            if attempt == 99 or not isinstance(error.reason, ConnectionRefusedError):
+                raise
+            time.sleep(0.1)
+    raise AssertionError('unreachable')
