@@ -346,7 +346,7 @@ def draw_timeline(panel: 'Axes', timeline: Timeline, theme: Theme = 'light') -> 
     """Draw the recording as a strip with its gaps and the motion that was left out."""
     colours = COLOURS[theme]
     scale, unit = next(((s, u) for s, u in ((86400, 'days'), (3600, 'h'), (60, 'min'), (1, 's'))
-                        if timeline.duration_s >= 3 * s), (1, 's'))
+                        if timeline.duration_s >= 2 * s), (1, 's'))
     length = max(timeline.duration_s, 1e-9) / scale
     panel.barh([0], [length], color=colours['good'], height=1, linewidth=0)
     for spans, colour, hatch in ((timeline.motion, colours['motion'], None),

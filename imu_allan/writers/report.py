@@ -116,7 +116,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
 
 def _page(template: str, charts: list[dict[str, Any]], **context: Any) -> str:
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
+    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
     library = get_plotlyjs()
     program = _text('report.js')
@@ -210,7 +210,7 @@ def _wait(seconds: float | None, what: str) -> str:
 
 
 def _findings(result: Result) -> list[str]:
-    """What was seen of single axes, in sentences."""
+    """Say what was seen of single axes."""
     findings = []
     for name, axis in result.axes.items():
         label = name.replace('_', ' ')
@@ -224,9 +224,9 @@ def _findings(result: Result) -> list[str]:
                 f'{tone.frequency_hz:.4g} Hz ({number(engineering(tone.amplitude, axis.unit)[0])} '
                 f'{typeset(engineering(1.0, axis.unit)[1])})' for tone in axis.tones[:8])
             more = f' and {len(axis.tones) - 8} more' if len(axis.tones) > 8 else ''
-            findings.append(f'{label} carries tones at {tones}{more}. They are vibration, mains or '
-                            'an idle tone of a converter, not noise, and were left out of the '
-                            'fit.')
+            findings.append(f'{label} carries tones at {tones}{more}. They are vibration, mains '
+                            'or an idle tone of a converter, not noise, and were left out of '
+                            'the fit.')
         if axis.gauss_markov is not None:
             sigma, unit = engineering(axis.gauss_markov.sigma, axis.unit)
             findings.append(
@@ -379,8 +379,7 @@ def _density_chart(result: Result, sensor: str, spectra: Spectra | None) -> dict
 
 
 def _comparison_chart(results: Mapping[str, Result], axis: str) -> dict[str, Any] | None:
-    colours = {theme: result_colours(len(results), theme)  # type: ignore[arg-type]
-               for theme in ('light', 'dark')}
+    colours = {theme: result_colours(len(results), theme) for theme in COLOURS}
     traces: list[dict[str, Any]] = []
     groups = []
     for place, (name, result) in enumerate(results.items()):

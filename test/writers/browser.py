@@ -83,7 +83,8 @@ class Browser:
 @contextmanager
 def running_browser() -> Iterator[Browser]:
     """Start a browser with a profile of its own; it ends with the context."""
-    assert CHROMIUM and DRIVER
+    assert CHROMIUM
+    assert DRIVER
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
         port = probe.getsockname()[1]
