@@ -165,6 +165,37 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
     return None
 
 
+def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> NDArray[np.int64] | None:
+    """
+    How many messages before each one share its stamp.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        As they came.
+    last : int or None
+        Stamp of the message before.
+    ties : int
+        How many messages before that one shared its stamp.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,), or None
+        None where no two neighbours share a stamp.
+
+    """
+    joins = last is not None and len(stamps) > 0 and int(stamps[0]) == last
+    tied = stamps[1:] == stamps[:-1]
+    if not joins and not tied.any():
+        return None
+    position = np.arange(len(stamps))
+    begins = np.concatenate([[0], np.where(tied, 0, position[1:])])
+    since: NDArray[np.int64] = position - np.maximum.accumulate(begins)
+    if joins:
+        since[:len(stamps) if tied.all() else int(np.argmin(tied)) + 1] += ties + 1
+    return since
+
+
 def iso_time(stamp_ns: int) -> str | None:
     """Nanoseconds since 1970 as ISO-8601 with UTC, None where no date can be made of them."""
     try:

@@ -10,7 +10,7 @@ one place unchanged.
 """
 
 from dataclasses import dataclass
-from math import log, pi, sqrt
+from math import exp, log, pi, sqrt
 
 from imu_allan.timeline.clock import Stamps
 import numpy as np
@@ -26,8 +26,10 @@ _GROUP = 64
 _CLEAN_JITTER = 0.25
 _LONG_STEP = 10.0
 _COUNTING_SPREAD = 0.27
+_FIRM_PHASE = exp(-0.5 * (2 * pi * _COUNTING_SPREAD) ** 2)
 _SMOOTHING = 31
 _BURST_WINDOW = 128
+_RATE_BLOCK = 256
 
 
 @dataclass(frozen=True)
@@ -179,17 +181,19 @@ def count_steps(places: Floats, pace: Pace) -> Ints:
             uneven = np.abs(steps - whole) >= _CLEAN_JITTER
             if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
                 return whole.astype(np.int64)
-    n = len(places)
-    phase = places - np.arange(1, n + 1)
-    missing = (_missing_by_bursts(phase, steps, pace) if pace.counting
-               else _missing_by_phase(phase))
+    phase = places - np.arange(1, len(places) + 1)
+    missing = None if pace.counting else _missing_by_phase(phase)
+    if missing is None:
+        missing = _missing_by_bursts(phase, steps)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
 
 
-def _missing_by_phase(phase: Floats) -> Ints:
+def _missing_by_phase(phase: Floats) -> Ints | None:
     """Count samples missing before each message, by the phase about its own slow drift."""
-    turn, _ = _group_phases(phase)
+    turn, length = _group_phases(phase)
+    if np.mean(length) < _FIRM_PHASE:
+        return None
     turn -= np.rint(turn[0])
     centres = np.minimum(np.arange(len(turn)) * _GROUP + _GROUP / 2, len(phase))
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
@@ -202,10 +206,11 @@ def _missing_by_phase(phase: Floats) -> Ints:
     return np.maximum(lasting, 0)
 
 
-def _missing_by_bursts(phase: Floats, steps: Floats, pace: Pace) -> Ints:
+def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
     """Count samples missing before each message, where only lasting jumps are seen."""
     missing = np.zeros(len(phase), dtype=np.int64)
-    smallest = max(3.0, 6 * pace.spread)
+    spread = 1.4826 * float(np.median(np.abs(phase - np.median(phase))))
+    smallest = max(3.0, 6 * spread)
     for at in np.flatnonzero(steps > smallest):
         before = phase[max(at - _BURST_WINDOW, 0):at]
         after = phase[at:at + _BURST_WINDOW]
@@ -251,3 +256,62 @@ def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
     weight = valid / valid.sum(axis=1, keepdims=True)
     means: Floats = np.einsum('gk,gki->gi', weight, samples[around])
     return means
+
+
+def rate_changes(places: Floats, counting: bool, other_rate: bool) -> list[tuple[int, bool]]:
+    """
+    Find stretches of messages that come at another rate.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n,)
+        Rising stamps in intervals of the rate so far.
+    counting : bool
+        As in `Pace`.
+    other_rate : bool
+        Whether the messages before came at another rate.
+
+    Returns
+    -------
+    list of (int, bool)
+        First message of each stretch, and whether it is at another rate. Less than two blocks of
+        256 messages are no stretch of their own.
+
+    """
+    starts = list(range(0, max(len(places) - _RATE_BLOCK, 0) + 1, _RATE_BLOCK))
+    ends = [*starts[1:], len(places)]
+    off = [not _on_rate(places[first:last], 0.1 if counting else 0.02)
+           for first, last in zip(starts, ends, strict=True)]
+    runs: list[tuple[int, bool]] = []
+    state = other_rate
+    for number, start in enumerate(starts):
+        lasting = off[number:number + 2] == [not state, not state]
+        if lasting:
+            state = not state
+        if not runs or runs[-1][1] != state:
+            runs.append((start, state))
+    if runs[0][1] == other_rate:
+        runs[0] = (0, other_rate)
+    edges = [runs[0][0], *(_change_point(places, first, other) for first, other in runs[1:])]
+    return [(edge, other) for edge, (_, other) in zip(edges, runs, strict=True)]
+
+
+def _on_rate(places: Floats, tolerance: float) -> bool:
+    """Whether messages some number apart are mostly as many intervals apart."""
+    for apart in (1, 2, 4, 16, 64):
+        if len(places) <= apart:
+            break
+        distance = float(np.median(places[apart:] - places[:-apart])) / apart
+        if abs(distance - 1) < tolerance:
+            return True
+    return len(places) < 2
+
+
+def _change_point(places: Floats, near: int, to_other: bool) -> int:
+    """Message nearest to `near` that parts one interval from the other rate."""
+    first, last = max(near - _RATE_BLOCK, 0), min(near + _RATE_BLOCK, len(places) - 1)
+    steps = np.diff(places[first:last + 1])
+    other = float(np.median(steps[-_RATE_BLOCK // 2:] if to_other else steps[:_RATE_BLOCK // 2]))
+    worse = np.minimum(np.abs(steps - 1), 1) - np.minimum(np.abs(steps - other), 1)
+    total = np.cumsum(worse if to_other else -worse)
+    return first + 1 + int(np.argmin(total))

@@ -1,0 +1,626 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Motion and knocks: found against the axis's own noise, and left out.
+
+Half-second windows are compared with the windows before them by two statistics that noise of any
+of the terms keeps stationary however long it drifts: the variance within a window, and the second
+difference of window means. Thresholds follow from the median and the spread of the past, so they
+need no tuning to rate, noise level, quantization or steady vibration. A third test knows physics:
+no sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2 within two seconds, unless its white
+noise does it.
+"""
+
+from collections.abc import Mapping
+from copy import copy as shallow_copy
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+import json
+from typing import Any
+
+from imu_allan.block import EvenBlock
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+WINDOW_S = 0.5
+START_WINDOWS = 128
+"""Windows held back at the start, of which the quieter ones make the first baseline."""
+
+_SMALLEST_WINDOW = 16
+_MARGIN = 2
+_LAG = 4
+_CONTEXT = _MARGIN + _LAG + 1
+_REMEMBERED = 512
+_REFRESH = 64
+_RECENT = 128
+_SIGMAS = 8.0
+_LEAST_EXCESS = 0.35
+_PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
+_PLAUSIBLE_SIGMAS = 10.0
+_ADOPTED_RATIO = 3.0
+_ADOPTED_SHARE = 0.9
+_FEWEST_WINDOWS = 8
+_TOLD_RATIO = 2.0
+_LATELY_S = 5.0
+
+LISTED_SPANS = 1000
+"""Spans that are listed one by one."""
+
+
+@dataclass(frozen=True)
+class EvenPiece:
+    """
+    Even samples on their way to the detector.
+
+    Attributes
+    ----------
+    samples : ndarray of float64, shape (n, 6)
+        NaN only in columns of absent axes.
+    first_index : int
+        Place of the first row on the grid.
+    start_s : float
+        Its time since the first sample.
+    new_run : bool
+        As in `EvenBlock`.
+    bridged : ndarray of int64, shape (b,)
+        Rising grid places whose row stands in for a missing sample.
+
+    """
+
+    samples: Floats
+    first_index: int
+    start_s: float
+    new_run: bool
+    bridged: Ints
+
+    def block(self) -> EvenBlock:
+        """Give all rows."""
+        return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run)
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """
+    What the windows of a sensor at rest look like; every array has one value per axis.
+
+    Attributes
+    ----------
+    loudness, spread : ndarray, shape (6,)
+        Median and robust standard deviation of the cube root of the variance in a window: a cube
+        root makes a chi-square nearly normal whatever its degrees of freedom.
+    wander : ndarray, shape (6,)
+        Robust standard deviation of the second difference of window means.
+    resolution : ndarray, shape (6,)
+        Smallest change between two samples that was seen; infinite while constant.
+
+    """
+
+    loudness: Floats
+    spread: Floats
+    wander: Floats
+    resolution: Floats
+
+    def loudest(self, shorter: float = 1.0) -> Floats:
+        """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
+        excess = np.maximum(_SIGMAS * np.sqrt(shorter) * self.spread,
+                            _LEAST_EXCESS * self.loudness)
+        loudest: Floats = np.maximum(self.loudness + excess, np.cbrt(2 * self._steps() ** 2))
+        return loudest
+
+    def widest(self) -> Floats:
+        """Give the largest second difference of window means at rest."""
+        return np.maximum(_SIGMAS * self.wander, 3 * self._steps())
+
+    def _steps(self) -> Floats:
+        """Resolution where the noise does not dither it: there whole steps are no motion."""
+        coarse = self.loudness ** 1.5 < 0.7 * self.resolution
+        return np.where(coarse, self.resolution, 0.0)
+
+
+def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
+    """
+    Find the windows at rest, starting from the quietest quarter.
+
+    Parameters
+    ----------
+    loudness, wander : ndarray, shape (n, 6)
+        Cube root of the variance in each window; second difference of its mean, NaN at the ends
+        of a stretch.
+    resolution : ndarray, shape (6,)
+        Smallest change between two samples.
+
+    Returns
+    -------
+    Baseline
+        From the windows at rest.
+    ndarray of bool, shape (n,)
+        Which they are: the set grows from the quietest quarter as far as the distribution of
+        loudness has no hole of many standard deviations.
+
+    """
+    quiet = np.percentile(loudness, 25, axis=0)
+    noisy = quiet > 0
+    if noisy.any():
+        louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
+        rest = louder <= np.percentile(louder, 30)
+    else:
+        rest = np.ones(len(loudness), dtype=bool)
+    for _ in range(50):
+        baseline = _baseline(loudness[rest], wander[rest], resolution)
+        grown = np.all(loudness <= baseline.loudest(), axis=1)
+        if np.array_equal(grown, rest):
+            break
+        rest = grown
+    return baseline, rest
+
+
+def _baseline(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
+    centre = np.median(loudness, axis=0)
+    spread = 1.4826 * np.median(np.abs(loudness - centre), axis=0)
+    known = wander[~np.isnan(wander[:, 0])]
+    wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
+            else np.full(6, np.inf))
+    return Baseline(centre, spread, wide, resolution)
+
+
+def resolution_of(samples: Floats) -> Floats:
+    """
+    Smallest change between neighbouring samples, per axis.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 6)
+        Even samples.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Infinite for an axis that does not change.
+
+    """
+    change = np.abs(np.diff(samples, axis=0))
+    change[change == 0] = np.inf
+    smallest: Floats = np.min(change, axis=0, initial=np.inf)
+    return smallest
+
+
+@dataclass
+class _Stretch:
+    """
+    Even rows without a gap between them, of which the verdict is still open.
+
+    Windows are numbered from the start of the stretch. `rows` begins with window `given`; the
+    arrays of windows begin with window `base`, a few before, which are needed as context.
+    """
+
+    first_index: int
+    start_s: float
+    new_run: bool
+    rows: list[Floats] = field(default_factory=list)
+    held: int = 0
+    bridged: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    closed: bool = False
+    given: int = 0
+    base: int = 0
+    means: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    loudness: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
+
+    def joined(self) -> Floats:
+        """Give all rows held, as one array."""
+        if len(self.rows) > 1:
+            self.rows = [np.concatenate(self.rows)]
+        return self.rows[0]
+
+    def wander(self) -> Floats:
+        """Second difference of window means, NaN for the first and the last window."""
+        second = np.full(self.means.shape, np.nan)
+        second[1:-1] = self.means[2:] - 2 * self.means[1:-1] + self.means[:-2]
+        return second
+
+
+@dataclass(frozen=True)
+class MotionSummary:
+    """
+    What was cut out.
+
+    Attributes
+    ----------
+    spans : tuple of (float, float)
+        Start and duration in seconds of the first spans.
+    count : int
+        Number of all spans.
+    excluded, excluded_s : int, float
+        Rows cut out, and their duration.
+    seen : int
+        Rows decided on.
+    moving : bool
+        The newest span ended less than five seconds before the newest row.
+    changes : tuple of (float, float)
+        When the noise level changed for good, and the ratio of new to old standard deviation.
+
+    """
+
+    spans: tuple[tuple[float, float], ...] = ()
+    count: int = 0
+    excluded: int = 0
+    excluded_s: float = 0.0
+    seen: int = 0
+    moving: bool = False
+    changes: tuple[tuple[float, float], ...] = ()
+
+
+class MotionDetector:
+    """
+    Leaves out motion and knocks, some windows late, in constant memory.
+
+    Parameters
+    ----------
+    interval_s : float
+        Sample interval; a window is half a second, 16 rows at least.
+
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self._interval_s = interval_s
+        self._size = max(round(WINDOW_S / interval_s), _SMALLEST_WINDOW)
+        self._ones = np.full(self._size, 1 / self._size)
+        self._held: list[_Stretch] = []
+        self._baseline: Baseline | None = None
+        self._first_loudness: Floats | None = None
+        self._past = np.empty((0, 12))
+        self._news: list[Floats] = []
+        self._recent = np.empty((0, 13))
+        self._summary = MotionSummary()
+        self._run_pending = False
+        self._span_end = -1
+        self._span_end_s = -np.inf
+
+    @property
+    def summary(self) -> MotionSummary:
+        """What was cut out so far."""
+        return self._summary
+
+    def copy(self) -> 'MotionDetector':
+        """Give an independent copy; arrays are shared, for they are never written to."""
+        twin = shallow_copy(self)
+        twin._held = [replace(stretch, rows=list(stretch.rows)) for stretch in self._held]
+        twin._news = list(self._news)
+        return twin
+
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Everything needed to go on later, as a flat dict of arrays."""
+        held = self._held
+        stretches = [{'first_index': s.first_index, 'start_s': s.start_s, 'new_run': s.new_run,
+                      'closed': s.closed, 'given': s.given, 'base': s.base, 'held': s.held,
+                      'windows': len(s.means), 'judged': len(s.moving),
+                      'bridged': len(s.bridged)} for s in held]
+        text = json.dumps({
+            'interval_s': self._interval_s, 'summary': asdict(self._summary),
+            'run_pending': self._run_pending, 'span_end': self._span_end,
+            'span_end_s': self._span_end_s, 'stretches': stretches})
+        baseline, first = self._baseline, self._first_loudness
+        empty = np.empty((0, 6))
+        return {
+            'motion': np.array(text),
+            'motion_rows': np.concatenate([empty, *(s.joined() for s in held)]),
+            'motion_means': np.concatenate([empty, *(s.means for s in held)]),
+            'motion_loudness': np.concatenate([empty, *(s.loudness for s in held)]),
+            'motion_moving': np.concatenate(
+                [np.empty(0, dtype=bool), *(s.moving for s in held)]),
+            'motion_bridged': np.concatenate(
+                [np.empty(0, dtype=np.int64), *(s.bridged for s in held)]),
+            'motion_past': self._past,
+            'motion_news': np.concatenate([np.empty((0, 12)), *self._news]),
+            'motion_recent': self._recent,
+            'motion_baseline': empty if baseline is None else np.stack(
+                [baseline.loudness, baseline.spread, baseline.wander, baseline.resolution]),
+            'motion_first': empty if first is None else first[None]}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'MotionDetector':
+        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
+        plain = json.loads(str(state['motion']))
+        detector = cls(float(plain['interval_s']))
+        summary = plain['summary']
+        for name in ('spans', 'changes'):
+            summary[name] = tuple((float(a), float(b)) for a, b in summary[name])
+        detector._summary = MotionSummary(**summary)
+        detector._run_pending = bool(plain['run_pending'])
+        detector._span_end = int(plain['span_end'])
+        detector._span_end_s = float(plain['span_end_s'])
+
+        def table(name: str, columns: int) -> Floats:
+            return np.asarray(state[f'motion_{name}'], dtype=np.float64).reshape(-1, columns)
+
+        rows, means, loudness = table('rows', 6), table('means', 6), table('loudness', 6)
+        moving = np.asarray(state['motion_moving'], dtype=bool).reshape(-1)
+        bridged = np.asarray(state['motion_bridged'], dtype=np.int64).reshape(-1)
+        for stretch in plain['stretches']:
+            held, windows = int(stretch['held']), int(stretch['windows'])
+            judged, filled = int(stretch['judged']), int(stretch['bridged'])
+            if len(rows) < held or len(means) < windows or len(moving) < judged:
+                raise ValueError('rows are missing')
+            detector._held.append(_Stretch(
+                int(stretch['first_index']), float(stretch['start_s']),
+                bool(stretch['new_run']), [rows[:held]], held, bridged[:filled],
+                bool(stretch['closed']), int(stretch['given']), int(stretch['base']),
+                means[:windows], loudness[:windows], moving[:judged]))
+            rows, means, loudness = rows[held:], means[windows:], loudness[windows:]
+            moving, bridged = moving[judged:], bridged[filled:]
+        detector._past, detector._recent = table('past', 12), table('recent', 13)
+        news = table('news', 12)
+        detector._news = [news] if len(news) else []
+        baseline, first = table('baseline', 6), table('first', 6)
+        if len(baseline):
+            detector._baseline = Baseline(*baseline)
+        if len(first):
+            detector._first_loudness = first[0]
+        return detector
+
+    def push(self, piece: EvenPiece) -> list[EvenBlock]:
+        """Take even rows, give those decided to be at rest."""
+        last = self._held[-1] if self._held else None
+        if last is not None and (
+                piece.new_run or last.closed
+                or piece.first_index != last.first_index + last.given * self._size + last.held):
+            last.closed = True
+            last = None
+        if last is None:
+            last = _Stretch(piece.first_index, piece.start_s, piece.new_run)
+            self._held.append(last)
+        else:
+            grown = piece.first_index - last.first_index
+            last.start_s = piece.start_s - grown * self._interval_s
+        last.rows.append(piece.samples)
+        last.held += len(piece.samples)
+        if len(piece.bridged):
+            last.bridged = np.concatenate([last.bridged, piece.bridged])
+        return self._decide(final=False)
+
+    def flush(self) -> list[EvenBlock]:
+        """Decide on all that is held back."""
+        if self._held:
+            self._held[-1].closed = True
+        return self._decide(final=True)
+
+    def _decide(self, final: bool) -> list[EvenBlock]:
+        if self._baseline is None:
+            windows = sum(stretch.held // self._size for stretch in self._held)
+            rows = sum(stretch.held for stretch in self._held)
+            if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._size
+                    and not final):
+                return []
+            self._begin()
+        blocks: list[EvenBlock] = []
+        for stretch in self._held:
+            self._measure(stretch)
+            self._judge(stretch)
+            blocks += self._give(stretch)
+        self._held = [stretch for stretch in self._held if not stretch.closed]
+        return blocks
+
+    def _measure(self, stretch: _Stretch) -> None:
+        """Work out mean and loudness of the windows that are complete by now."""
+        size = self._size
+        known = stretch.base + len(stretch.means)
+        done = (known - stretch.given) * size
+        complete = (stretch.held - done) // size
+        if complete < 0:
+            return
+        if complete:
+            rows = stretch.joined()[done:done + complete * size].reshape(complete, size, 6)
+            means = np.matmul(self._ones, rows)
+            about = rows - means[:, None]
+            np.multiply(about, about, out=about)
+            self._append(stretch, means, np.matmul(self._ones, about))
+        left = stretch.held - done - complete * size
+        if stretch.closed and left:
+            rows = stretch.joined()[-size:]
+            mean = rows.mean(axis=0)
+            self._append(stretch, mean[None], np.mean((rows - mean) ** 2, axis=0)[None])
+
+    def _append(self, stretch: _Stretch, means: Floats, variance: Floats) -> None:
+        stretch.means = np.concatenate([stretch.means, np.nan_to_num(means)])
+        stretch.loudness = np.concatenate(
+            [stretch.loudness, np.cbrt(np.nan_to_num(variance))])
+
+    def _begin(self) -> None:
+        """Find the first baseline in the windows held back."""
+        for stretch in self._held:
+            self._measure(stretch)
+        size = self._size
+        full = [stretch for stretch in self._held if stretch.held >= size]
+        quiet = Baseline(*np.full((4, 6), np.inf))
+        if not full:
+            self._baseline = quiet
+            return
+        loudness = np.concatenate([stretch.loudness for stretch in full])
+        wander = np.concatenate([stretch.wander() for stretch in full])
+        resolution = np.full(6, np.inf)
+        for stretch in full[:4]:
+            resolution = np.minimum(resolution, resolution_of(stretch.joined()[:8 * 1024]))
+        still = ~np.concatenate([self._implausible(stretch, 0) for stretch in full])
+        if np.count_nonzero(still) < _FEWEST_WINDOWS:
+            still[:] = True
+        if len(loudness) < _FEWEST_WINDOWS:
+            self._baseline = replace(quiet, resolution=resolution)
+            return
+        self._baseline, rest = settle(loudness[still], wander[still], resolution)
+        self._first_loudness = self._baseline.loudness
+        self._past = np.hstack([loudness, wander])[still][rest]
+        self._past = self._past[~np.isnan(self._past).any(axis=1)]
+
+    def _implausible(self, stretch: _Stretch, first: int) -> Bools:
+        """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
+        means, sigma = stretch.means, stretch.loudness ** 1.5
+        beyond = np.zeros(len(means), dtype=bool)
+        change = np.abs(means[_LAG:] - means[:-_LAG])
+        white = np.minimum(sigma[_LAG:], sigma[:-_LAG]) * (2 / self._size) ** 0.5
+        beyond[_LAG:] = np.any(
+            (change > _PLAUSIBLE_CHANGE) & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
+        return beyond[first:]
+
+    def _judge(self, stretch: _Stretch) -> None:
+        """Decide on the windows whose neighbours are known."""
+        assert self._baseline is not None
+        first = len(stretch.moving)
+        last = len(stretch.means) - (0 if stretch.closed else 1)
+        if last <= first:
+            return
+        loudness = stretch.loudness[first:last]
+        wander = stretch.wander()[first:last]
+        short = stretch.given == 0 and stretch.held < self._size
+        shorter = self._size / stretch.held if short else 1.0
+        beyond = self._implausible(stretch, first)[:last - first]
+        moving = beyond | self._unlike_rest(loudness, wander, shorter)
+        if moving.any() and self._refine_resolution(stretch, np.flatnonzero(moving) + first):
+            moving = beyond | self._unlike_rest(loudness, wander, shorter)
+        stretch.moving = np.concatenate([stretch.moving, moving])
+        if not short:
+            self._learn(np.hstack([loudness, wander]), moving, beyond,
+                        self._time(stretch, stretch.base + last))
+
+    def _unlike_rest(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
+        assert self._baseline is not None
+        with np.errstate(invalid='ignore'):
+            unlike: Bools = np.any((loudness > self._baseline.loudest(shorter))
+                                   | (np.abs(wander) > self._baseline.widest()), axis=1)
+        return unlike
+
+    def _refine_resolution(self, stretch: _Stretch, windows: Ints) -> bool:
+        """
+        Look for smaller steps in the rows of `windows`; tell whether there are any.
+
+        A change by one step of a coarse output is no motion, and some outputs rest for minutes
+        before they show how small their step is.
+        """
+        assert self._baseline is not None
+        rows, size = stretch.joined(), self._size
+        known = self._baseline.resolution
+        smaller = known
+        for window in (windows + stretch.base - stretch.given).tolist():
+            near = rows[max(window - 1, 0) * size:(window + 2) * size]
+            smaller = np.minimum(smaller, resolution_of(near))
+        if np.array_equal(smaller, known):
+            return False
+        self._baseline = replace(self._baseline, resolution=smaller)
+        return True
+
+    def _learn(self, windows: Floats, moving: Bools, beyond: Bools, time_s: float) -> None:
+        """Let the baseline follow the windows at rest, or a level that has changed for good."""
+        assert self._baseline is not None
+        inner = ~np.isnan(windows[:, 6])
+        rest = windows[inner & ~moving]
+        if len(rest):
+            self._news.append(rest)
+        lately = np.column_stack([windows, np.where(beyond, 2.0, moving)])[inner]
+        self._recent = np.concatenate([self._recent, lately])[-_RECENT:]
+        if sum(map(len, self._news)) >= _REFRESH:
+            self._past = np.concatenate([self._past, *self._news])[-_REMEMBERED:]
+            self._news = []
+            self._adopt(_baseline(self._past[:, :6], self._past[:, 6:],
+                                  self._baseline.resolution), time_s)
+        if (len(self._recent) == _RECENT and not np.any(self._recent[:, 12] > 1)
+                and np.mean(self._recent[:, 12]) > _ADOPTED_SHARE):
+            loudness, wander = self._recent[:, :6], self._recent[:, 6:12]
+            baseline, still = settle(loudness, wander, self._baseline.resolution)
+            little = _ADOPTED_RATIO ** (2 / 3) * self._baseline.loudest()
+            if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
+                self._past = self._recent[still, :12]
+                self._news = []
+                self._adopt(baseline, time_s)
+            self._recent = self._recent[:0]
+
+    def _adopt(self, baseline: Baseline, time_s: float) -> None:
+        """Take a new baseline, and tell if the noise has become much louder or quieter."""
+        self._baseline = baseline
+        if self._first_loudness is None:
+            self._first_loudness = baseline.loudness
+            return
+        known = (self._first_loudness > 0) & (baseline.loudness > 0)
+        ratio = (baseline.loudness[known] / self._first_loudness[known]) ** 1.5
+        if not len(ratio):
+            return
+        most = ratio[np.argmax(np.abs(np.log(ratio)))]
+        if abs(np.log(most)) > np.log(_TOLD_RATIO):
+            self._first_loudness = baseline.loudness
+            self._summary = replace(
+                self._summary,
+                changes=(*self._summary.changes[:9], (time_s, float(most))))
+
+    def _time(self, stretch: _Stretch, window: int) -> float:
+        return stretch.start_s + window * self._size * self._interval_s
+
+    def _give(self, stretch: _Stretch) -> list[EvenBlock]:
+        """Give the rows at rest of the windows whose margin is known."""
+        size = self._size
+        judged = stretch.base + len(stretch.moving)
+        upto = judged if stretch.closed else judged - _MARGIN
+        count = upto - stretch.given
+        if count <= 0:
+            return []
+        context = stretch.given - stretch.base
+        if stretch.moving.any():
+            near = np.convolve(stretch.moving, np.ones(2 * _MARGIN + 1), 'full')[_MARGIN:]
+            cut = near[context:context + count] > 0.5
+            edges = [0, *(np.flatnonzero(cut[1:] != cut[:-1]) + 1).tolist(), count]
+        else:
+            cut, edges = np.zeros(1, dtype=bool), [0, count]
+        rows = stretch.joined()
+        length = min(count * size, stretch.held)
+        first = stretch.first_index + stretch.given * size
+        blocks = []
+        for left, right in pairwise(edges):
+            begin, end = left * size, min(right * size, length)
+            if cut[left]:
+                self._cut(first + begin, end - begin, self._time(stretch, stretch.given + left))
+                self._run_pending |= stretch.new_run
+            else:
+                bridged = stretch.bridged
+                if len(bridged):
+                    bridged = bridged[np.searchsorted(bridged, first + begin):
+                                      np.searchsorted(bridged, first + end)]
+                blocks.append(EvenBlock(rows[begin:end], first + begin, len(bridged),
+                                        stretch.new_run or self._run_pending))
+                self._run_pending = False
+            stretch.new_run = False
+        seen = self._summary.seen + length
+        newest = self._time(stretch, stretch.given) + length * self._interval_s
+        self._summary = replace(self._summary, seen=seen,
+                                moving=newest - self._span_end_s < _LATELY_S)
+        stretch.rows = [rows[length:]]
+        stretch.held -= length
+        stretch.given = upto
+        drop = max(upto - _CONTEXT - stretch.base, 0)
+        if drop:
+            stretch.base += drop
+            stretch.means = stretch.means[drop:]
+            stretch.loudness = stretch.loudness[drop:]
+            stretch.moving = stretch.moving[drop:]
+        if len(stretch.bridged):
+            stretch.bridged = stretch.bridged[np.searchsorted(stretch.bridged, first + length):]
+        return blocks
+
+    def _cut(self, first: int, rows: int, start_s: float) -> None:
+        """Note rows that are left out, as part of the span before if they follow it."""
+        summary = self._summary
+        duration = rows * self._interval_s
+        spans, count = summary.spans, summary.count
+        if first == self._span_end and count:
+            if count == len(spans):
+                begun, lasted = spans[-1]
+                spans = (*spans[:-1], (begun, lasted + duration))
+        else:
+            count += 1
+            if len(spans) < LISTED_SPANS:
+                spans = (*spans, (start_s, duration))
+        self._span_end = first + rows
+        self._span_end_s = start_s + duration
+        self._summary = replace(summary, spans=spans, count=count,
+                                excluded=summary.excluded + rows,
+                                excluded_s=summary.excluded_s + duration)

@@ -1,0 +1,33 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the user may decide about the timeline."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class TimelineOptions:
+    """
+    What the user may decide about the timeline.
+
+    Attributes
+    ----------
+    clock : {'auto', 'header', 'receive'}
+        Which stamps to use; 'auto' takes header stamps unless they are unusable.
+    rate_hz : float or None
+        Stated sample rate, which overrides the measured one.
+    force_rate : bool
+        Use the stated rate even if the measured one differs by more than 2 %.
+    gap_tolerance : int
+        Gaps of up to so many samples are bridged by the local mean.
+    motion : {'exclude', 'keep'}
+        Whether motion and knocks are cut out.
+
+    """
+
+    clock: Literal['auto', 'header', 'receive'] = 'auto'
+    rate_hz: float | None = None
+    force_rate: bool = False
+    gap_tolerance: int = 5
+    motion: Literal['exclude', 'keep'] = 'exclude'
