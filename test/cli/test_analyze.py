@@ -245,7 +245,7 @@ def processes_of_group(group: int) -> list[str]:
 @pytest.mark.parametrize('jobs', ['1', '2'])
 def test_ctrl_c_ends_every_process_and_leaves_no_file(
         tmp_path: Path, model: NoiseModel, jobs: str) -> None:
-    long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 200_000))
+    long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 50_000))
     with subprocess.Popen(
             [*COMMAND, *[str(long)] * 50, '--jobs', jobs, '--output', str(tmp_path / 'out')],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:

@@ -1,0 +1,216 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a ROS distribution, colcon, pip and a lawyer look at."""
+
+import ast
+from configparser import ConfigParser
+from importlib import import_module
+from importlib.metadata import entry_points
+from itertools import pairwise
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import imu_allan
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE_XML = ElementTree.parse(ROOT / 'package.xml').getroot()
+SETUP = (ROOT / 'setup.py').read_text()
+SOURCES = sorted(path for folder in ('imu_allan', 'test', 'launch', 'demo', 'bench', 'docs',
+                                     'examples')
+                 for path in (ROOT / folder).rglob('*.py') if '_build' not in path.parts)
+
+DISTRIBUTIONS = {'yaml': 'PyYAML'}
+"""Names on PyPI of modules that are called otherwise."""
+APT_KEYS = {'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'matplotlib':
+            'python3-matplotlib', 'yaml': 'python3-yaml', 'rich': 'python3-rich'}
+ROS_WITHOUT_PYTHON_DEPENDENCY = {'ament_index_python', 'builtin_interfaces', 'rcl_interfaces',
+                                 'rpyutils'}
+"""Part of every installation of rclpy."""
+
+
+WITHOUT_PIP_PACKAGES = """
+import sys
+
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {'rosbags', 'mcap', 'plotly', 'pint', 'lz4', 'zstandard'}:
+            raise ImportError(f'{name} is not in the distribution')
+
+sys.meta_path.insert(0, Refuse())
+from imu_allan.characterization import Characterization
+from imu_allan.noise.model import NoiseModel
+from imu_allan.noise.terms import AXES
+from imu_allan.simulator import simulated_blocks
+from imu_allan.writers.filters import export
+from imu_allan.writers.plot import overview_figure, render
+
+stream = Characterization(kind='topic', topic='/imu/data_raw')
+model = NoiseModel(None, {axis: {'noise_density': 1e-3} for axis in AXES})
+for block in simulated_blocks(model, 100.0, 2000):
+    stream.update(block)
+result = stream.result()
+assert 'noise_density' in export(result, 'kalibr').text
+assert render(overview_figure(result), 'png').startswith(b'\\x89PNG')
+"""
+
+
+def imports(path: Path) -> set[str]:
+    """Give the top-level modules that a file imports, anywhere in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            found.add((node.module or '').partition('.')[0])
+    return found - set(sys.stdlib_module_names) - {'imu_allan'}
+
+
+def dependencies(*kinds: str) -> set[str]:
+    return {element.text or '' for kind in kinds for element in PACKAGE_XML.findall(kind)}
+
+
+def test_package_xml_is_format_3_of_an_ament_python_package() -> None:
+    assert PACKAGE_XML.get('format') == '3'
+    assert PACKAGE_XML.findtext('name') == 'imu_allan'
+    assert PACKAGE_XML.findtext('export/build_type') == 'ament_python'
+    assert re.fullmatch(r'[\w.-]+@[\w-]+(\.[\w-]+)+', PACKAGE_XML.find('maintainer').get('email'))
+
+
+def test_package_xml_lists_its_elements_in_the_order_of_the_schema() -> None:
+    order = ['name', 'version', 'description', 'maintainer', 'license', 'url', 'author']
+    present = [element.tag for element in PACKAGE_XML if element.tag in order]
+    assert present == sorted(present, key=order.index)
+
+
+def test_version_is_the_same_everywhere() -> None:
+    version = PACKAGE_XML.findtext('version')
+    assert imu_allan.__version__ == version
+    assert f"version='{version}'" in SETUP or 'version=__version__' in SETUP
+
+
+def test_maintainer_and_licence_are_the_same_in_package_xml_and_setup() -> None:
+    maintainer = PACKAGE_XML.find('maintainer')
+    assert f"maintainer='{maintainer.text}'" in SETUP
+    assert f"maintainer_email='{maintainer.get('email')}'" in SETUP
+    licence = PACKAGE_XML.find('license')
+    assert f"license='{licence.text}'" in SETUP
+    assert 'Apache License' in (ROOT / licence.get('file')).read_text()
+
+
+def test_every_ros_package_the_node_imports_is_a_dependency() -> None:
+    ros = {'rclpy', 'launch', 'launch_ros', 'sensor_msgs', 'std_msgs', 'std_srvs',
+           'geometry_msgs', 'diagnostic_msgs', 'rosgraph_msgs'}
+    used = {name for folder in ('imu_allan', 'launch')
+            for path in (ROOT / folder).rglob('*.py') for name in imports(path)} & ros
+    assert used <= dependencies('depend', 'exec_depend')
+    assert dependencies('depend', 'exec_depend') & ros <= used
+
+
+def test_the_nodes_need_nothing_that_only_pip_has() -> None:
+    """A package that depends on pip keys cannot be released into a ROS distribution."""
+    subprocess.run([sys.executable, '-c', WITHOUT_PIP_PACKAGES], check=True)
+
+
+def test_every_library_that_is_imported_is_declared() -> None:
+    declared = {re.split(r'[<>=\[]', name)[0].lower()
+                for name in re.findall(r"'([\w.\[\]-]+(?:[<>=]+[\w.]+)?)',?", SETUP)}
+    ros = dependencies('exec_depend', 'test_depend') | ROS_WITHOUT_PYTHON_DEPENDENCY
+    for path in (ROOT / 'imu_allan').rglob('*.py'):
+        for name in imports(path) - ros:
+            assert DISTRIBUTIONS.get(name, name).lower() in declared, (path, name)
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_source_file_begins_with_copyright_and_licence(path: Path) -> None:
+    lines = [line for line in path.read_text().splitlines() if not line.startswith('#!')]
+    assert lines[:2] == ['# Copyright 2026 The imu_allan authors',
+                         '# SPDX-License-Identifier: Apache-2.0']
+
+
+def test_scripts_land_where_ros2_run_looks() -> None:
+    config = ConfigParser()
+    config.read(ROOT / 'setup.cfg')
+    assert config['install']['install_scripts'] == '$base/lib/imu_allan'
+    assert config['develop']['script_dir'] == '$base/lib/imu_allan'
+
+
+@pytest.mark.parametrize('name', ['imu_allan', 'imu_allan_node', 'imu_simulator'])
+def test_entry_points_lead_to_callables(name: str) -> None:
+    [entry] = [entry for entry in entry_points(group='console_scripts')
+               if entry.name == name and entry.value.startswith('imu_allan')]
+    module, _, attribute = entry.value.partition(':')
+    assert callable(getattr(import_module(module), attribute))
+
+
+def test_marker_and_manifest_are_installed_where_ament_looks() -> None:
+    assert (ROOT / 'resource' / 'imu_allan').is_file()
+    assert 'share/ament_index/resource_index/packages' in SETUP
+    for kind in ("['package.xml']", "glob('config/*.*')", "glob('launch/*.launch.py')"):
+        assert kind in SETUP
+
+
+def test_changelog_is_one_that_catkin_tools_read() -> None:
+    lines = (ROOT / 'CHANGELOG.rst').read_text().splitlines()
+    assert lines[1] == 'Changelog for package imu_allan'
+    assert lines[0] == lines[2] == '^' * len(lines[0])
+    headings = [line for line, under in pairwise(lines) if re.fullmatch('-+', under)]
+    assert all(re.fullmatch(r'Forthcoming|\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)', heading)
+               for heading in headings)
+
+
+def fresh_environment() -> dict[str, str]:
+    """Give the environment without what the ROS wheels leave in it for this interpreter alone."""
+    return {key: value for key, value in os.environ.items()
+            if key not in ('LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE', 'PYTHONPATH')}
+
+
+def environment(path: Path, *packages: str) -> Path:
+    """Make a virtual environment with `packages`; return its folder of programs."""
+    subprocess.run([sys.executable, '-m', 'venv', str(path)], check=True,
+                   env=fresh_environment())
+    subprocess.run([str(path / 'bin' / 'python'), '-m', 'pip', 'install', '--quiet', *packages],
+                   check=True, env=fresh_environment())
+    return path / 'bin'
+
+
+@pytest.mark.slow
+def test_pip_installs_the_offline_tool_without_ros(tmp_path: Path) -> None:
+    programs = environment(tmp_path / 'venv', str(ROOT))
+    shared = tmp_path / 'venv' / 'share' / 'imu_allan'
+    assert (shared / 'package.xml').is_file()
+    model = shared / 'config' / 'consumer_mems.yaml'
+    for command in (['simulate', str(model), '--duration', '60', '--output', 'recording'],
+                    ['info', 'recording'],
+                    ['analyze', 'recording', '--output', 'out'],
+                    ['export', 'out/result.json', '--for', 'kalibr'],
+                    ['check', 'out/result.json', '--spec', str(model)],
+                    ['report', 'out/result.json', '--output', 'report']):
+        done = subprocess.run([str(programs / 'imu_allan'), *command], cwd=tmp_path, check=False,
+                              capture_output=True, text=True, env=fresh_environment())
+        assert done.returncode in ((0, 3) if command[0] == 'check' else (0,)), done.stderr
+    refused = subprocess.run([str(programs / 'imu_allan_node')], cwd=tmp_path, check=False,
+                             capture_output=True, text=True, env=fresh_environment())
+    assert refused.returncode == 1
+    assert refused.stderr.count('\n') == 1
+    assert 'ROS 2' in refused.stderr
+
+
+@pytest.mark.slow
+def test_colcon_builds_and_installs_what_ros2_run_and_launch_need(tmp_path: Path) -> None:
+    programs = environment(tmp_path / 'venv', 'colcon-common-extensions')
+    subprocess.run([str(programs / 'colcon'), 'build', '--base-paths', str(ROOT)], cwd=tmp_path,
+                   check=True, env=fresh_environment() | {
+                       'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}'})
+    installed = tmp_path / 'install' / 'imu_allan'
+    assert {path.name for path in (installed / 'lib' / 'imu_allan').iterdir()} >= {
+        'imu_allan', 'imu_allan_node', 'imu_simulator'}
+    shared = installed / 'share'
+    assert (shared / 'ament_index/resource_index/packages/imu_allan').is_file()
+    for folder in ('config', 'launch'):
+        assert ({path.name for path in (shared / 'imu_allan' / folder).iterdir()}
+                == {path.name for path in (ROOT / folder).iterdir() if path.is_file()})
