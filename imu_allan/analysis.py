@@ -7,14 +7,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
-
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
+import numpy as np
 
 
 def analyze(path: str | Path, topic: str | None = None, *,
@@ -47,6 +46,7 @@ def analyze(path: str | Path, topic: str | None = None, *,
     ------
     ImuAllanError
         If the recording cannot be read, the topic is not clear, or nothing usable is in it.
+
     """
     with open_recording(path, rate_hz=options.rate_hz) as recording:
         name = choose_topic(recording, topic)
@@ -79,6 +79,7 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
     Yields
     ------
     ImuBlock
+
     """
     begin: int | None = None
     for block in blocks:

@@ -31,6 +31,7 @@ class ImuBlock:
         provided (first covariance element -1, REP-145).
     frame_id : str
         header.frame_id of every message of the block: another frame_id starts another block.
+
     """
 
     header_ns: NDArray[np.int64]
@@ -61,6 +62,7 @@ class EvenBlock:
     new_run : bool
         The length of the gap before this block is unknown (clock jump, restart, resume): nothing
         relates its place on the grid to the block before.
+
     """
 
     samples: NDArray[np.float64]

@@ -13,9 +13,6 @@ from collections.abc import Iterable, Mapping
 import json
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.axis import axis_results, SHORTEST_RECORD
@@ -24,6 +21,8 @@ from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Remark, Result, Source
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.version import __version__
+import numpy as np
+from numpy.typing import NDArray
 
 State = Mapping[str, NDArray[np.generic]]
 
@@ -39,6 +38,7 @@ class Characterization:
         Of the recording.
     topic : str or None
     options : TimelineOptions, optional
+
     """
 
     def __init__(self, *, kind: Literal['recording', 'topic'], path: str | None = None,
@@ -59,6 +59,7 @@ class Characterization:
         ------
         ImuAllanError
             If the timeline cannot make sense of them.
+
         """
         self._absorb(self._timeline.push(block))
 
@@ -101,6 +102,7 @@ class Characterization:
         ------
         ImuAllanError
             If a recording is mostly motion.
+
         """
         twin = self.snapshot()
         twin.finish()
@@ -154,6 +156,7 @@ class Characterization:
         -------
         dict of str to ndarray
             No object arrays, so that it can be stored without pickle.
+
         """
         about = {'kind': self._kind, 'path': self._path, 'topic': self._topic,
                  'next': self._next, 'columns': self._columns.tolist()}
@@ -174,6 +177,7 @@ class Characterization:
         ------
         ImuAllanError
             If the state is not one of a characterization.
+
         """
         def part(name: str) -> dict[str, NDArray[np.generic]]:
             return {key[len(name) + 1:]: value for key, value in state.items()

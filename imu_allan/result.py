@@ -42,6 +42,7 @@ class Coefficient:
         Further recording time after which the term is expected to become observable.
     ci_halves_in_s : float or None
         Further recording time after which the interval is expected to be half as wide.
+
     """
 
     symbol: str
@@ -182,6 +183,7 @@ class Result:
         ------
         ImuAllanError
             If `document` is not of the schema; the message names the field, prefixed by `name`.
+
         """
         if not isinstance(document, Mapping) or document.get('schema') != SCHEMA:
             raise ImuAllanError(

@@ -3,27 +3,32 @@
 """From a finished estimator to the result of every axis."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from dataclasses import dataclass, replace
 
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Estimate, Fit, fit
-from imu_allan.noise.likelihood import bins_of, grouped, maximise, QUANTIZATION
+from imu_allan.noise.likelihood import bins_of, grouped, maximise
 from imu_allan.noise.outlook import outlook
-from imu_allan.noise.periodogram import Piece
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, Quantity, TERMS
-from imu_allan.noise.tones import find_lines
+from imu_allan.noise.tones import find_lines, Line
 from imu_allan.result import (
-    AxisResult, Coefficient, Curve, GaussMarkov, GoodnessOfFit, Interval, Remark, Tone)
+    AxisResult,
+    Coefficient,
+    Curve,
+    GaussMarkov,
+    GoodnessOfFit,
+    Interval,
+    Remark,
+    Tone,
+)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
 SHORTEST_RECORD = 64
 """Samples below which no coefficient is estimated."""
-_COARSE_STEP = 1.0
 
 
 def characterize(samples: ArrayLike, sample_rate_hz: float,
@@ -48,6 +53,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     ValueError
         If `samples` is not one-dimensional or not finite, the rate is not positive, or the
         quantity is unknown.
+
     """
     if not sample_rate_hz > 0 or not np.isfinite(sample_rate_hz):
         raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
@@ -57,6 +63,46 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     estimator = Estimator()
     estimator.update(array)
     return axis_results(estimator, sample_rate_hz, [Quantity(quantity)])[0][0]
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """What the spectrum of one axis says: the fitted terms, and the lines that were left out."""
+
+    fit: Fit
+    lines: list[Line]
+
+
+def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
+    """
+    Fit the spectrum of every axis.
+
+    Parameters
+    ----------
+    finished : Estimator
+        As `Estimator.finished` returns it.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    list of AxisFit or None
+        None for an axis that is constant, or a record that is too short.
+
+    """
+    pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
+    if not pieces:
+        return [None] * finished.axes
+    bins = bins_of(pieces, dt, finished.bridged / finished.samples)
+    found: list[AxisFit | None] = []
+    for axis in range(finished.axes):
+        if finished.lowest[axis] == finished.highest[axis]:
+            found.append(None)
+            continue
+        whole = grouped(bins, axis)
+        lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
+        found.append(AxisFit(fit(whole if keep.all() else grouped(bins, axis, keep), dt), lines))
+    return found
 
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity]
@@ -74,38 +120,36 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     -------
     list of (AxisResult, list of Remark)
         What is worth telling the user beside each axis; messages do not name the axis.
+
     """
     finished = estimator.finished()
     dt = 1.0 / sample_rate_hz
     points = octaves(finished)
     mean = finished.mean
+    noise = sample_noise(finished)
     found = []
-    pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
-    bridged = finished.bridged / max(finished.samples, 1)
-    bins = bins_of(pieces, dt, bridged) if pieces else None
-    for axis, quantity in enumerate(quantities):
+    for axis, (quantity, fitted_axis) in enumerate(
+            zip(quantities, fit_axes(finished, dt), strict=True)):
         base = _empty(quantity, float(mean[axis]) if finished.samples else None)
         remarks: list[Remark] = []
-        if finished.samples and finished.lowest[axis] == finished.highest[axis]:
-            remarks.append(Remark('constant_axis',
-                                  f'every sample is {mean[axis]:g} {quantity.unit}: '
-                                  'there is no noise to measure'))
-            found.append((replace(base, curve=_flat_curve(points, dt)), remarks))
+        if fitted_axis is None:
+            if finished.samples and finished.lowest[axis] == finished.highest[axis]:
+                remarks.append(Remark('constant_axis',
+                                      f'every sample is {mean[axis]:g} {quantity.unit}: '
+                                      'there is no noise to measure'))
+                curve = _flat_curve(points, dt)
+            else:
+                curve = _curve(points, axis, dt, {}, None)
+            found.append((replace(base, curve=curve), remarks))
             continue
-        if bins is None:
-            found.append((replace(base, curve=_curve(points, axis, dt, {}, None)), remarks))
-            continue
-        whole = grouped(bins, axis)
-        first = maximise(whole, fixed={QUANTIZATION: 0.0})
-        lines, keep = find_lines(pieces, bins, axis, dt, bins.design @ first.theta)
-        fitted = fit(grouped(bins, axis, keep) if lines else whole, dt)
+        fitted, lines = fitted_axis.fit, fitted_axis.lines
         remarks += _fit_remarks(fitted, quantity)
-        step, spread = finished.step[axis], _white_sigma(pieces, axis)
-        if np.isfinite(step) and step > _COARSE_STEP * spread > 0:
+        step = finished.step[axis]
+        if np.isfinite(step) and step > noise[axis] > 0:
             remarks.append(Remark(
                 'coarse_resolution',
-                f'the output steps by {step:.3g} {quantity.unit}, {step / spread:.1f} times the '
-                'noise of one sample: what lies below the step is hidden'))
+                f'the output steps by {step:.3g} {quantity.unit}, {step / noise[axis]:.1f} times '
+                'the noise of one sample: what lies below the step is hidden'))
         values = {key: estimate.value for key, estimate in fitted.estimates.items()}
         forecast = outlook(values, {key: e.observable for key, e in fitted.estimates.items()},
                            dt, finished.samples * dt)
@@ -168,12 +212,11 @@ def _fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
     return remarks
 
 
-def _white_sigma(pieces: list[Piece], axis: int) -> float:
-    """Noise of one sample: root of the median power at the fast end of the spectrum."""
-    piece = pieces[-1]
-    power = piece.power[axis, max(piece.first, piece.length // 2):]
-    return float(np.sqrt(np.median(power) / 0.455 if piece.blocks == 1 else np.median(power))) \
-        if len(power) else 0.0
+def sample_noise(finished: Estimator) -> Array:
+    """Standard deviation of one sample about its neighbours, shape (axes,); 0 when unknown."""
+    pyramid = finished.pyramid
+    # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
+    return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
 
 
 def _flat_curve(points: Octaves, dt: float) -> Curve:
@@ -191,7 +234,7 @@ def _curve(points: Octaves, axis: int, dt: float, values: dict[str, float], fitt
     """Allan deviation of one axis with the intervals of the fitted terms."""
     if not len(points.size):
         return Curve((), (), (), (), (), ())
-    tau = points.size * dt
+    tau: Array = (points.size * dt).astype(np.float64)
     avar = points.avar[:, axis]
     dof = np.array([edf(values, int(m), int(s), int(c), dt)
                     for m, s, c in zip(points.size, points.stride, points.count, strict=True)])

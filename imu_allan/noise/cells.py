@@ -33,6 +33,7 @@ class Cells:
         Sum of the samples that fell into each cell.
     counts : ndarray of int64, shape (n,)
         How many samples these were.
+
     """
 
     keys: Keys
@@ -76,6 +77,7 @@ def cells_of(rows: Array, run: int, first: int, size: int) -> Cells:
     Returns
     -------
     Cells
+
     """
     n = rows.shape[1]
     starts = np.concatenate(([0], np.arange(size - first % size, n, size)))
@@ -122,6 +124,7 @@ def filled(cells: Cells) -> Array:
     -------
     ndarray, shape (axes, span)
         Missing cells stand on the straight line between their neighbours.
+
     """
     means = cells.means
     span = int(cells.keys[-1] - cells.keys[0]) + 1

@@ -11,19 +11,19 @@ References
 ----------
 C. A. Greenhall, "Recipes for degrees of freedom of frequency stability estimators", IEEE Trans.
 Instrum. Meas. 40 (1991). W. J. Riley, "Handbook of Frequency Stability Analysis", NIST SP 1065.
+
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2
-
 from imu_allan.noise.cells import RUN_SHIFT
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.pyramid import OVERLAP
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ class Octaves:
         How many differences were averaged.
     avar : ndarray, shape (octaves, axes)
         In the squared unit of a sample.
+
     """
 
     size: NDArray[np.int64]
@@ -68,6 +69,7 @@ def octaves(estimator: Estimator) -> Octaves:
     Octaves
         Where the whole-record series is fine enough to give more overlap than the pyramid does,
         the long clusters come from there.
+
     """
     pyramid, periodogram = estimator.pyramid, estimator.periodogram
     cell = periodogram.cell
@@ -133,6 +135,7 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     -------
     float
         ``2 v^2 / var(v)`` for the sum of the terms.
+
     """
     tau = size * dt
     scales = np.array([1.0, tau, tau**2, tau**3])
@@ -176,6 +179,7 @@ def interval(avar: ArrayLike, dof: ArrayLike, level: float) -> tuple[Array, Arra
     -------
     low, high : ndarray, shape (n,)
         Bounds of the deviation.
+
     """
     avar, dof = np.asarray(avar, dtype=np.float64), np.asarray(dof, dtype=np.float64)
     tail = (1 - level) / 2

@@ -4,11 +4,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from imu_allan.noise.periodogram import BLOCK, Periodogram
 from imu_allan.noise.pyramid import Pyramid
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[np.generic]]
@@ -45,6 +44,7 @@ class Estimator:
     ----------
     samples, bridged : int
         Samples taken in, and how many of them stand in for missing ones.
+
     """
 
     def __init__(self, axes: int = 1) -> None:
@@ -85,6 +85,7 @@ class Estimator:
         ------
         ValueError
             If the shape is not that of the axes or a sample is not finite.
+
         """
         block = np.asarray(samples, dtype=np.float64)
         if block.ndim == 1 and self.axes == 1:
@@ -117,6 +118,7 @@ class Estimator:
         ------
         ValueError
             If `missing` is negative.
+
         """
         if missing < 0:
             raise ValueError(f'missing must not be negative: {missing}')
@@ -168,6 +170,7 @@ class Estimator:
         ------
         ValueError
             If the number of axes differs.
+
         """
         if other.axes != self.axes:
             raise ValueError(f'cannot merge {other.axes} axes into {self.axes}')
@@ -217,6 +220,7 @@ class Estimator:
         -------
         dict of str to ndarray
             Read back by `from_state`; no object arrays, so that it can be stored without pickle.
+
         """
         state: State = {
             'counters': np.array(list(vars(self._n).values())),
@@ -238,6 +242,7 @@ class Estimator:
         ------
         KeyError, ValueError
             If the state is not one of an estimator.
+
         """
         def part(name: str) -> State:
             return {key[len(name) + 1:]: value for key, value in state.items()

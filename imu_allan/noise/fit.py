@@ -13,33 +13,41 @@ References
 ----------
 S. S. Wilks, Ann. Math. Statist. 9 (1938), and H. Chernoff, Ann. Math. Statist. 25 (1954): the
 likelihood ratio, and its law at a boundary.
+
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from imu_allan.noise.likelihood import (
+    FLICKER,
+    Groups,
+    maximise,
+    QUANTIZATION,
+    Solution,
+    WALK,
+    WHITE,
+)
+from imu_allan.noise.spectrum import gauss_markov
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
-
-from imu_allan.noise.likelihood import (
-    FLICKER, Groups, maximise, QUANTIZATION, Solution, WALK, WHITE)
-from imu_allan.noise.spectrum import gauss_markov
 
 Array = NDArray[np.float64]
 
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
            'bias_instability': FLICKER, 'rate_random_walk': WALK}
 
-OBSERVABLE = 3.841
+OBSERVABLE = 5.412
 """
-Likelihood ratio above which a term is observable: its 95 % interval then lies above zero, and
-noise without the term passes for it in at most 2.5 % of records.
+Likelihood ratio above which a term is observable (1 %, one-sided at the boundary): its 95 %
+interval then lies well above zero.
 """
-OBSERVABLE_RAMP = 6.635
+OBSERVABLE_RAMP = 10.83
 """
-The same for the ramp. It rests on the few slowest coefficients, where the ratio has longer tails
-than its limiting law: at 3.84, 8 % of records of a mere random walk would show a ramp.
+The same for the ramp (0.1 %). It rests on the few slowest coefficients, as the random walk does:
+a ramp that is only chance takes most of the walk with it, so the evidence has to be strong.
 """
 _CI95 = 3.841
 _UPPER95 = 2.706
@@ -50,6 +58,8 @@ _TOLERATED_MISFIT = 0.05
 _LOWEST_EDGE_HZ = 0.5
 _EDGE_GROUPS = 24
 _WORTH = 3.0
+_DEEP = 1 / 12
+_SHORTEST_CORRELATION = 50
 
 
 @dataclass(frozen=True)
@@ -85,6 +95,7 @@ class Fit:
         Standard deviation and correlation time of an additional Gauss-Markov term.
     expected : callable
         Design row(s), shape (n, 4), to expected power, shape (n,), in the band that was used.
+
     """
 
     estimates: dict[str, Estimate]
@@ -136,11 +147,12 @@ def fit(groups: Groups, dt: float) -> Fit:
     Returns
     -------
     Fit
+
     """
     trial, markov = _try(groups, None), None
     if trial.p_value < _BENT_P:
         trial = _without_fine_octaves(groups, dt, trial)
-        if not trial.good:
+        if not trial.described or (trial.edge_hz or np.inf) * dt < _DEEP:
             found = _with_gauss_markov(groups, dt)
             if found is not None:
                 trial, markov = found
@@ -243,24 +255,33 @@ def _error_of_density(trial: _Trial) -> float:
 
 
 def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, float]] | None:
-    """The terms and a Gauss-Markov process, if they describe the whole band and keep N."""
-    lowest, highest = float(groups.frequency[0]), float(groups.frequency[-1])
-    times = np.geomspace(1 / (2 * np.pi * highest), 1 / (2 * np.pi * lowest), 33)[1:-1]
+    """
+    Fit the terms and a Gauss-Markov process to the whole band.
+
+    A correlation time of a few samples is not considered: that is what a low-pass looks like.
+    """
+    longest = 1 / (2 * np.pi * float(groups.frequency[0]))
+    if longest < 2 * _SHORTEST_CORRELATION * dt:
+        return None
+    white = groups.design[:, WHITE]
 
     def column(time: float) -> Array:
-        return gauss_markov(np.minimum(groups.frequency * dt, 0.5), dt, time)
+        density = dt * gauss_markov(np.minimum(groups.frequency * dt, 0.5), dt, time)
+        return np.asarray(white * density)
 
-    def attempt(time: float) -> Solution:
-        design = np.column_stack((groups.design, column(time)))
-        return maximise(groups.with_design(design), fixed={QUANTIZATION: 0.0}, tolerance=1e-3)
+    def attempt(log_time: float) -> float:
+        design = np.column_stack((groups.design, column(float(np.exp(log_time)))))
+        return maximise(groups.with_design(design), fixed={QUANTIZATION: 0.0},
+                        tolerance=1e-3).loss
 
-    losses = [attempt(time).loss for time in times]
-    best = int(np.argmin(losses))
-    around = np.geomspace(times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)], 17)
-    time = float(around[int(np.argmin([attempt(t).loss for t in around]))])
+    times = np.linspace(np.log(_SHORTEST_CORRELATION * dt), np.log(longest), 12)
+    best = int(np.argmin([attempt(time) for time in times]))
+    around = (times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)])
+    time = float(np.exp(minimize_scalar(attempt, bounds=around, method='bounded',
+                                        options={'xatol': 0.01}).x))
     trial = _try(groups, None, extra=column(time))
     theta = trial.solution.theta
-    if not trial.good or theta[WHITE] <= 0 or theta[-1] <= 0:
+    if not trial.described or theta[WHITE] <= 0 or theta[-1] <= 0:
         return None
     return trial, (float(np.sqrt(theta[-1])), time)
 
@@ -314,8 +335,9 @@ def _spread(trial: _Trial, best: Solution, column: int) -> float:
     error = float(np.sqrt(max(inverse[place, place], 0) * trial.dispersion) / norm[place])
     value = float(np.sqrt(best.theta[column]))
     # From the standard error of the square to that of the coefficient.
-    return error / (2 * value) if value**2 > 2 * error else np.sqrt(value**2 + error) - value + \
-        0.1 * np.sqrt(error)
+    if value**2 > 2 * error:
+        return error / (2 * value)
+    return float(np.sqrt(value**2 + error) - value + 0.1 * np.sqrt(error))
 
 
 def _crossing(rise: Callable[[float], float], value: float, scale: float, level: float) -> float:

@@ -14,17 +14,17 @@ References
 ----------
 P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953).
 C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, ch. 23.
+
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imu_allan.noise import spectrum
 from imu_allan.noise.periodogram import Piece
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -57,6 +57,7 @@ class Bins:
         Whether a bin is a single coefficient of a whole-record part.
     piece, index : ndarray of int, shape (bins,)
         Which piece a bin is from, and its DCT index there.
+
     """
 
     frequency: Array
@@ -79,6 +80,7 @@ class Groups:
     ----------
     frequency, dof, power, cross, ramp : ndarray, shape (groups,)
     design : ndarray, shape (groups, columns)
+
     """
 
     frequency: Array
@@ -90,10 +92,7 @@ class Groups:
 
     def at_ramp(self, slope: float) -> Array:
         """Power about the mean that a ramp of `slope` per second gives, shape (groups,)."""
-        if slope == 0:
-            return self.power
-        about = self.power - 2 * slope * self.cross + slope**2 * self.ramp
-        return np.maximum(about, 1e-3 * self.power)
+        return about_ramp(self.power, self.cross, self.ramp, slope)
 
     def below(self, frequency_hz: float) -> 'Groups':
         """Return the groups up to a frequency."""
@@ -118,11 +117,33 @@ class Solution:
         The ramp, in sample units per second.
     loss : float
         Minus the log-likelihood, up to a constant.
+
     """
 
     theta: Array
     slope: float
     loss: float
+
+
+def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
+    """
+    Take the mean that a ramp gives the coefficients out of their power.
+
+    Parameters
+    ----------
+    power, cross, ramp : ndarray, shape (n,)
+        As in `Groups`.
+    slope : float
+        Of the ramp, per second.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    """
+    if slope == 0:
+        return power
+    return np.maximum(power - 2 * slope * cross + slope**2 * ramp, 1e-3 * power)
 
 
 @lru_cache(maxsize=256)
@@ -151,6 +172,7 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
     Returns
     -------
     Bins
+
     """
     parts = []
     for number, piece in enumerate(pieces):
@@ -158,7 +180,9 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
         flicker, s2 = _shapes(piece.length, piece.first, piece.last)
         fine = 1 - bridged_share if piece.step == 1 else 1 + bridged_share
         white = np.full(len(s2), (1 - piece.filled) * fine / step)
-        design = np.stack((4 * s2 / step**2, white, flicker,
+        # The second part of the first column is what both ends of a block leak.
+        quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
+        design = np.stack((quantized, white, flicker,
                            step * (1 - s2 / 1.5) / (4 * s2)), axis=1)
         index = np.arange(piece.first, piece.last)
         part = slice(piece.first, piece.last)
@@ -194,6 +218,7 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Gro
     -------
     Groups
         The lowest 48 coefficients of every whole-record part stay single.
+
     """
     single = bins.whole & (bins.index <= _SINGLE)
     band = np.floor(_PER_OCTAVE * np.log2(bins.frequency)).astype(np.int64)
@@ -202,7 +227,7 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Gro
     key = np.where(single, (bins.piece + 2) * 10_000_000 + bins.index, band * 2 + bins.whole)
     weight = bins.dof if keep is None else bins.dof * keep
     _, inverse = np.unique(key, return_inverse=True)
-    dof = np.bincount(inverse, weight)
+    dof: Array = np.bincount(inverse, weight).astype(np.float64)
     some = dof > 0
 
     def average(values: Array) -> Array:
@@ -244,6 +269,7 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     Returns
     -------
     Solution
+
     """
     columns = groups.design.shape[1]
     fixed = fixed or {}

@@ -1,15 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-How much longer to record: the Fisher information of a longer record of the same noise.
-"""
+"""How much longer to record: the Fisher information of a longer record of the same noise."""
 
 from collections.abc import Mapping
 
+from imu_allan.noise import spectrum
 import numpy as np
 from numpy.typing import NDArray
-
-from imu_allan.noise import spectrum
 
 Array = NDArray[np.float64]
 
@@ -41,12 +38,13 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
         By key: time until the term is expected to become observable (None where it is, or where
         nothing hints at its size), and time until its interval is expected to be half as wide
         (None where it is not observable). Forecasts end at 4096 times the record.
+
     """
     found: dict[str, tuple[float | None, float | None]] = {}
     theta = np.array([coefficients.get(key, 0.0) for key in _KEYS]) ** 2
     if theta[0] <= 0 or duration_s < 4 * dt:
         return dict.fromkeys(_KEYS, (None, None))
-    lengths = duration_s * 2.0 ** np.arange(_OCTAVES + 1)
+    lengths: Array = duration_s * np.exp2(np.arange(_OCTAVES + 1))
     errors = np.array([_standard_errors(theta, dt, length) for length in lengths])
     for i, key in enumerate(_KEYS):
         if observable.get(key):

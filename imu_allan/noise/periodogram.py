@@ -16,12 +16,10 @@ flicker.
 
 from dataclasses import dataclass
 
+from imu_allan.noise.cells import Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
-
-from imu_allan.noise.cells import (
-    Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT)
 
 Array = NDArray[np.float64]
 
@@ -62,6 +60,7 @@ class Piece:
         The coefficients themselves where the piece is one block.
     filled : float
         Share of the points that stand in for missing ones.
+
     """
 
     step: int
@@ -165,6 +164,7 @@ class Periodogram:
     Parameters
     ----------
     axes : int
+
     """
 
     def __init__(self, axes: int) -> None:
@@ -187,6 +187,7 @@ class Periodogram:
             Number of the run.
         first : int
             Place of the first sample on the grid of the run.
+
         """
         self.samples += rows.shape[1]
         self.power.add(rows)
@@ -220,6 +221,7 @@ class Periodogram:
         Returns
         -------
         list of Piece
+
         """
         top = 0.5 if self.cell == 1 else _HIGHEST_OF_MEANS
         found = []
@@ -319,6 +321,7 @@ class Periodogram:
         ------
         KeyError, ValueError
             If the state is not one of a periodogram.
+
         """
         axes, cell, samples, stages = (int(value) for value in state['shape'])
         if not 1 <= axes <= 64 or cell < 1 or cell & (cell - 1) or not 0 <= stages < _MAX_STAGES:

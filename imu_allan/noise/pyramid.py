@@ -11,6 +11,7 @@ References
 ----------
 D. A. Howe, D. W. Allan, J. A. Barnes, "Properties of signal sources and measurement methods", 1981
 (overlapping Allan variance); D. B. Percival and P. Guttorp, 1994 (pyramids of differences).
+
 """
 
 import numpy as np
@@ -40,6 +41,7 @@ class Pyramid:
         sample units.
     counts : ndarray of int64, shape (octaves,)
         How many differences each sum holds.
+
     """
 
     def __init__(self, axes: int) -> None:
@@ -61,6 +63,7 @@ class Pyramid:
         Parameters
         ----------
         rows : ndarray, shape (axes, n)
+
         """
         points = np.cumsum(rows, axis=1)
         points += self._carry[0][:, -1:]
@@ -136,6 +139,7 @@ class Pyramid:
         ------
         KeyError, ValueError
             If the state is not one of a pyramid.
+
         """
         self = cls.__new__(cls)
         self.sums = np.array(state['sums'], dtype=np.float64)

@@ -12,17 +12,17 @@ averaged Gauss-Markov processes whose spectrum is within 0.2 % of 1/f up to peri
 References
 ----------
 R. B. Davies and D. S. Harte, "Tests for Hurst effect", Biometrika 74 (1987): circulant embedding.
+
 """
 
 from collections.abc import Mapping
 from typing import Any
 
+from imu_allan.noise.terms import TERMS
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import lfilter
-
-from imu_allan.noise.terms import TERMS
 
 Array = NDArray[np.float64]
 
@@ -56,6 +56,7 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     ------
     ValueError
         If a key is unknown, or `samples` or `sample_rate_hz` is not positive.
+
     """
     _check(coefficients, sample_rate_hz)
     if samples < 1:
@@ -96,6 +97,7 @@ class NoiseStream:
         As for `simulate`.
     sample_rate_hz : float
     seed : int, optional
+
     """
 
     def __init__(self, coefficients: Mapping[str, Any], sample_rate_hz: float,

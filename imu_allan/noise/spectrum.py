@@ -12,6 +12,7 @@ References
 ----------
 IEEE Std 952-1997, Annex C. The sums over aliases are Hurwitz zeta functions; for the random walk
 they close to elementary functions.
+
 """
 
 import numpy as np
@@ -64,6 +65,7 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     Returns
     -------
     ndarray, shape (n,)
+
     """
     a = dt / correlation_time_s
     decay = -np.expm1(-a)
@@ -86,6 +88,7 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (n,)
+
     """
     j = np.asarray(j)
     factor = 1 - 2 / (np.pi**2 * np.maximum(j, 1))
@@ -108,6 +111,7 @@ def ramp_dct(n: int, dt: float) -> Array:
     -------
     ndarray, shape (n - 1,)
         Zero at even indices.
+
     """
     j = np.arange(1, n)
     half = np.pi * j / (2 * n)

@@ -62,6 +62,7 @@ class Term:
         the flat term, which stands at ``FLICKER_FLOOR`` times its coefficient everywhere.
     gyro_unit, accel_unit : str
         SI unit of the coefficient.
+
     """
 
     key: str
@@ -96,6 +97,7 @@ class Term:
         -------
         ndarray, shape (n,)
             In the unit of a sample.
+
         """
         tau = np.asarray(tau, dtype=np.float64)
         if self.read_at is None:
@@ -141,6 +143,7 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     References
     ----------
     IEEE Std 952-1997, C.1.1.6 (exponentially correlated noise).
+
     """
     tau = np.asarray(tau, dtype=np.float64)
     x = tau / correlation_time_s
@@ -165,6 +168,7 @@ def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> NDArray[np
     -------
     ndarray, shape (n,)
         In the squared unit of a sample.
+
     """
     tau = np.asarray(tau, dtype=np.float64)
     total = np.zeros(tau.shape)

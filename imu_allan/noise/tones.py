@@ -10,14 +10,13 @@ more than chance allows, seen at three resolutions: a quantizer's idle tone is a
 
 from dataclasses import dataclass
 
+from imu_allan.noise.likelihood import about_ramp, Bins, Solution
+from imu_allan.noise.periodogram import Piece
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 from scipy.stats import chi2
-
-from imu_allan.noise.likelihood import Bins
-from imu_allan.noise.periodogram import Piece
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,8 +29,11 @@ _WIDEST_SHARE = 0.3
 _LEAST_RISE = 1.3
 _LEAST_BROAD_RISE = 1.5
 _SCALES = (1, 8, 32)
-_LOWEST_INDEX = 12
+_LOWEST_INDEX = 32
 _MOST = 32
+_MANY = 8
+_LOBE_MARGIN = 2.0
+_LOBE_MARGIN_OF_ONE = 4.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Line:
 
 
 def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
-               expected: Array) -> tuple[list[Line], Mask]:
+               first: Solution) -> tuple[list[Line], Mask]:
     """
     Find the lines of one axis.
 
@@ -54,10 +56,11 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
     bins : Bins
         Of the same pieces.
     axis : int
+        Which axis.
     dt : float
         Sample interval in seconds.
-    expected : ndarray, shape (bins,)
-        A first fit, by which the spectrum is flattened.
+    first : Solution
+        A first fit of all bins, by which the spectrum is flattened.
 
     Returns
     -------
@@ -65,8 +68,11 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
         The strongest first.
     keep : ndarray of bool, shape (bins,)
         False where a line or its side lobes are.
+
     """
     keep = np.ones(len(bins.frequency), dtype=bool)
+    expected = np.maximum(bins.design @ first.theta, 1e-300)
+    power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, first.slope)
     lines: list[Line] = []
     spans: list[tuple[float, float]] = []
     longest = {piece.step: max(p.length for p in pieces if p.step == piece.step)
@@ -76,43 +82,60 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
         piece = pieces[number]
         if piece.length != longest[piece.step] or piece.length < _SHORTEST_PIECE:
             continue
-        here = np.flatnonzero(bins.piece == number)
-        here = here[max(0, _LOWEST_INDEX - piece.first):]
+        here = np.flatnonzero(bins.piece == number)[max(0, _LOWEST_INDEX - piece.first):]
         if len(here) < _NEIGHBOURHOOD:
             continue
-        ratio = bins.power[axis, here] / expected[here]
-        width = 1 / (2 * piece.length * piece.step * dt)
-        taken = np.zeros(len(here), dtype=bool)
-        for scale in _SCALES:
-            for begin, end, floor in _rises(np.where(taken, np.nan, ratio), piece.blocks, scale):
-                excess = np.maximum(ratio[begin:end] - floor, 0)
-                # A sharp line leaks into side lobes; a broad one has skirts of its own width.
-                reach = 1 + (int(np.ceil(np.sqrt(excess.max() / floor / _LEAK) / np.pi))
-                             if scale == 1 else end - begin)
-                left, right = max(0, begin - reach), min(len(here), end + reach)
-                taken[left:right] = True
-                spans.append((bins.frequency[here[left]], bins.frequency[here[right - 1]]))
-                level = excess * expected[here[begin:end]]
-                for part in _peaks(level) if scale == 1 else [slice(None)]:
-                    at = bins.frequency[here[begin:end]][part]
-                    frequency = float(level[part] @ at / level[part].sum())
-                    amplitude = float(np.sqrt(2 * level[part].sum() / piece.length))
-                    if piece.step == 1 or not _folded(frequency, lines,
-                                                      1 / (piece.step * dt), 3 * width):
-                        lines.append(Line(frequency, amplitude))
+        frequency, level = bins.frequency[here], expected[here]
+        found, taken = _lines_of(power[here] / level, piece.blocks)
         keep[here[taken]] = False
+        width = 1 / (2 * piece.length * piece.step * dt)
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False]))))
+        spans += [(frequency[a] - width, frequency[b - 1] + width)
+                  for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        for part, excess in found:
+            weight = excess * level[part]
+            centre = float(weight @ frequency[part] / weight.sum())
+            if piece.step == 1 or not _folded(centre, lines, 1 / (piece.step * dt), 3 * width):
+                lines.append(Line(centre, float(np.sqrt(2 * weight.sum() / piece.length))))
     # Shorter blocks of the same stage see the same lines, only less sharply.
     for number, piece in enumerate(pieces):
         if piece.length == longest[piece.step]:
             continue
         width = 2 / (2 * piece.length * piece.step * dt)
         here = np.flatnonzero(bins.piece == number)
-        for low_hz, high_hz in spans:
-            inside = ((bins.frequency[here] > low_hz - width)
-                      & (bins.frequency[here] < high_hz + width))
+        for low, high in spans:
+            inside = (bins.frequency[here] > low - width) & (bins.frequency[here] < high + width)
             keep[here[inside]] = False
     lines.sort(key=lambda line: -line.amplitude)
     return lines[:_MOST], keep
+
+
+def _lines_of(ratio: Array, blocks: int) -> tuple[list[tuple[slice, Array]], Mask]:
+    """Lines of a flattened spectrum: where each is and what it adds; and the bins they spoil."""
+    taken = np.zeros(len(ratio), dtype=bool)
+    found: list[tuple[slice, Array]] = []
+    for scale in _SCALES:
+        candidates = []
+        for begin, end, floor in _rises(np.where(taken, np.nan, ratio), blocks, scale):
+            excess = np.maximum(ratio[begin:end] - floor, 0)
+            # A sharp line leaks into side lobes; a broad one has skirts of its own width.
+            reach = 1 + (int(np.ceil(np.sqrt(excess.max() / floor / _LEAK) / np.pi))
+                         if scale == 1 else end - begin)
+            taken[max(0, begin - reach):end + reach] = True
+            for part in _peaks(excess) if scale == 1 else [slice(0, end - begin)]:
+                candidates.append((slice(begin + part.start, begin + part.stop), excess[part]))
+        candidates.sort(key=lambda c: -float(c[1].max()))
+        main: list[tuple[int, float]] = []
+        for part, excess in candidates:
+            place, height = part.start + int(np.argmax(excess)), float(excess.max())
+            lobes = sum(top / (1 + (np.pi * (place - other) / 2) ** 2) for other, top in main)
+            # The side lobes of a single block scatter; those of an average do not.
+            if scale == 1 and height < lobes * (
+                    _LOBE_MARGIN if blocks >= _MANY else _LOBE_MARGIN_OF_ONE):
+                continue
+            main.append((place, height))
+            found.append((part, excess))
+    return found, taken
 
 
 def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]:
@@ -123,13 +146,15 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
     that are NaN have been taken by a sharper line.
     """
     count = len(ratio) // scale
-    if count < _NEIGHBOURHOOD:
+    dof = blocks * scale
+    # The median of a few wild values is wild itself, so they need more neighbours.
+    neighbourhood = _NEIGHBOURHOOD if dof >= _MANY else 4 * _NEIGHBOURHOOD - 3
+    if count < neighbourhood:
         return []
     cells = ratio[:count * scale].reshape(count, scale)
     known = np.isfinite(cells).sum(axis=1)
     mean = np.nansum(cells, axis=1) / np.maximum(known, 1)
     empty = known < (scale + 1) // 2
-    dof = blocks * scale
     middle = chi2.ppf(0.5, dof) / dof
     chance = chi2.isf(_FALSE_ALARM / count, dof) / dof
     least = _LEAST_RISE if scale == 1 else _LEAST_BROAD_RISE
@@ -138,10 +163,10 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
     for _ in range(4):
         # Cells already found are levelled, lest several lines lift the median together.
         good = np.flatnonzero(~(hit | empty))
-        if len(good) < _NEIGHBOURHOOD:
+        if len(good) < neighbourhood:
             return []
         level = np.interp(np.arange(count), good, mean[good])
-        floor = median_filter(level, _NEIGHBOURHOOD, mode='nearest') / middle
+        floor = median_filter(level, neighbourhood, mode='reflect') / middle
         found = (mean > floor * max(chance, least)) & ~empty
         if (found == hit).all():
             break

@@ -1,0 +1,248 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Monte Carlo benchmark of the estimator: bias, error over the Cramer-Rao bound, coverage.
+
+Every record is drawn by the exact simulators and characterized by the public `characterize`. Beside
+it stand peers that can be installed (allan-variance and allantools from PyPI) and the tangent
+method: N read off the curve at 1 s, K off the +1/2 line through its end, B as its minimum.
+
+    python bench/bench_accuracy.py --runs 200            # minutes on two cores
+    python bench/bench_accuracy.py --only A B --peers
+"""
+
+import argparse
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+import functools
+import os
+import sys
+from typing import Any
+
+from imu_allan.noise.axis import characterize, fit_axes
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import FLICKER_FLOOR
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, lfilter
+
+Array = NDArray[np.float64]
+
+DEGREE = np.pi / 180
+N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
+_CONSUMER = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 6.5e-5 * DEGREE}
+_WALKING = {**_CONSUMER, K: 2.5e-4 * DEGREE}
+_SETTLING = 2000
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A simulated sensor.
+
+    Attributes
+    ----------
+    terms : dict
+        SI coefficient by key.
+    rate_hz, duration_s : float
+    bound : dict
+        Relative Cramer-Rao bound by key.
+    low_pass : tuple or None
+        Numerator and denominator of a filter in the sensor.
+
+    """
+
+    terms: dict[str, float]
+    rate_hz: float
+    duration_s: float
+    bound: dict[str, float]
+    low_pass: tuple[Sequence[float], Sequence[float]] | None = None
+
+    def record(self, seed: int) -> Array:
+        """Draw a record, in rad/s."""
+        samples = round(self.rate_hz * self.duration_s)
+        if self.low_pass is None:
+            return simulate(self.terms, samples, self.rate_hz, seed)
+        raw = simulate(self.terms, samples + _SETTLING, self.rate_hz, seed)
+        return np.asarray(lfilter(*self.low_pass, raw)[_SETTLING:])
+
+
+_A = {N: 0.00069, B: 0.044, K: 0.30}
+_B = {N: 0.00084, B: 0.10, K: 0.17}
+_HOUR = 3600.0
+CASES = {
+    'A': Case(_CONSUMER, 100, 3 * _HOUR, _A),
+    'B': Case(_WALKING, 200, _HOUR, _B),
+    'N': Case({N: _CONSUMER[N]}, 100, _HOUR, {}),
+    'NK': Case({N: _CONSUMER[N], K: _WALKING[K]}, 100, 3 * _HOUR, {}),
+    'NB': Case({N: _CONSUMER[N], B: _CONSUMER[B]}, 100, 3 * _HOUR, {}),
+    'NBK': Case(_WALKING, 100, 3 * _HOUR, {}),
+    'QNB': Case({'quantization_noise': 3e-6, N: _CONSUMER[N], B: _CONSUMER[B]}, 100, 3 * _HOUR,
+                {}),
+    '1st order 20 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(1, 20, fs=100)),
+    '2nd order 20 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 20, fs=100)),
+    '2nd order 5 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 5, fs=100)),
+    '4th order 10 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(4, 10, fs=100)),
+    'boxcar 8': Case(_CONSUMER, 100, 3 * _HOUR, _A, ([1 / 8] * 8, [1.0])),
+}
+
+Estimates = dict[str, tuple[float, float, float, bool]]
+"""Value, 95 % interval and observable by key; an upper bound is the interval from zero."""
+
+
+def ours(record: Array, rate_hz: float) -> tuple[Estimates, list[tuple[float, ...]]]:
+    """
+    Estimates of this package, and its curve: tau, adev, low, high.
+
+    Where a coefficient is not observable the result file has no value; here the most likely one
+    counts, as it does for the peers, and its interval reaches from zero to the upper bound.
+    """
+    estimator = Estimator()
+    estimator.update(record)
+    fitted = fit_axes(estimator.finished(), 1 / rate_hz)[0]
+    if fitted is None:
+        raise RuntimeError('the record is too short')
+    found: Estimates = {
+        key: (e.value, e.low, e.high, True) if e.observable else (e.value, 0.0, e.upper, False)
+        for key, e in fitted.fit.estimates.items()}
+    axis = characterize(record, rate_hz)
+    curve = [(tau, adev, *bounds) for tau, adev, bounds
+             in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95, strict=True)]
+    return found, curve
+
+
+def tangents(record: Array, rate_hz: float) -> Estimates:
+    """Slopes laid on the curve by eye's rule: N at 1 s, K at the end, B at the minimum."""
+    import allantools
+    size = np.unique(np.geomspace(1, len(record) // 10, 100).astype(int))
+    tau, adev, _, _ = allantools.oadev(record, rate=rate_hz, data_type='freq',
+                                       taus=size / rate_hz)
+    density = float(np.exp(np.interp(0.0, np.log(tau), np.log(adev))))
+    values = {N: density, B: float(adev.min()) / FLICKER_FLOOR,
+              K: float(adev[-1] * np.sqrt(3 / tau[-1]))}
+    return {key: (value, np.nan, np.nan, True) for key, value in values.items()}
+
+
+def least_squares(record: Array, rate_hz: float) -> Estimates:
+    """The PyPI package allan-variance: relative non-negative least squares on the curve."""
+    import allan_variance
+    tau, avar = allan_variance.compute_avar(record, 1 / rate_hz)
+    found, _ = allan_variance.estimate_parameters(tau, avar)
+    names = {N: 'white', B: 'flicker', K: 'walk', 'quantization_noise': 'quantization'}
+    return {key: (float(found[name]), np.nan, np.nan, float(found[name]) > 0)
+            for key, name in names.items()}
+
+
+PEERS: dict[str, Callable[[Array, float], Estimates]] = {
+    'tangents on the curve': tangents,
+    'allan-variance (NNLS)': least_squares,
+}
+
+
+def trial(name: str, peers: Sequence[str], seed: int
+          ) -> tuple[dict[str, Estimates], list[tuple[float, ...]]]:
+    """One record through every method."""
+    case = CASES[name]
+    record = case.record(seed)
+    found, curve = ours(record, case.rate_hz)
+    return ({'imu_allan': found,
+             **{peer: PEERS[peer](record, case.rate_hz) for peer in peers}}, curve)
+
+
+def run(name: str, runs: int, peers: Sequence[str] = (), first_seed: int = 0,
+        workers: int | None = None) -> list[Any]:
+    """Monte Carlo of one case, in `workers` processes."""
+    job = functools.partial(trial, name, list(peers))
+    seeds = range(first_seed, first_seed + runs)
+    if workers == 1:
+        return [job(seed) for seed in seeds]
+    with ProcessPoolExecutor(workers or os.cpu_count()) as pool:
+        return list(pool.map(job, seeds, chunksize=4))
+
+
+def figures(name: str, trials: Sequence[Any], method: str = 'imu_allan'
+            ) -> dict[str, dict[str, float]]:
+    """Bias, root mean square error, coverage and share observable by coefficient."""
+    case, summary = CASES[name], {}
+    for key in trials[0][0][method]:
+        rows = np.array([[float(v) for v in t[0][method][key]] for t in trials])
+        truth = case.terms.get(key, 0.0)
+        inside = (rows[:, 1] <= truth) & (truth <= rows[:, 2])
+        line = {'observable': float(rows[:, 3].mean()), 'coverage': float(inside.mean())}
+        if truth:
+            error = rows[:, 0] / truth - 1
+            line['bias'] = float(error.mean())
+            line['rmse'] = float(np.sqrt(np.mean(error**2)))
+        summary[key] = line
+    return summary
+
+
+def right_terms(name: str, trials: Sequence[Any], method: str = 'imu_allan') -> float:
+    """Share of records in which just the terms of the truth are observable."""
+    wanted = set(CASES[name].terms)
+    return float(np.mean([{key for key, v in t[0][method].items() if v[3]} == wanted
+                          for t in trials]))
+
+
+def curve_coverage(name: str, trials: Sequence[Any]) -> list[tuple[float, float]]:
+    """Averaging time and coverage of the curve's 95 % interval, octave by octave."""
+    from imu_allan.noise.terms import allan_variance
+    terms = CASES[name].terms
+    found = []
+    for octave in range(len(trials[0][1])):
+        rows = np.array([t[1][octave] for t in trials])
+        truth = float(np.sqrt(allan_variance(terms, rows[0, 0])))
+        found.append((float(rows[0, 0]), float(np.mean((rows[:, 2] <= truth)
+                                                       & (truth <= rows[:, 3])))))
+    return found
+
+
+def show(name: str, trials: Sequence[Any]) -> None:
+    """Print one case."""
+    case = CASES[name]
+    print(f'\n{name}: {case.rate_hz:g} Hz x {case.duration_s / 3600:g} h, {len(trials)} records')
+    for method in trials[0][0]:
+        print(f'  {method}')
+        for key, line in figures(name, trials, method).items():
+            if 'rmse' not in line:
+                print(f'    {key:20} not in truth, reported in {100 * line["observable"]:5.1f} %')
+                continue
+            bound = case.bound.get(key)
+            over = f'{line["rmse"] / bound:8.2f} x bound' if bound else ''
+            coverage = f'coverage {line["coverage"]:.3f}' if method == 'imu_allan' else ''
+            print(f'    {key:20} bias {100 * line["bias"]:+8.3f} %  rmse '
+                  f'{100 * line["rmse"]:8.3f} %{over}  observable '
+                  f'{100 * line["observable"]:5.1f} %  {coverage}')
+        print(f'    just the true terms in {100 * right_terms(name, trials, method):.1f} %')
+    if case.low_pass is None:
+        worst = [f'{tau:g} s {share:.3f}' for tau, share in curve_coverage(name, trials)]
+        print('  coverage of the curve: ' + ', '.join(worst))
+
+
+def main() -> int:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--runs', type=int, default=100)
+    parser.add_argument('--only', nargs='+', choices=list(CASES), default=list(CASES))
+    parser.add_argument('--peers', action='store_true', help='also run the installed peers')
+    parser.add_argument('--workers', type=int)
+    options = parser.parse_args()
+    peers = []
+    if options.peers:
+        for peer, package in zip(PEERS, ('allantools', 'allan_variance'), strict=True):
+            try:
+                __import__(package)
+                peers.append(peer)
+            except ImportError:
+                print(f'{peer}: not installed (pip install {package.replace("_", "-")})',
+                      file=sys.stderr)
+    for name in options.only:
+        show(name, run(name, options.runs, peers, workers=options.workers))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
