@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 import time
+import traceback
 from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Time
@@ -44,6 +45,7 @@ import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -197,11 +199,12 @@ class CharacterizationNode(Node):
         self._curves = {name: self._publisher(Float64MultiArray, f'~/{name}')
                         for name in (f'{sensor}/allan_deviation' for sensor in SENSORS)}
         self._plot = self._publisher(CompressedImage, '~/plot/compressed')
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10,
+                                                  event_callbacks=_no_events())
 
     def _publisher(self, kind: type, topic: str) -> Publisher:
         return self.create_publisher(
-            kind, topic, _LATCHED,
+            kind, topic, _LATCHED, event_callbacks=_no_events(),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _apply(self, name: str, value: Any) -> None:
@@ -303,13 +306,10 @@ class CharacterizationNode(Node):
         def publish(future: Future[tuple[Result, ResultMessages, float]]) -> None:
             if run is not self._run:
                 return
-            try:
-                result, messages, self._facts.fit_s = future.result()
-            except ImuAllanError as error:
-                self._facts.fit_error = str(error)
-                self._tell_error(str(error))
+            self._facts.fit_error = self._failure(future)
+            if self._facts.fit_error:
                 return
-            self._facts.fit_error = ''
+            result, messages, self._facts.fit_s = future.result()
             self._result = result
             self._publish(messages)
             self._draw_if_watched()
@@ -338,7 +338,11 @@ class CharacterizationNode(Node):
             image.header.frame_id = result.source.frame_id or ''
             return image
 
-        self._start('plot', draw, lambda future: self._plot.publish(future.result()))
+        def show(future: Future[CompressedImage]) -> None:
+            if not self._failure(future):
+                self._plot.publish(future.result())
+
+        self._start('plot', draw, show)
 
     # -- what stays ----------------------------------------------------------------------------
 
@@ -388,15 +392,10 @@ class CharacterizationNode(Node):
         state = pack(run.characterization, self._setup)
 
         def note(future: 'Future[int]') -> None:
-            try:
-                future.result()
-            except ImuAllanError as error:
-                self._facts.checkpoint_error = str(error)
-                self._tell_error(str(error))
-                return
-            self._facts.checkpoint_error = ''
-            run.checkpointed = fed
-            self._saved_at = began
+            self._facts.checkpoint_error = self._failure(future)
+            if not self._facts.checkpoint_error:
+                run.checkpointed = fed
+                self._saved_at = began
 
         return self._start('checkpoint', lambda: state_file.save(state), note)
 
@@ -414,8 +413,7 @@ class CharacterizationNode(Node):
             return save_run(result, run_folder(folder, name, result), consumers)
 
         def note(future: 'Future[list[Path]]') -> None:
-            error = future.exception()
-            self._facts.save_error = '' if error is None else str(error)
+            self._facts.save_error = self._failure(future)
 
         return self._start('save', save, note)
 
@@ -423,12 +421,13 @@ class CharacterizationNode(Node):
 
     async def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._take(time.monotonic())
-        try:
-            paths = await _finished(self._start_save())
-        except ImuAllanError as error:
-            response.success, response.message = False, printable(error)
-            return response
-        response.success, response.message = True, '\n'.join(str(path) for path in paths)
+        future = self._start_save()
+        while not future.done():
+            await _AWhile()
+        error = future.exception()
+        response.success = error is None
+        response.message = (printable(error) if error is not None else
+                            '\n'.join(str(path) for path in future.result()))
         return response
 
     async def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -439,9 +438,11 @@ class CharacterizationNode(Node):
         self._start_fit()
         response.success, response.message = True, 'a new run has begun'
         if self._state_file is not None:
-            try:
-                await _finished(self._start_checkpoint())
-            except ImuAllanError as error:
+            future = self._start_checkpoint()
+            while not future.done():
+                await _AWhile()
+            error = future.exception()
+            if error is not None:
                 response.success = False
                 response.message += f', but {printable(error)}'
         self.get_logger().info(response.message)
@@ -488,7 +489,11 @@ class CharacterizationNode(Node):
         others = [name for name, types in self.get_topic_names_and_types()
                   if 'sensor_msgs/msg/Imu' in types and name != self._subscription.topic]
         text = f'no message on {self._subscription.topic} for {self._facts.silent_s:.0f} s'
-        if self._facts.publishers:
+        refused = self._subscription.incompatible_publishers()
+        if refused:
+            text += (f'; its QoS does not go with that of {"; ".join(refused)}; choose another '
+                     'with qos_overrides')
+        elif self._facts.publishers:
             text += f', though {self._facts.publishers} nodes publish it'
         elif others:
             text += (f'; Imu topics here: {", ".join(sorted(others))}; choose one with '
@@ -510,6 +515,19 @@ class CharacterizationNode(Node):
 
     def _under_way(self, kind: str) -> bool:
         return any(job.kind == kind for job in self._jobs)
+
+    def _failure(self, future: Future[Any]) -> str:
+        """Tell of what went wrong in the worker, if anything did; return it as a line."""
+        error = future.exception()
+        if error is None:
+            return ''
+        if isinstance(error, ImuAllanError):
+            self._tell_error(str(error))
+            return str(error)
+        # A bug in one fit must not end what has been collected for days.
+        lines = traceback.format_exception(error)
+        self.get_logger().error(''.join(lines), throttle_duration_sec=600.0)
+        return f'internal error, see the log: {printable(error)}'
 
     def _finish(self) -> int:
         """Take what is still queued, write state and result; return the exit status."""
@@ -535,14 +553,14 @@ class CharacterizationNode(Node):
         return status
 
 
-async def _finished(future: Future[T]) -> T:
-    """Wait for the worker while the executor goes on: it looks again whenever it wakes."""
-    while not future.done():
-        await _AWhile()
-    return future.result()
+def _no_events() -> PublisherEventCallbacks:
+    # Every event handler costs each turn of the executor its share.
+    return PublisherEventCallbacks(use_default_callbacks=False)
 
 
 class _AWhile:
+    """Lets the executor go on; it comes back when it wakes the next time."""
+
     def __await__(self) -> Generator[None, None, None]:
         yield
 

@@ -16,8 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    HistoryPolicy,
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
@@ -46,15 +53,15 @@ class Batch:
 
 
 class _OutOfWaitSet(CallbackGroup):
-    """Never lets the executor take from the subscription; its QoS events stay with it."""
+    """Never lets the executor wait for the subscription."""
 
-    def can_execute(self, entity: object) -> bool:
-        return not isinstance(entity, Subscription)
+    def can_execute(self, _: object) -> bool:
+        return False
 
-    def beginning_execution(self, entity: object) -> bool:
-        return self.can_execute(entity)
+    def beginning_execution(self, _: object) -> bool:
+        return False
 
-    def ending_execution(self, entity: object) -> None:
+    def ending_execution(self, _: object) -> None:
         pass
 
 
@@ -106,6 +113,17 @@ class DrainedSubscription:
         """How many publishers are matched."""
         return int(self._subscription.get_publisher_count())
 
+    def incompatible_publishers(self) -> list[str]:
+        """Why publishers of the topic are not matched: a line for each."""
+        offers = self._node.get_publishers_info_by_topic(self.topic)
+        lines = []
+        for offer in offers:
+            compatibility, reason = qos_check_compatible(offer.qos_profile, self._qos)
+            if compatibility == QoSCompatibility.ERROR:
+                name = f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
+                lines.append(f'{name}: {reason.strip().removesuffix(";")}')
+        return lines
+
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
         taken, self._collected = self._collected, []
@@ -122,6 +140,8 @@ class DrainedSubscription:
         collect: Any = self._collect
         return self._node.create_subscription(
             self._msg_type, topic, collect, self._qos, raw=True, callback_group=group,
+            # In the wait set an event of the subscription wakes the executor for every message.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _collect(self, message: bytes, info: Info) -> None:

@@ -1,0 +1,146 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+CPU time that a subscriber to an IMU costs, per message.
+
+Three processes take the same messages from the same simulator over DDS, one after the other:
+
+floor     a subscription whose messages are never taken: what the middleware itself costs
+node      imu_allan_node with its default settings, estimation and checkpoints included
+ordinary  an rclpy callback that stores the six numbers of each message
+
+The ratios are those of one run on one computer; the figures themselves are not comparable between
+computers. Run it on an idle one: python -m bench.bench_node
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+import contextlib
+import os
+from pathlib import Path
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+RATES_HZ = (200.0, 1000.0, 4000.0)
+KINDS = ('floor', 'node', 'ordinary')
+WARM_UP_S = 4.0
+MOST_OF_ORDINARY = 0.25
+MOST_OF_FLOOR = 2.5
+
+
+def main() -> int:
+    """Measure, print a table and the two ratios for each rate; 1 if one is missed at 1 kHz."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--seconds', type=float, default=20.0, help='per measurement')
+    parser.add_argument('--rounds', type=int, default=1)
+    parser.add_argument('--rates', type=float, nargs='+', default=RATES_HZ)
+    parser.add_argument('--as', dest='kind', choices=KINDS, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.kind:
+        SUBSCRIBERS[args.kind]()
+        return 0
+    print(f'CPU time per message of the subscribing process, in microseconds '
+          f'({args.rounds} x {args.seconds:g} s each)')
+    print(f'{"rate":>8} ' + ' '.join(f'{kind:>10}' for kind in KINDS)
+          + f' {"node/ordinary":>14} {"node/floor":>11}')
+    met = True
+    for rate in args.rates:
+        costs: dict[str, list[float]] = {kind: [] for kind in KINDS}
+        for _ in range(args.rounds):
+            for kind in KINDS:
+                costs[kind].append(measure(kind, rate, args.seconds))
+        best = {kind: min(values) for kind, values in costs.items()}
+        of_ordinary, of_floor = best['node'] / best['ordinary'], best['node'] / best['floor']
+        print(f'{rate:>5g} Hz ' + ' '.join(f'{best[kind] * 1e6:>10.1f}' for kind in KINDS)
+              + f' {of_ordinary:>14.3f} {of_floor:>11.2f}', flush=True)
+        if rate == 1000:
+            met = of_ordinary <= MOST_OF_ORDINARY and of_floor <= MOST_OF_FLOOR
+    print(f'wanted at 1 kHz: node/ordinary <= {MOST_OF_ORDINARY}, node/floor <= {MOST_OF_FLOOR}: '
+          + ('met' if met else 'MISSED'))
+    return 0 if met else 1
+
+
+def measure(kind: str, rate: float, seconds: float) -> float:
+    """CPU seconds per message of a subscriber of `kind`."""
+    with tempfile.TemporaryDirectory() as folder, _processes(folder) as start:
+        args = ['--ros-args', '-p', f'output_dir:={folder}/output',
+                '-p', f'state_file:={folder}/state', '-p', f'checkpoint_period:={seconds}']
+        subscriber = start('-m', 'bench.bench_node', '--as', kind) if kind != 'node' else start(
+            '-c', 'import sys; from imu_allan.node.imu_allan_node import main; sys.exit(main())',
+            *args)
+        start('-c', 'import sys; from imu_allan.node.imu_simulator import main; sys.exit(main())',
+              '--ros-args', '-p', f'rate:={rate}', '-p', 'wait_for_subscriptions:=1')
+        time.sleep(WARM_UP_S)
+        began, before = time.monotonic(), cpu_seconds(subscriber.pid)
+        time.sleep(seconds)
+        spent, lasted = cpu_seconds(subscriber.pid) - before, time.monotonic() - began
+        if subscriber.poll() is not None:
+            raise RuntimeError(f'the subscriber {kind} has ended')
+        return spent / (lasted * rate)
+
+
+def cpu_seconds(pid: int) -> float:
+    """CPU time of all threads of a process."""
+    threads = Path(f'/proc/{pid}/task').iterdir()
+    return sum(int((thread / 'schedstat').read_text().split()[0]) for thread in threads) * 1e-9
+
+
+@contextlib.contextmanager
+def _processes(folder: str) -> Iterator[Callable[..., 'subprocess.Popen[bytes]']]:
+    env = {**os.environ, 'ROS_DOMAIN_ID': str(random.randint(1, 101)),
+           'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'ROS_LOG_DIR': folder}
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(*args: str) -> 'subprocess.Popen[bytes]':
+        process = subprocess.Popen([sys.executable, *args], env=env, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
+        started.append(process)
+        return process
+
+    try:
+        yield start
+    finally:
+        for process in started:
+            process.send_signal(signal.SIGTERM)
+        for process in started:
+            process.wait(60)
+
+
+def _floor() -> None:
+    import rclpy
+    from rclpy.node import Node
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import Imu
+
+    rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    node = Node('floor')
+    node.create_subscription(Imu, 'imu/data_raw', print, qos_profile_sensor_data)
+    signal.pause()
+
+
+def _ordinary() -> None:
+    import rclpy
+    from rclpy.node import Node
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import Imu
+
+    rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    node = Node('ordinary')
+    stored = []
+
+    def store(message: Imu) -> None:
+        rate, force = message.angular_velocity, message.linear_acceleration
+        stored.append((rate.x, rate.y, rate.z, force.x, force.y, force.z))
+
+    node.create_subscription(Imu, 'imu/data_raw', store, qos_profile_sensor_data)
+    rclpy.spin(node)
+
+
+SUBSCRIBERS = {'floor': _floor, 'ordinary': _ordinary}
+
+if __name__ == '__main__':
+    sys.exit(main())
