@@ -3,9 +3,9 @@
 """
 Monte Carlo benchmark of the estimator: bias, error over the Cramer-Rao bound, coverage.
 
-Every record is drawn by the exact simulators and characterized by the public `characterize`. Beside
-it stand peers that can be installed (allan-variance and allantools from PyPI) and the tangent
-method: N read off the curve at 1 s, K off the +1/2 line through its end, B as its minimum.
+Every record is drawn by the exact simulators and fitted as by the public `characterize`. Beside it
+stand peers that can be installed (allan-variance and allantools from PyPI) and the tangent method:
+N read off the curve at 1 s, K off the +1/2 line through its end, B as its minimum.
 
     python bench/bench_accuracy.py --runs 200            # minutes on two cores
     python bench/bench_accuracy.py --only A B --peers
@@ -126,7 +126,7 @@ def tangents(record: Array, rate_hz: float) -> Estimates:
 
 
 def least_squares(record: Array, rate_hz: float) -> Estimates:
-    """The PyPI package allan-variance: relative non-negative least squares on the curve."""
+    """Use the PyPI package allan-variance: relative non-negative least squares on the curve."""
     import allan_variance
     tau, avar = allan_variance.compute_avar(record, 1 / rate_hz)
     found, _ = allan_variance.estimate_parameters(tau, avar)

@@ -73,7 +73,7 @@ class Characterization:
         self._timeline.break_run()
 
     def summary(self) -> TimelineSummary:
-        """What was seen of clock and samples so far."""
+        """Return what was seen of clock and samples so far."""
         return self._timeline.summary()
 
     def snapshot(self) -> Characterization:
@@ -123,12 +123,13 @@ class Characterization:
         if self._estimator is None:
             return {}, []
         if rate is None:
-            return {}, [Remark('unknown_rate', 'the sample rate cannot be told from so few stamps')]
+            return {}, [Remark('unknown_rate',
+                               'the sample rate cannot be told from so few stamps')]
         names = [list(AXES)[column] for column in self._columns]
         fitted = axis_results(self._estimator, rate, [AXES[name] for name in names])
-        axes = {name: axis for name, (axis, _) in zip(names, fitted)}
+        axes = {name: axis for name, (axis, _) in zip(names, fitted, strict=True)}
         remarks = [Remark(remark.code, f'{name}: {remark.message}')
-                   for name, (_, own) in zip(names, fitted) for remark in own]
+                   for name, (_, own) in zip(names, fitted, strict=True) for remark in own]
         return axes, remarks + _length_remarks(axes, summary)
 
     def _absorb(self, blocks: Iterable[EvenBlock]) -> None:
@@ -228,7 +229,7 @@ def _length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary) ->
 
 
 def _time(seconds: float) -> str:
-    """A duration in the largest unit that fits."""
+    """Write a duration in the largest unit that fits."""
     for size, unit in ((86400, 'd'), (3600, 'h'), (60, 'min')):
         if seconds >= size:
             return f'{seconds / size:.3g} {unit}'

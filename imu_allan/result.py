@@ -107,7 +107,7 @@ class AxisResult:
     gauss_markov: GaussMarkov | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The axis object of the JSON schema."""
+        """Return the axis object of the JSON schema."""
         return _plain(self)  # type: ignore[no-any-return]
 
 
@@ -166,12 +166,12 @@ class Result:
     schema: str = field(default=SCHEMA)
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON object, schema first."""
+        """Return the JSON object, schema first."""
         plain = _plain(self)
         return {'schema': plain.pop('schema'), **plain}
 
     def to_json(self) -> str:
-        """The JSON text; numbers are written so that they read back exactly."""
+        """Return the JSON text; numbers are written so that they read back exactly."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + '\n'
 
     @classmethod
@@ -222,7 +222,7 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
         if len(value) != len(args):
             raise ImuAllanError(f'{where}: expected {len(args)} values')
         return tuple(_typed(arg, item, f'{where}[{i}]')
-                     for i, (arg, item) in enumerate(zip(args, value)))
+                     for i, (arg, item) in enumerate(zip(args, value, strict=True)))
     if origin is not None and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise ImuAllanError(f'{where}: expected an object')

@@ -213,7 +213,7 @@ def _fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
 
 
 def sample_noise(finished: Estimator) -> Array:
-    """Standard deviation of one sample about its neighbours, shape (axes,); 0 when unknown."""
+    """Return the noise of one sample about its neighbours, shape (axes,); 0 when unknown."""
     pyramid = finished.pyramid
     # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
     return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))

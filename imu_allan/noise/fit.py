@@ -323,7 +323,7 @@ def _estimate(trial: _Trial, column: int) -> Estimate:
 
 
 def _spread(trial: _Trial, best: Solution, column: int) -> float:
-    """A guess at the standard error of a coefficient: the Fisher information of it alone."""
+    """Guess the standard error of a coefficient from the Fisher information."""
     expected = np.maximum(trial.groups.design @ best.theta, 1e-300)
     active = [i for i in range(len(best.theta))
               if i == column or (best.theta[i] > 0 and i not in trial.fixed)]
@@ -340,9 +340,10 @@ def _spread(trial: _Trial, best: Solution, column: int) -> float:
     return float(np.sqrt(value**2 + error) - value + 0.1 * np.sqrt(error))
 
 
-def _crossing(rise: Callable[[float], float], value: float, scale: float, level: float) -> float:
-    """Where the likelihood ratio reaches `level`, on the side of `value` that `scale` points to."""
-    root = np.sqrt(level)
+def _crossing(rise: Callable[[float], float], value: float, scale: float, level: float
+              ) -> float:
+    """Find where the likelihood ratio reaches `level`, going from `value` by steps of `scale`."""
+    root = float(np.sqrt(level))
     inner, inner_height = value, -root
     outer, outer_height = value + root * scale, 0.0
     for _ in range(40):
@@ -368,7 +369,7 @@ def _crossing(rise: Callable[[float], float], value: float, scale: float, level:
 
 
 def _ramp(trial: _Trial) -> Estimate:
-    """The ramp: signed, with the interval of a mean."""
+    """Estimate the ramp, which is signed, with the interval of a mean."""
     free = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=None)
     still = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=0.0)
     ratio = 2 * (still.loss - free.loss) / trial.dispersion

@@ -338,13 +338,13 @@ def _non_negative(gram: Array, target: Array) -> Array:
     for _ in range(4 * n + 4):
         solved = _solve(g, t, active)
         x = [0.0] * n
-        for i, value in zip(active, solved):
+        for i, value in zip(active, solved, strict=True):
             x[i] = value
         lowest = min(active, key=lambda i: x[i], default=-1)
         if active and x[lowest] < 0:
             active = [i for i in active if i != lowest]
             continue
-        slack = {i: t[i] - sum(a * b for a, b in zip(g[i], x)) for i in range(n)
+        slack = {i: t[i] - sum(a * b for a, b in zip(g[i], x, strict=True)) for i in range(n)
                  if i not in active}
         entering = max(slack, key=lambda i: slack[i], default=-1)
         if not slack or slack[entering] <= 1e-10:
@@ -353,7 +353,7 @@ def _non_negative(gram: Array, target: Array) -> Array:
         if _solve(g, t, trial)[trial.index(entering)] <= 0:
             break
         active = trial
-    return np.array([max(value, 0.0) * s for value, s in zip(x, scale)])
+    return np.array([max(value, 0.0) * s for value, s in zip(x, scale, strict=True)])
 
 
 def _solve(gram: list[list[float]], target: list[float], part: list[int]) -> list[float]:
@@ -363,11 +363,11 @@ def _solve(gram: list[list[float]], target: list[float], part: list[int]) -> lis
     for row, i in enumerate(part):
         line: list[float] = []
         for column in range(row):
-            known = sum(a * b for a, b in zip(line, lower[column]))
+            known = sum(a * b for a, b in zip(line, lower[column], strict=False))
             line.append((gram[i][part[column]] - known) / lower[column][column])
         rest = gram[i][i] + 1e-13 - sum(a * a for a in line)
         line.append(max(rest, 1e-13) ** 0.5)
-        y.append((target[i] - sum(a * b for a, b in zip(line, y))) / line[row])
+        y.append((target[i] - sum(a * b for a, b in zip(line, y, strict=True))) / line[row])
         lower.append(line)
     x = [0.0] * len(part)
     for row in reversed(range(len(part))):

@@ -15,6 +15,7 @@ flicker.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from imu_allan.noise.cells import Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT
 import numpy as np
@@ -135,7 +136,7 @@ class MeansStage:
         held = held.take(held.counts >= size / 2)
         cut = np.flatnonzero(np.diff(held.keys) > _MAX_FILL) + 1
         bounds = [0, *cut.tolist(), len(held)]
-        for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+        for begin, end in pairwise(bounds):
             if end == begin:
                 continue
             stretch = held.take(slice(begin, end))

@@ -3,9 +3,9 @@
 """
 Sums of squared second differences of phase at octave cluster sizes, in constant memory.
 
-The phase is the running sum of samples. Stage 0 sees every phase point and takes the cluster sizes
-1, 2, 4 and 8 at full overlap; stage L sees every 2^L-th point and takes the cluster size 8 2^L with
-eight-fold overlap, which keeps 98 to 100 % of the equivalent degrees of freedom.
+The phase is the running sum of samples. Stage 0 sees every phase point and takes the cluster
+sizes 1, 2, 4 and 8 at full overlap; stage L sees every 2^L-th point and takes the cluster size
+8 2^L with eight-fold overlap, which keeps 98 to 100 % of the equivalent degrees of freedom.
 
 References
 ----------

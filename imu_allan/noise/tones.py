@@ -9,6 +9,7 @@ more than chance allows, seen at three resolutions: a quantizer's idle tone is a
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from imu_allan.noise.likelihood import about_ramp, Bins, Solution
 from imu_allan.noise.periodogram import Piece
@@ -184,8 +185,8 @@ def _peaks(level: Array) -> list[slice]:
     tops = find_peaks(padded, prominence=np.log(4), distance=3)[0] - 1
     if len(tops) < 2:
         return [slice(0, len(level))]
-    cuts = [int(a + np.argmin(level[a:b])) for a, b in zip(tops[:-1], tops[1:])]
-    return [slice(a, b) for a, b in zip([0, *cuts], [*cuts, len(level)])]
+    cuts = [int(a + np.argmin(level[a:b])) for a, b in pairwise(tops)]
+    return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 
 
 def _folded(frequency: float, lines: list[Line], rate: float, width: float) -> bool:
