@@ -3,21 +3,25 @@
 """
 rosbag2 directories: metadata.yaml and the files it lists.
 
-References
-----------
-rosbag2_storage, yaml.hpp: version 2 changed field sizes, 3 added compression, 4 the QoS profiles
-and file paths without the directory, 5 the list of files, 6 custom data, 7 type hashes, 8 the ROS
-distribution, 9 QoS profiles as YAML instead of text.
+The fields used here are the same in all versions of metadata.yaml, 1 to 9. How messages and files
+are compressed is told by their own first bytes, so the metadata is not asked; a directory whose
+metadata is missing, because its recorder was killed, is read all the same.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+import re
 from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.open_recording import open_recording
 from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, Recording
 import yaml
+
+_LARGEST_METADATA = 1 << 24
+_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 
 
 class BagDirectory(Recording):
@@ -32,31 +36,166 @@ class BagDirectory(Recording):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        information: Any = yaml.safe_load((path / 'metadata.yaml').read_text())[
-            'rosbag2_bagfile_information']
-        self._files = [path / PurePosixPath(name).name
-                       for name in information['relative_file_paths']]
+        metadata = self._read_metadata()
+        if metadata is None:
+            self._files = _recorded_files(path)
+            if not self._files:
+                hint = ('; name one of its .bag files'
+                        if any(path.glob('*.bag')) else '')
+                raise ImuAllanError(
+                    f'{printable(path)}: not a rosbag2 directory: no metadata.yaml and no .mcap '
+                    f'or .db3 file in it{hint}')
+            self._list_from_files()
+        else:
+            self._files = self._existing(metadata.files)
+            self.topics = metadata.topics
+            self.other_topics = metadata.other_topics
+            if not self.topics or any(topic.count == 0 for topic in self.topics):
+                # The files know better, and may hold definitions of the other types.
+                self._list_from_files()
         self.size_bytes = sum(file.stat().st_size for file in self._files)
-        for item in information['topics_with_message_count']:
-            topic = item['topic_metadata']
-            if topic['type'] in IMU_TYPES:
-                self.topics.append(ImuTopic(topic['name'], item['message_count']))
-            else:
-                self.other_topics[topic['name']] = topic['type']
 
     def close(self) -> None:
         """Release nothing: each reading opens and closes the files itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read the files one after the other."""
-        from imu_allan.recordings.open_recording import open_recording
         before = 0
         for file in self._files:
-            with open_recording(file) as part:
-                if topic in {item.name for item in part.topics}:
-                    for block, position in part.decoded(topic):
-                        yield block, before + position
-                self.remarks += part.remarks
-                before += part.size_bytes
-        if not before:
-            raise ImuAllanError(f'{printable(self.path)}: no data')
+            part = self._opened(file)
+            if part is not None:
+                with part:
+                    if any(item.name == topic for item in part.topics):
+                        for block, position in part.decoded(topic):
+                            yield block, before + position
+                    self._adopt(part)
+            before += file.stat().st_size
+
+    def _opened(self, file: Path) -> Recording | None:
+        """Open one file; where there are others, one that cannot be opened is a remark."""
+        try:
+            return open_recording(file)
+        except ImuAllanError as error:
+            if len(self._files) == 1:
+                raise
+            self.remark('damaged_recording', f'a file of it was left out: {error}')
+            return None
+
+    def _adopt(self, part: Recording) -> None:
+        self.remarks += [remark for remark in part.remarks if remark not in self.remarks]
+
+    def _list_from_files(self) -> None:
+        counts: dict[str, int | None] = {topic.name: None for topic in self.topics}
+        for file in self._files:
+            part = self._opened(file)
+            if part is None:
+                continue
+            with part:
+                for topic in part.topics:
+                    before = counts.get(topic.name) or 0
+                    counts[topic.name] = None if topic.count is None else before + topic.count
+                self.other_topics.update(part.other_topics)
+                self.carriers |= part.carriers
+                self._adopt(part)
+        self.topics = [ImuTopic(name, count) for name, count in counts.items()]
+
+    def _read_metadata(self) -> '_Metadata | None':
+        """Parse metadata.yaml; None, with a remark, where that is not possible."""
+        path = self.path / 'metadata.yaml'
+        if not path.is_file():
+            if _recorded_files(self.path):
+                self.remark(
+                    'no_metadata',
+                    'no metadata.yaml (was the recorder killed?); the files found were read')
+            return None
+        try:
+            with path.open('rb') as file:
+                text = file.read(_LARGEST_METADATA + 1)
+            if len(text) > _LARGEST_METADATA:
+                raise ValueError(f'it is larger than {_LARGEST_METADATA} bytes')
+            return _parse(text)
+        except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+            reason = printable(' '.join(str(error).split())[:200])
+            if not _recorded_files(self.path):
+                raise ImuAllanError(f'{printable(path)}: damaged ({reason})') from error
+            self.remark(
+                'no_metadata', f'metadata.yaml is damaged ({reason}); the files found were read')
+            return None
+
+    def _existing(self, names: list[str]) -> list[Path]:
+        """Find the files by their listed names, or by those they have when (un)compressed."""
+        found: list[Path] = []
+        missing: list[str] = []
+        for name in names:
+            spellings = [name, f'{name}.zstd', name.removesuffix('.zstd')]
+            file = next((path for path in (self.path / spelling for spelling in spellings)
+                         if path.is_file()), None)
+            if file is None:
+                missing.append(name)
+            else:
+                found.append(file)
+        if missing:
+            listed = ', '.join(map(printable, missing[:10]))
+            if not found:
+                raise ImuAllanError(
+                    f'{printable(self.path)}: missing {listed}: no file that metadata.yaml lists '
+                    'is there; copy them beside it')
+            self.remark(
+                'missing_file',
+                f'{len(missing)} of {len(names)} files that metadata.yaml lists are missing and '
+                f'were left out: {listed}')
+        return found
+
+
+@dataclass
+class _Metadata:
+    files: list[str] = field(default_factory=list)
+    topics: list[ImuTopic] = field(default_factory=list)
+    other_topics: dict[str, str] = field(default_factory=dict)
+
+
+def _parse(text: bytes) -> _Metadata:
+    """
+    Take files and topics from metadata.yaml.
+
+    Raises
+    ------
+    ValueError
+        If a field is missing or of another type.
+    """
+    loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+    information = _item(yaml.load(text, loader), 'rosbag2_bagfile_information', dict)
+    metadata = _Metadata()
+    for name in _item(information, 'relative_file_paths', list):
+        if not isinstance(name, str) or not PurePosixPath(name).name:
+            raise ValueError('relative_file_paths holds something else than file names')
+        # Before version 4 the directory stood in front; and no file outside of it is meant.
+        metadata.files.append(PurePosixPath(name).name)
+    if not metadata.files:
+        raise ValueError('relative_file_paths is empty')
+    counts: dict[str, int | None] = {}
+    for entry in _item(information, 'topics_with_message_count', list):
+        topic = _item(entry, 'topic_metadata', dict)
+        name, kind = _item(topic, 'name', str), _item(topic, 'type', str)
+        form = _item(topic, 'serialization_format', str)
+        if kind in IMU_TYPES and form == 'cdr':
+            counts[name] = (counts.get(name) or 0) + _item(entry, 'message_count', int)
+        else:
+            metadata.other_topics[name] = kind if form == 'cdr' else f'{kind} encoded as {form}'
+    metadata.topics = [ImuTopic(name, count) for name, count in counts.items()]
+    return metadata
+
+
+def _item(mapping: object, key: str, kind: type) -> Any:
+    value = mapping.get(key) if isinstance(mapping, dict) else None
+    if not isinstance(value, kind):
+        raise ValueError(f'no {key}')
+    return value
+
+
+def _recorded_files(path: Path) -> list[Path]:
+    """Files that a recorder wrote, in the order of their numbers."""
+    return sorted(
+        (file for file in path.iterdir() if file.name.endswith(_SUFFIXES) and file.is_file()),
+        key=lambda file: [int(part) if part.isdecimal() else part
+                          for part in re.split(r'(\d+)', file.name)])

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decompression that never allocates more than was promised and checked."""
 
+import bz2
 from collections.abc import Callable
 import threading
 from typing import BinaryIO, cast, Protocol
@@ -15,7 +16,10 @@ try:
 except ImportError:
     from zlib import crc32
 
-__all__ = ['Bounded', 'DamagedData', 'Readable', 'crc32', 'decompress', 'decompressing']
+__all__ = [
+    'Bounded', 'DamagedData', 'Readable', 'crc32', 'decompress', 'decompress_frame',
+    'decompressing',
+]
 
 
 class DamagedData(ValueError):
@@ -49,7 +53,7 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
 
     Parameters
     ----------
-    compression : {'', 'none', 'zstd', 'lz4'}
+    compression : {'', 'none', 'zstd', 'lz4', 'bz2'}
         How it is compressed.
     data : bytes
         The compressed data.
@@ -65,12 +69,27 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
         plain = _DECOMPRESSORS[compression](data, size)
     except KeyError:
         raise DamagedData(f'compression {compression!r} is not supported') from None
-    # lz4 raises RuntimeError; both raise MemoryError for sizes that a damaged header declares.
-    except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError) as error:
+    # lz4 raises RuntimeError, bz2 OSError, all of them MemoryError for absurd sizes.
+    except (zstandard.ZstdError, RuntimeError, OSError, ValueError, MemoryError) as error:
         raise DamagedData(f'{compression}: {error}') from error
     if len(plain) != size:
         raise DamagedData(f'{len(plain)} bytes instead of the declared {size}')
     return plain
+
+
+def decompress_frame(data: bytes, most: int) -> bytes:
+    """
+    Decompress one zstd frame of at most `most` bytes.
+
+    Raises
+    ------
+    DamagedData
+        If it is larger, or damaged.
+    """
+    try:
+        return _unzstd(data, most)
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise DamagedData(str(error)) from error
 
 
 def decompressing(compression: str, source: Bounded) -> Readable:
@@ -132,5 +151,10 @@ def _unlz4(data: bytes, size: int) -> bytes:
     return plain
 
 
+def _unbz2(data: bytes, size: int) -> bytes:
+    return bz2.BZ2Decompressor().decompress(data, max_length=size)
+
+
 _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
-    '': _store, 'none': _store, 'zstd': _unzstd, 'lz4': _unlz4}
+    '': _store, 'none': _store, 'zstd': _unzstd, 'lz4': _unlz4,
+    'bz2': _unbz2}

@@ -10,13 +10,11 @@ size are collected with one indexing. No message is assumed to be anywhere: each
 opcode, length and channel are what counts.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from struct import Struct
 
-from imu_allan.block import ImuBlock
-from imu_allan.cdr import blocks_from_messages, decode_imu_rows, MalformedImu, Serialization
 from mcap.opcode import Opcode
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +91,7 @@ def gather(
             count = _equal_records(buffer, at, stride, key) if run else 1
             if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
                 if run:
-                    pieces += _collect(buffer, scattered)
+                    pieces += _collected(buffer, scattered)
                     scattered = []
                     pieces.append(_piece(np.ndarray(
                         (count, stride), np.uint8, buffer, at, (stride, 1))))
@@ -106,35 +104,8 @@ def gather(
             at += stride
         else:
             break
-    pieces += _collect(buffer, scattered)
+    pieces += _collected(buffer, scattered)
     return pieces, at
-
-
-def decode_pieces(
-    pieces: Iterable[Piece],
-    serialization: Serialization = 'cdr',
-    on_malformed: Callable[[int, MalformedImu], None] | None = None,
-    unpack: Callable[[bytes], bytes] | None = None,
-) -> Iterator[ImuBlock]:
-    """
-    Decode gathered messages.
-
-    Parameters
-    ----------
-    pieces : iterable of Piece
-        What `gather` returned.
-    serialization, on_malformed
-        As for `imu_allan.cdr.decode_imu_rows`.
-    unpack : callable, optional
-        Decompresses one message.
-    """
-    for piece in pieces:
-        if unpack is None:
-            yield from decode_imu_rows(piece.rows, piece.receive_ns, serialization, on_malformed)
-        else:
-            yield from blocks_from_messages(
-                [unpack(row.tobytes()) for row in piece.rows], piece.receive_ns, serialization,
-                on_malformed)
 
 
 def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:
@@ -152,7 +123,13 @@ def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:
     return count
 
 
-def _collect(buffer: bytes, offsets: list[int]) -> Iterator[Piece]:
+def collect(buffer: bytes, offsets: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
+    """Copy `size` bytes from each of `offsets`; shape (len(offsets), size)."""
+    anywhere = np.ndarray((len(buffer) - size + 1,), f'V{size}', buffer, 0, (1,))
+    return anywhere[offsets].view(np.uint8).reshape(-1, size)
+
+
+def _collected(buffer: bytes, offsets: list[int]) -> Iterator[Piece]:
     """Copy the message records at `offsets` into arrays of equal size, in their order."""
     if not offsets:
         return
@@ -160,9 +137,7 @@ def _collect(buffer: bytes, offsets: list[int]) -> Iterator[Piece]:
     lengths = np.ndarray((len(buffer) - RECORD_HEAD + 1,), '<u8', buffer, 1, (1,))[places]
     bounds = [0, *(np.flatnonzero(np.diff(lengths)) + 1).tolist(), len(places)]
     for start, stop in pairwise(bounds):
-        stride = RECORD_HEAD + int(lengths[start])
-        anywhere = np.ndarray((len(buffer) - stride + 1,), f'V{stride}', buffer, 0, (1,))
-        yield _piece(anywhere[places[start:stop]].view(np.uint8).reshape(-1, stride))
+        yield _piece(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))
 
 
 def _piece(records: NDArray[np.uint8]) -> Piece:

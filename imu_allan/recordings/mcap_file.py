@@ -17,7 +17,7 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from struct import error as StructError, Struct
@@ -26,6 +26,7 @@ from typing import BinaryIO, TypeVar
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.damage import Damage, Part
 from imu_allan.recordings.decompress import (
     Bounded,
     crc32,
@@ -34,7 +35,8 @@ from imu_allan.recordings.decompress import (
     decompressing,
     Readable,
 )
-from imu_allan.recordings.gather import decode_pieces, gather, Piece
+from imu_allan.recordings.gather import gather, Piece
+from imu_allan.recordings.message_compression import decode_stored_rows
 from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -80,10 +82,8 @@ class McapRecording(Recording):
 
     Parameters
     ----------
-    path : Path
-        The file.
-    unpack : callable, optional
-        Decompresses one message, for bags whose messages are compressed one by one.
+    path, stored : Path
+        The recording as the user knows it, and where its bytes are.
 
     Raises
     ------
@@ -91,15 +91,15 @@ class McapRecording(Recording):
         If the file is not MCAP.
     """
 
-    def __init__(self, path: Path, unpack: Callable[[bytes], bytes] | None = None) -> None:
+    def __init__(self, path: Path, stored: Path) -> None:
         super().__init__(path)
-        self._unpack = unpack
+        self._stored = stored
         self._schemas: dict[int, tuple[str, bool]] = {}
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
         self._chunk_starts: list[int] = []
         self._has_end = False
-        with path.open('rb') as file:
+        with stored.open('rb') as file:
             self.size_bytes = file.seek(0, 2)
             file.seek(0)
             if file.read(len(MAGIC)) != MAGIC:
@@ -118,7 +118,7 @@ class McapRecording(Recording):
             if channel.topic == topic and channel.serialization is not None)
         wanted = self._numbers(topic, serialization)
         malformed = MalformedMessages()
-        damage = _Damage()
+        damage = Damage()
         messages = 0
 
         def describe(opcode: int, body: bytes) -> None:
@@ -126,11 +126,13 @@ class McapRecording(Recording):
             self._describe(opcode, body)
             wanted.update(self._numbers(topic, serialization))
 
-        with self.path.open('rb') as file:
+        with self._stored.open('rb') as file:
             for pieces, position in self._pieces(file, wanted, describe, damage):
-                for block in decode_pieces(pieces, serialization, malformed, self._unpack):
-                    messages += len(block)
-                    yield block, position
+                for piece in pieces:
+                    for block in decode_stored_rows(
+                            piece.rows, piece.receive_ns, serialization, malformed):
+                        messages += len(block)
+                        yield block, position
         malformed.report(self, topic)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
@@ -184,7 +186,7 @@ class McapRecording(Recording):
         are decompressed that hold a channel not described yet.
         """
         counts: Counter[int] = Counter()
-        for chunk in self._walk(file, _Damage()):
+        for chunk in self._walk(file, Damage()):
             for number, count in chunk.counts.items():
                 counts[number] += count
             if not chunk.is_chunk or not chunk.counts or chunk.counts.keys() - self._channels:
@@ -234,7 +236,7 @@ class McapRecording(Recording):
 
     def _pieces(
         self, file: BinaryIO, wanted: set[int], describe: Callable[[int, bytes], None],
-        damage: '_Damage',
+        damage: Damage,
     ) -> Iterator[tuple[list[Piece], int]]:
         """Gather the messages of the channels `wanted`, with the bytes consumed so far."""
         for part in self._walk(file, damage):
@@ -246,10 +248,10 @@ class McapRecording(Recording):
             except DamagedData as error:
                 damage.chunk(part.start, str(error))
 
-    def _walk(self, file: BinaryIO, damage: '_Damage') -> Iterator['_Part']:
+    def _walk(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
         """Step through the data section: chunks, and stretches of records outside of chunks."""
         at = len(MAGIC)
-        part: _Part | None = None
+        part: Part | None = None
         while True:
             file.seek(at)
             head = file.read(_FRAME.size)
@@ -277,89 +279,19 @@ class McapRecording(Recording):
                 yield part
                 part = None
             if opcode == Opcode.CHUNK:
-                part = _Part(start, length, True)
+                part = Part(start, length, True)
                 damage.chunks += 1
             elif opcode in _LOOSE:
                 if part is None:
-                    part = _Part(at, 0, False)
+                    part = Part(at, 0, False)
                 part.length = start + length - part.start
             at = start + length
         if part is not None:
             yield part
 
 
-@dataclass
-class _Part:
-    """
-    A chunk, or a stretch of messages outside of chunks.
-
-    Attributes
-    ----------
-    start, length : int
-        Place of its body.
-    is_chunk : bool
-        Which of the two.
-    counts : dict of int to int
-        Messages by channel, as the message indexes behind a chunk tell; empty without them.
-    """
-
-    start: int
-    length: int
-    is_chunk: bool
-    counts: dict[int, int] = field(default_factory=dict)
-
-
-@dataclass
-class _Damage:
-    """What was found wrong in one reading."""
-
-    chunks: int = 0
-    broken_chunks: int = 0
-    first_broken: str = ''
-    holes: int = 0
-    first_hole: str = ''
-    end: str = ''
-
-    def chunk(self, at: int, reason: str) -> None:
-        self.broken_chunks += 1
-        self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
-
-    def hole(self, at: int, length: int) -> None:
-        self.holes += 1
-        self.first_hole = self.first_hole or f'{length} bytes from byte {at} on'
-
-    def ending(self, at: int, left: int, in_chunk: bool) -> None:
-        if left == 0:
-            self.end = 'what was not yet written is missing'
-        elif in_chunk:
-            self.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
-        else:
-            self.end = f'{left} bytes from byte {at} on are not whole MCAP records and are lost'
-
-    def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
-        messages = (f'; {lost} of {expected} messages of {printable(topic)} are lost'
-                    if lost > 0 else '')
-        if self.end:
-            recording.remark(
-                'truncated_recording',
-                f'the recording breaks off (was the recorder killed?): {self.end}; '
-                f'{self.chunks} whole chunks were read')
-        if self.broken_chunks:
-            recording.remark(
-                'damaged_recording',
-                f'{self.broken_chunks} of {self.chunks} chunks are damaged and were left out '
-                f'(the first {self.first_broken}){messages}')
-        elif self.holes:
-            recording.remark(
-                'damaged_recording',
-                f'{self.holes} stretches are not MCAP records and were left out '
-                f'(the first: {self.first_hole}){messages}')
-        elif messages and not self.end:
-            recording.remark('damaged_recording', f'messages are missing{messages}')
-
-
 def _windows(
-    file: BinaryIO, part: _Part, wanted: frozenset[int] | set[int],
+    file: BinaryIO, part: Part, wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], None],
 ) -> Iterator[list[Piece]]:
     """Gather from a part of the file, whole where it is small, else a few MiB at a time."""

@@ -7,15 +7,15 @@ A recording is never written to: where SQLite would have to (to roll back or to 
 recorder left beside the file), the file alone is read and the loss is told.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
 import sqlite3
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import decode_imu_rows
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.message_compression import decode_stored_rows
 from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,8 @@ class SqliteRecording(Recording):
 
     Parameters
     ----------
-    path : Path
-        The file.
-    unpack : callable, optional
-        Decompresses one message, for bags whose messages are compressed one by one.
+    path, stored : Path
+        The recording as the user knows it, and where its bytes are.
 
     Raises
     ------
@@ -45,13 +43,13 @@ class SqliteRecording(Recording):
         If the file is not a rosbag2 database.
     """
 
-    def __init__(self, path: Path, unpack: Callable[[bytes], bytes] | None = None) -> None:
+    def __init__(self, path: Path, stored: Path) -> None:
         super().__init__(path)
-        self._unpack = unpack
+        self._stored = stored
         self._numbers: dict[str, list[int]] = {}
-        self.size_bytes = path.stat().st_size
+        self.size_bytes = stored.stat().st_size
         self._beside = [
-            beside for beside in (path.with_name(f'{path.name}-{kind}')
+            beside for beside in (stored.with_name(f'{stored.name}-{kind}')
                                   for kind in ('wal', 'journal'))
             if beside.is_file() and beside.stat().st_size > 0]
         # Opened as immutable, SQLite creates no file and takes no lock that a recorder could meet.
@@ -83,7 +81,7 @@ class SqliteRecording(Recording):
             with self._database() as database:
                 for rows, stamps, position in self._rows(database, topic):
                     messages += len(rows)
-                    for block in decode_imu_rows(rows, stamps, 'cdr', malformed):
+                    for block in decode_stored_rows(rows, stamps, 'cdr', malformed):
                         yield block, position
         except sqlite3.Error as error:
             self.remark(
@@ -117,8 +115,6 @@ class SqliteRecording(Recording):
             if not fetched:
                 break
             times, data = zip(*fetched, strict=True)
-            if self._unpack is not None:
-                data = tuple(map(self._unpack, data))
             for length, run in _equal_sizes(data):
                 if parts and (length != size or len(stamps) >= _DECODE):
                     yield _array(parts, len(stamps), size), np.array(stamps, np.int64), position
@@ -139,10 +135,10 @@ class SqliteRecording(Recording):
 
     @contextmanager
     def _database(self) -> Iterator[sqlite3.Connection]:
-        shared_memory = self.path.with_name(f'{self.path.name}-shm')
+        shared_memory = self._stored.with_name(f'{self._stored.name}-shm')
         existed = shared_memory.exists()
         mode = 'immutable=1' if self._immutable else 'mode=ro'
-        database = sqlite3.connect(f'{self.path.absolute().as_uri()}?{mode}', uri=True)
+        database = sqlite3.connect(f'{self._stored.absolute().as_uri()}?{mode}', uri=True)
         database.text_factory = _text
         try:
             yield database
