@@ -11,10 +11,13 @@ import sys
 import time
 from typing import Any, TypeVar
 
+from imu_allan.node.drained_subscription import DrainedSubscription
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu
 
 T = TypeVar('T')
 
@@ -78,6 +81,7 @@ class Ros:
     def __init__(self, context: Context, folder: Path, namespace: str) -> None:
         self.folder = folder
         self.namespace = namespace
+        self._context = context
         self.node = Node('tester', namespace=namespace, context=context)
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(self.node)
@@ -127,6 +131,15 @@ class Ros:
         full = topic if topic.startswith('/') else self.name(topic)
         self.node.create_subscription(kind, full, callback or messages.append, qos)
         return messages
+
+    def recorder(self) -> DrainedSubscription:
+        """Subscribe to the Imu topic so that a simulator at full speed waits for it."""
+        topic = self.name('imu/data_raw')
+        self._recorder = Node('recorder', namespace=self.namespace, context=self._context,
+                              parameter_overrides=[
+                                  Parameter(key.replace('/imu/data_raw', topic), value=value)
+                                  for key, value in LOSSLESS.items()])
+        return DrainedSubscription(self._recorder, Imu, topic, 10_000)
 
     def call(self, kind: type, service: str, request: Any = None, timeout: float = 30.0) -> Any:
         """Call a service and return its response."""

@@ -1,0 +1,80 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node and a recording of the same topic must give the same numbers."""
+
+from collections.abc import Mapping
+import json
+from pathlib import Path
+from typing import Any
+
+import imu_allan
+from imu_allan.cdr import blocks_from_messages
+from imu_allan.noise.model import load_model
+from imu_allan.recordings.write import write_recording
+from imu_allan.simulator import SimulatedImu
+import numpy as np
+from ros_harness import LOSSLESS, Ros
+from std_srvs.srv import Trigger
+
+RATE_HZ = 100.0
+SAMPLES = 30_000
+MODEL = """
+gyro: {noise_density: 0.01 deg/s/sqrt(Hz), bias_instability: 10 deg/h}
+accel: {noise_density: 100 ug/sqrt(Hz), rate_random_walk: 1e-4 m/s^3/sqrt(Hz)}
+"""
+
+
+def numbers(document: Any, path: str = '') -> dict[str, float]:
+    if isinstance(document, Mapping):
+        return {key: value for name, item in document.items()
+                for key, value in numbers(item, f'{path}.{name}').items()}
+    if isinstance(document, list):
+        return {key: value for i, item in enumerate(document)
+                for key, value in numbers(item, f'{path}[{i}]').items()}
+    return {path: document} if isinstance(document, (int, float)) else {}
+
+
+def saved(ros: Ros) -> Any:
+    """Save; give the document once it holds every sample."""
+    response = ros.call(Trigger, 'imu_allan/save')
+    assert response.success, response.message
+    document = json.loads(Path(response.message.splitlines()[0]).read_text())
+    return document if document['timeline']['samples'] == SAMPLES else None
+
+
+def test_node_and_recording_agree_to_1e_9_on_what_was_published(ros: Ros) -> None:
+    model = ros.folder / 'model.yaml'
+    model.write_text(MODEL)
+    recorder = ros.recorder()
+    ros.start('imu_allan_node', {**LOSSLESS, 'publish_period': 1.0})
+    simulator = ros.start('imu_simulator', {
+        'model': str(model), 'rate': RATE_HZ, 'duration': SAMPLES / RATE_HZ, 'speed': 0.0,
+        'seed': 11, 'wait_for_subscriptions': 2})
+    messages: list[bytes] = []
+    receive_ns: list[np.ndarray[Any, Any]] = []
+
+    def all_recorded() -> bool:
+        batch = recorder.take()
+        messages.extend(batch.messages)
+        receive_ns.append(batch.receive_ns)
+        return len(messages) == SAMPLES
+
+    ros.until(all_recorded, 60)
+    assert simulator.wait() == 0
+    live = ros.until(lambda: saved(ros))
+    path = write_recording(ros.folder / 'recording',
+                           blocks_from_messages(messages, np.concatenate(receive_ns)),
+                           topic=ros.name('imu/data_raw'))
+    offline = imu_allan.analyze(path).to_dict()
+    for part in ('timeline', 'axes'):
+        left, right = numbers(live[part]), numbers(offline[part])
+        assert left.keys() == right.keys()
+        assert len(left) > (5 if part == 'timeline' else 500)
+        for key, value in left.items():
+            assert abs(value - right[key]) <= 1e-9 * abs(right[key]), key
+    assert live['source']['frame_id'] == offline['source']['frame_id']
+    assert live['source']['start_time'] == offline['source']['start_time']
+    # And what was published is what the model gives for this seed.
+    drawn = SimulatedImu(load_model(model), RATE_HZ, 11).draw(SAMPLES)
+    [block] = blocks_from_messages(messages, np.concatenate(receive_ns))
+    np.testing.assert_array_equal(block.samples, drawn)
