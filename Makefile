@@ -18,6 +18,7 @@ CONSTRAINTS ?=
 EXTRAS ?= ros,fleet,test,lint,docs
 PYTEST_ARGS ?=
 RECORDING ?=
+TOPIC ?=
 
 # The wheels of ROS 2 Jazzy exist for Python 3.10 to 3.14.
 PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
@@ -47,7 +48,8 @@ $(STAMP): setup.py pyproject.toml $(CONSTRAINTS)
 	@touch $@
 
 demo: $(STAMP)
-	@$(RUN)/python demo/run_demo.py $(if $(RECORDING),--recording '$(RECORDING)')
+	@$(RUN)/python demo/run_demo.py $(if $(RECORDING),--recording '$(RECORDING)') \
+		$(if $(TOPIC),--topic '$(TOPIC)')
 
 test: $(STAMP)
 	$(RUN)/python -m pytest $(PYTEST_ARGS)
@@ -63,10 +65,11 @@ docs: $(STAMP)
 	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html
 
 bench: $(STAMP)
-	$(RUN)/python -m bench.speed
+	@for script in $(filter-out %_accuracy.py,$(wildcard bench/bench_*.py)); do \
+		echo "== $$script"; $(RUN)/python $$script || exit 1; done
 
 bench-accuracy: $(STAMP)
-	$(RUN)/python -m bench.accuracy
+	$(RUN)/python bench/bench_accuracy.py
 
 clean:
 	rm -rf .venv .venv-* build install log dist *.egg-info demo_output docs/_build \

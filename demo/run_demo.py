@@ -32,6 +32,7 @@ from imu_allan.noise.model import load_model, NoiseModel
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.noise.units import engineering
 from imu_allan.recordings.write import write_recording
+from rich import box
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -52,8 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--topic', help='its Imu topic, where there are several')
     parser.add_argument('--output', type=Path, default=Path('demo_output'))
     parser.add_argument('--model', type=Path, default=folder / 'config' / 'consumer_mems.yaml')
-    parser.add_argument('--rate', type=float, default=200.0, help='samples per simulated second')
-    parser.add_argument('--hours', type=float, default=1.0, help='simulated time')
+    parser.add_argument('--rate', type=float, default=100.0, help='samples per simulated second')
+    parser.add_argument('--hours', type=float, default=1.5, help='simulated time')
     args = parser.parse_args(argv)
     try:
         if args.recording is not None:
@@ -83,10 +84,11 @@ def show_simulation(model_file: Path, rate_hz: float, seconds: float, output: Pa
         f'[bold]Live[/]: a simulated IMU ({model.name or model_file.stem}) publishes '
         f'{seconds / 3600:g} h of sensor_msgs/Imu at {rate_hz:g} Hz, as fast as it is taken.\n'
         'Every value of the node stands beside the truth; green: the truth lies within its 95 % '
-        'interval.')
+        'interval.', soft_wrap=True)
     live = characterize_live(model_file, model, rate_hz, seconds, output)
     recording = output / 'recording'
-    CONSOLE.print(f'\n[bold]Offline[/]: imu_allan analyze {recording} --output {output}')
+    CONSOLE.print(f'\n[bold]Offline[/]: imu_allan analyze {recording} --output {output}',
+                  soft_wrap=True)
     analyze(str(recording), output)
     offline = json.loads((output / 'result.json').read_text())
     numbers, difference = largest_difference(live['axes'], offline['axes'])
@@ -95,7 +97,8 @@ def show_simulation(model_file: Path, rate_hz: float, seconds: float, output: Pa
     CONSOLE.print(
         f'\n[bold]{"The same numbers" if agree else "NOT the same numbers"}[/]: node and '
         f'recording differ by at most {difference:.1e} (relative, {numbers:,} numbers from '
-        f'{live["timeline"]["samples"]:,} and {offline["timeline"]["samples"]:,} samples).')
+        f'{live["timeline"]["samples"]:,} and {offline["timeline"]["samples"]:,} samples).',
+        soft_wrap=True)
     list_files(output)
     return 0 if agree else 1
 
@@ -204,21 +207,29 @@ class Bystander:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._heard: dict[str, dict[str, str]] = {}
+        self._heard_until_ns = 0
 
     def blocks(self, simulator: 'subprocess.Popen[bytes]', screen: 'Screen'
                ) -> Iterator[ImuBlock]:
         """Yield what is published until the simulator has ended; keep the screen up to date."""
-        recorded = 0
-        while True:
+        recorded = newest_ns = 0
+        deadline = float('inf')
+        while time.monotonic() < deadline:
             ended = simulator.poll() is not None
             batch = self._samples.take()
             if batch.messages:
-                yield from blocks_from_messages(batch.messages, batch.receive_ns)
+                for block in blocks_from_messages(batch.messages, batch.receive_ns):
+                    yield block
+                    newest_ns = int(block.header_ns[-1])
                 recorded += len(batch.messages)
             elif ended:
-                return
+                if not recorded or self._heard_until_ns >= newest_ns:
+                    break
+                # The node's last word is about the last sample; it is due within a period.
+                deadline = min(deadline, time.monotonic() + 5)
             self._executor.spin_once(timeout_sec=0.05)
             screen.show(recorded, self._heard)
+        screen.show(recorded, self._heard, last=True)
 
     def save(self) -> list[str]:
         """Let the node write its result; return the paths."""
@@ -231,6 +242,7 @@ class Bystander:
         return [word.strip(',;') for word in answer.message.split()]
 
     def _hear(self, array: Any) -> None:
+        self._heard_until_ns = array.header.stamp.sec * 10**9 + array.header.stamp.nanosec
         for status in array.status:
             self._heard[status.name.rpartition(' ')[2]] = {
                 item.key: item.value for item in status.values}
@@ -258,19 +270,19 @@ class Screen:
         if self._live is not None:
             self._live.__exit__(*exception)
 
-    def show(self, samples: int, heard: Mapping[str, Mapping[str, str]]) -> None:
+    def show(self, samples: int, heard: Mapping[str, Mapping[str, str]], *,
+             last: bool = False) -> None:
         """Show how far the simulation is and what the node says by now."""
         now = time.monotonic()
         if samples and self._began is None:
             self._began = now
-        done = samples / self._rate >= self._seconds
-        if now - self._shown < self._every and not done:
+        if now - self._shown < self._every and not last:
             return
         self._shown = now
         elapsed = now - self._began if self._began is not None else 0.0
-        pace = samples / self._rate / elapsed if elapsed else 0.0
-        text = (f'{samples / self._rate / 60:6.1f} of {self._seconds / 60:.1f} simulated minutes'
-                f', {pace:,.0f} times real time')
+        pace = f', {samples / self._rate / elapsed:,.0f} times real time' if elapsed > 1 else ''
+        text = (f'{samples / self._rate / 60:6.1f} of {self._seconds / 60:g} simulated minutes'
+                f'{pace if not last else ""}')
         if self._live is None:
             CONSOLE.print(f'{text}: {self._one_line(heard)}', soft_wrap=True)
         else:
@@ -287,17 +299,19 @@ class Screen:
 
     def _tables(self, heard: Mapping[str, Mapping[str, str]]) -> Iterable[Table]:
         for sensor, title in (('gyro', 'Gyroscope'), ('accel', 'Accelerometer')):
-            table = Table(title=title, title_justify='left', title_style='bold')
-            table.add_column('term')
-            table.add_column('unit')
-            for name in ('true', 'x', 'y', 'z'):
-                table.add_column(name, justify='right', min_width=16 if name != 'true' else 6)
+            table = Table(title=title, title_justify='left', title_style='bold',
+                          box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+            table.add_column('coefficient', min_width=18)
+            table.add_column('true', justify='right', style='cyan', min_width=5)
+            for name in 'xyz':
+                table.add_column(name, justify='right', min_width=15)
             axes = [axis for axis in AXES if axis.startswith(sensor)]
             for key in SHOWN_TERMS:
                 truth, unit = true_value(self._model, axes[0], key)
-                table.add_row(
-                    f'{TERMS[key].symbol} {TERMS[key].name(AXES[axes[0]])}', unit, truth,
-                    *(cell(heard.get(axis, {}), self._model, axis, key) for axis in axes))
+                name = Text(f'{TERMS[key].symbol} {key.replace("_", " ")}\n')
+                name.append(f'  {unit}', style='dim')
+                table.add_row(name, truth, *(cell(heard.get(axis, {}), self._model, axis, key)
+                                             for axis in axes))
             yield table
 
 
@@ -312,7 +326,8 @@ def cell(values: Mapping[str, str], model: NoiseModel, axis: str, key: str) -> T
     unit = TERMS[key].unit(AXES[axis])
 
     def shown(name: str) -> str:
-        return f'{engineering(float(values[f"{key}/{name}"]), unit)[0]:.4g}'
+        digits = 4 if name == 'value' else 3
+        return f'{engineering(float(values[f"{key}/{name}"]), unit)[0]:.{digits}g}'
 
     truth = model.axes[axis].get(key, 0.0)
     if f'{key}/value' in values:

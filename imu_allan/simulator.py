@@ -33,8 +33,10 @@ class SimulatedImu:
         Coefficients of each axis. An axis that the model does not name is noiseless; where it
         gives no accelerometer a mean, z measures gravity, as at rest it does.
     sample_rate_hz : float
+        Samples per second.
     seed : int, optional
         The same seed gives the same samples, whatever the sizes they are drawn in.
+
     """
 
     def __init__(self, model: NoiseModel, sample_rate_hz: float, seed: int = 0) -> None:
@@ -60,7 +62,7 @@ class SimulatedImu:
 
 
 def axis_coefficients(model: NoiseModel, axis: str) -> Mapping[str, Any]:
-    """What `imu_allan.noise.simulate` wants to know of one axis of `model`."""
+    """Give what `imu_allan.noise.simulate` wants to know of one axis of `model`."""
     coefficients: dict[str, Any] = dict(model.axes.get(axis, {}))
     if axis in model.gauss_markov:
         process = model.gauss_markov[axis]
@@ -82,14 +84,20 @@ def simulated_blocks(model: NoiseModel, sample_rate_hz: float, samples: int, *, 
     Parameters
     ----------
     model : NoiseModel
+        Coefficients of each axis, as for `SimulatedImu`.
     sample_rate_hz : float
+        Samples per second.
     samples : int
+        How many.
     seed : int, optional
+        As for `SimulatedImu`.
     start_ns : int, optional
         Stamp of the first sample in nanoseconds.
     frame_id : str, optional
+        header.frame_id of the messages.
     block_samples : int, optional
         Samples in a block.
+
     """
     imu = SimulatedImu(model, sample_rate_hz, seed)
     for first in range(0, samples, block_samples):

@@ -118,7 +118,7 @@ def test_the_nodes_need_nothing_that_only_pip_has() -> None:
 
 def test_every_library_that_is_imported_is_declared() -> None:
     declared = {re.split(r'[<>=\[]', name)[0].lower()
-                for name in re.findall(r"'([\w.\[\]-]+(?:[<>=]+[\w.]+)?)',?", SETUP)}
+                for name in re.findall(r"'([\w.\[\]-]+(?:[<>=]+[\w.]+)?)(?:; .*)?',?", SETUP)}
     ros = dependencies('exec_depend', 'test_depend') | ROS_WITHOUT_PYTHON_DEPENDENCY
     for path in (ROOT / 'imu_allan').rglob('*.py'):
         for name in imports(path) - ros:

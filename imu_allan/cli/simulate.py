@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from imu_allan.block import ImuBlock
 
+_START_NS = 1_767_225_600 * 10**9
+"""2026-01-01: the same command writes the same file on every day."""
+
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
@@ -52,7 +55,8 @@ def run(args: argparse.Namespace) -> int:
     if samples < 1:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '
                             f'--rate {args.rate:g}; simulate for longer')
-    blocks = simulated_blocks(model, args.rate, samples, seed=args.seed)
+    blocks = simulated_blocks(model, args.rate, samples, seed=args.seed,
+                              start_ns=_START_NS)
     with progress_bar(printable(output), samples, wanted=not args.no_progress,
                       in_bytes=False) as progress:
         write_recording(output, _counted(blocks, progress), storage=args.storage)
