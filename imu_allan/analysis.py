@@ -55,7 +55,10 @@ def analyze(path: str | Path, topic: str | None = None, *,
         if start_s > 0 or duration_s is not None:
             blocks = between(blocks, start_s, duration_s)
         for block in blocks:
-            stream.update(block)
+            try:
+                stream.update(block)
+            except ImuAllanError as error:
+                raise ImuAllanError(f'{path}, topic {name}: {error}') from error
         result = stream.result(recording.remarks)
     if not result.axes:
         raise ImuAllanError(f'{path}: topic {name} holds no usable sample'
