@@ -21,12 +21,15 @@ class Part:
         Which of the two.
     counts : dict of int to int
         Messages by channel, as the index behind a chunk tells; empty without an index.
+    indexes : list of (int, int)
+        Place and length of the entries of each index behind a chunk.
     """
 
     start: int
     length: int
     is_chunk: bool
     counts: dict[int, int] = field(default_factory=dict)
+    indexes: list[tuple[int, int]] = field(default_factory=list)
 
 
 @dataclass

@@ -5,9 +5,10 @@ Messages of one topic out of a buffer of MCAP records, as arrays.
 
 An Imu topic's records nearly always have equal size and, in the buffer, equal distance. So runs of
 equal records are looked for, verified record by record in one comparison, and handed on as a view
-of the buffer. Where topics alternate, records are stepped through one by one and those of equal
-size are collected with one indexing. No message is assumed to be anywhere: each record's own
-opcode, length and channel are what counts.
+of the buffer. Where topics alternate, the message index tells where records begin; it is believed
+only if the records it names fill the buffer without a gap. Without one, records are stepped
+through one by one. No message is assumed to be anywhere: each record's own opcode, length and
+channel are what counts.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,6 +27,8 @@ _MESSAGE_HEAD = RECORD_HEAD + 22
 _LOG_TIME_AT = RECORD_HEAD + 6
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
+_STEPS_WITHOUT_INDEX = 32
+"""Records that are stepped through before the message index is asked for."""
 _OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
@@ -52,6 +55,7 @@ def gather(
     buffer: bytes,
     wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], None] | None = None,
+    index: Callable[[], NDArray[np.int64]] | None = None,
 ) -> tuple[list[Piece], int]:
     """
     Gather the messages of the channels `wanted`.
@@ -64,6 +68,9 @@ def gather(
         Channel ids; looked at anew after each call of `describe`.
     describe : callable, optional
         Called with opcode and body of every Schema and Channel record.
+    index : callable, optional
+        Gives the places of all message records in the buffer, as the file claims them, in any
+        order. Called where topics alternate.
 
     Returns
     -------
@@ -76,6 +83,7 @@ def gather(
     pieces: list[Piece] = []
     scattered: list[int] = []
     at, end = 0, len(buffer)
+    steps_left = _STEPS_WITHOUT_INDEX
     while end - at >= RECORD_HEAD:
         opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at)
         stride = RECORD_HEAD + length
@@ -89,6 +97,14 @@ def gather(
             run = (buffer[at + stride:at + stride + _KEY] == key
                    and buffer[at + 8 * stride:at + 8 * stride + _KEY] == key)
             count = _equal_records(buffer, at, stride, key) if run else 1
+            if not run and index is not None:
+                steps_left -= 1
+                if steps_left == 0:
+                    places = _verified(buffer, at, index(), describe)
+                    if places is not None:
+                        pieces += _collected(buffer, scattered)
+                        pieces += _collected(buffer, _of_channels(buffer, places, wanted))
+                        return pieces, end
             if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
                 if run:
                     pieces += _collected(buffer, scattered)
@@ -129,12 +145,59 @@ def collect(buffer: bytes, offsets: NDArray[np.int64], size: int) -> NDArray[np.
     return anywhere[offsets].view(np.uint8).reshape(-1, size)
 
 
-def _collected(buffer: bytes, offsets: list[int]) -> Iterator[Piece]:
+def _verified(
+    buffer: bytes, at: int, places: NDArray[np.int64],
+    describe: Callable[[int, bytes], None] | None,
+) -> NDArray[np.int64] | None:
+    """Sort `places` from `at` on; None unless the records there fill the rest of the buffer."""
+    places = np.unique(places[places >= at])
+    if len(places) == 0 or places[-1] > len(buffer) - _MESSAGE_HEAD:
+        return None
+    lengths = _lengths(buffer, places)
+    ends = places + RECORD_HEAD + lengths
+    if ((np.frombuffer(buffer, np.uint8)[places] != _MESSAGE).any()
+            or lengths.min() < _MESSAGE_HEAD - RECORD_HEAD or lengths.max() > len(buffer)):
+        return None
+    gaps = [(at, int(places[0])), (int(ends[-1]), len(buffer))]
+    for gap in np.flatnonzero(places[1:] != ends[:-1]).tolist():
+        gaps.append((int(ends[gap]), int(places[gap + 1])))
+    if all(_only_descriptions(buffer, *gap, describe) for gap in gaps):
+        return places
+    return None
+
+
+def _only_descriptions(
+    buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], None] | None,
+) -> bool:
+    """Whether nothing but Schema and Channel records stands between two messages."""
+    while at < stop:
+        opcode, length = _OPCODE_LENGTH.unpack_from(buffer, at) if stop - at > 8 else (0, 0)
+        if opcode not in _DESCRIPTIONS:
+            return False
+        if describe is not None:
+            describe(opcode, buffer[at + RECORD_HEAD:at + RECORD_HEAD + length])
+        at += RECORD_HEAD + length
+    return at == stop
+
+
+def _of_channels(
+    buffer: bytes, places: NDArray[np.int64], wanted: frozenset[int] | set[int],
+) -> NDArray[np.int64]:
+    channels = np.ndarray((len(buffer) - _KEY + 1,), '<u2', buffer, RECORD_HEAD, (1,))[places]
+    return places[np.isin(channels, list(wanted))]
+
+
+def _lengths(buffer: bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    lengths = np.ndarray((len(buffer) - RECORD_HEAD + 1,), '<i8', buffer, 1, (1,))
+    return lengths[places]
+
+
+def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterator[Piece]:
     """Copy the message records at `offsets` into arrays of equal size, in their order."""
-    if not offsets:
+    if len(offsets) == 0:
         return
     places = np.array(offsets)
-    lengths = np.ndarray((len(buffer) - RECORD_HEAD + 1,), '<u8', buffer, 1, (1,))[places]
+    lengths = _lengths(buffer, places)
     bounds = [0, *(np.flatnonzero(np.diff(lengths)) + 1).tolist(), len(places)]
     for start, stop in pairwise(bounds):
         yield _piece(collect(buffer, places[start:stop], RECORD_HEAD + int(lengths[start])))

@@ -24,7 +24,7 @@ from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import Serialization
+from imu_allan.cdr import decode_imu_rows, Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.damage import Damage, Part
 from imu_allan.recordings.decompress import (
@@ -36,12 +36,14 @@ from imu_allan.recordings.decompress import (
     Readable,
 )
 from imu_allan.recordings.gather import gather, Piece
-from imu_allan.recordings.message_compression import decode_stored_rows
+from imu_allan.recordings.message_compression import unpacked
 from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
+import numpy as np
+from numpy.typing import NDArray
 
 MAGIC = b'\x89MCAP0\r\n'
 
@@ -128,8 +130,8 @@ class McapRecording(Recording):
 
         with self._stored.open('rb') as file:
             for pieces, position in self._pieces(file, wanted, describe, damage):
-                for piece in pieces:
-                    for block in decode_stored_rows(
+                for piece in unpacked(pieces):
+                    for block in decode_imu_rows(
                             piece.rows, piece.receive_ns, serialization, malformed):
                         messages += len(block)
                         yield block, position
@@ -272,6 +274,7 @@ class McapRecording(Recording):
             if opcode == Opcode.MESSAGE_INDEX and part is not None and part.is_chunk:
                 index = file.read(6)
                 part.counts[int.from_bytes(index[:2], 'little')] = max(0, length - 6) // 16
+                part.indexes.append((start + 6, max(0, length - 6) // 16 * 16))
                 at = start + length
                 continue
             if part is not None and not (
@@ -317,10 +320,20 @@ def _windows(
     data = decompress(compression, file.read(stored), size)
     if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')
-    pieces, consumed = gather(data, wanted, describe)
+    pieces, consumed = gather(data, wanted, describe, lambda: _message_places(file, part))
     yield pieces
     if consumed != len(data):
         raise DamagedData(f'{len(data) - consumed} bytes at its end are not whole records')
+
+
+def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
+    """Read where the message indexes behind a chunk claim messages, if they are not absurd."""
+    places = [np.zeros(0, np.int64)]
+    if sum(length for _, length in part.indexes) <= _LARGEST_CHUNK:
+        for start, length in part.indexes:
+            file.seek(start)
+            places.append(np.frombuffer(file.read(length), '<i8').reshape(-1, 2)[:, 1])
+    return np.concatenate(places)
 
 
 def _stream(

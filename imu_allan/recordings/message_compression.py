@@ -2,35 +2,45 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that rosbag2 compressed one by one, recognized by their first bytes."""
 
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 
-from imu_allan.block import ImuBlock
-from imu_allan.cdr import blocks_from_messages, decode_imu_rows, MalformedImu, Serialization
 from imu_allan.recordings.decompress import DamagedData, decompress_frame
+from imu_allan.recordings.gather import Piece
 import numpy as np
-from numpy.typing import NDArray
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
 """No message begins like this: CDR begins with a zero."""
 _LARGEST_MESSAGE = 1 << 16
 
 
-def decode_stored_rows(
-    rows: NDArray[np.uint8],
-    receive_ns: NDArray[np.int64],
-    serialization: Serialization,
-    on_malformed: Callable[[int, MalformedImu], None],
-) -> list[ImuBlock]:
-    """Decode messages of equal stored size, compressed or not; see `decode_imu_rows`."""
-    if serialization != 'cdr' or len(rows) == 0 or rows[0, :4].tobytes() != _ZSTD:
-        return decode_imu_rows(rows, receive_ns, serialization, on_malformed)
-    return blocks_from_messages(
-        [_unpacked(row.tobytes()) for row in rows], receive_ns, serialization, on_malformed)
+def is_compressed(message: bytes) -> bool:
+    """Whether a stored message is a zstd frame."""
+    return message.startswith(_ZSTD)
 
 
-def _unpacked(data: bytes) -> bytes:
+def unpacked_message(message: bytes) -> bytes:
     """Decompress one message; nothing, which is no message, where that is not possible."""
     try:
-        return decompress_frame(data, _LARGEST_MESSAGE)
+        return decompress_frame(message, _LARGEST_MESSAGE)
     except DamagedData:
         return b''
+
+
+def unpacked(pieces: Iterable[Piece]) -> Iterator[Piece]:
+    """Decompress the messages of `pieces`, where they are compressed."""
+    for compressed, group in groupby(pieces, _holds_compressed):
+        if not compressed:
+            yield from group
+            continue
+        messages = ((unpacked_message(row.tobytes()), stamp)
+                    for piece in group
+                    for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True))
+        for size, run in groupby(messages, lambda item: len(item[0])):
+            data, stamps = zip(*run, strict=True)
+            yield Piece(np.frombuffer(b''.join(data), np.uint8).reshape(len(data), size),
+                        np.array(stamps, np.int64))
+
+
+def _holds_compressed(piece: Piece) -> bool:
+    return is_compressed(piece.rows[0, :len(_ZSTD)].tobytes())

@@ -14,8 +14,9 @@ from pathlib import Path
 import sqlite3
 
 from imu_allan.block import ImuBlock
+from imu_allan.cdr import decode_imu_rows
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.message_compression import decode_stored_rows
+from imu_allan.recordings.message_compression import is_compressed, unpacked_message
 from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class SqliteRecording(Recording):
             with self._database() as database:
                 for rows, stamps, position in self._rows(database, topic):
                     messages += len(rows)
-                    for block in decode_stored_rows(rows, stamps, 'cdr', malformed):
+                    for block in decode_imu_rows(rows, stamps, 'cdr', malformed):
                         yield block, position
         except sqlite3.Error as error:
             self.remark(
@@ -115,6 +116,8 @@ class SqliteRecording(Recording):
             if not fetched:
                 break
             times, data = zip(*fetched, strict=True)
+            if is_compressed(data[0]):
+                data = tuple(map(unpacked_message, data))
             for length, run in _equal_sizes(data):
                 if parts and (length != size or len(stamps) >= _DECODE):
                     yield _array(parts, len(stamps), size), np.array(stamps, np.int64), position
