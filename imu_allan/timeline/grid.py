@@ -155,7 +155,7 @@ def _group_phases(phase: Floats) -> tuple[Floats, Floats]:
     return turn, np.abs(mean)
 
 
-def count_steps(places: Floats, pace: Pace) -> Ints:
+def count_steps(places: Floats, pace: Pace, new_run: bool = False) -> Ints:
     """
     Distance on the grid of every message from the one before.
 
@@ -165,6 +165,8 @@ def count_steps(places: Floats, pace: Pace) -> Ints:
         Rising stamps in intervals; 0 is the grid place of the last sample placed before.
     pace : Pace
         As measured lately.
+    new_run : bool
+        Whether the phase is that of a single message, the first: then it may be late itself.
 
     Returns
     -------
@@ -182,14 +184,14 @@ def count_steps(places: Floats, pace: Pace) -> Ints:
             if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
                 return whole.astype(np.int64)
     phase = places - np.arange(1, len(places) + 1)
-    missing = None if pace.counting else _missing_by_phase(phase)
+    missing = None if pace.counting else _missing_by_phase(phase, new_run)
     if missing is None:
         missing = _missing_by_bursts(phase, steps)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
 
 
-def _missing_by_phase(phase: Floats) -> Ints | None:
+def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     """Count samples missing before each message, by the phase about its own slow drift."""
     turn, length = _group_phases(phase)
     if np.mean(length) < _FIRM_PHASE:
@@ -203,7 +205,7 @@ def _missing_by_phase(phase: Floats) -> Ints | None:
         if np.all(smooth[1:] >= smooth[:-1]):
             break
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
-    return np.maximum(lasting, 0)
+    return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
 
 
 def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
@@ -222,10 +224,10 @@ def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
 
 
 def _running_median(values: Ints, width: int) -> Ints:
-    """Median of `width` neighbours; zeros stand before the first, the last is repeated."""
+    """Median of `width` neighbours; zeros stand before the first, the last median behind."""
     half = width // 2
-    padded = np.concatenate([np.zeros(half, dtype=np.int64), values,
-                             np.full(half, values[-1])])
+    level = int(np.median(values[-_SMOOTHING:]))
+    padded = np.concatenate([np.zeros(half, dtype=np.int64), values, np.full(half, level)])
     windows = np.lib.stride_tricks.sliding_window_view(padded, width)
     return np.partition(windows, half, axis=1)[:, half]
 

@@ -3,12 +3,13 @@
 """
 Motion and knocks: found against the axis's own noise, and left out.
 
-Half-second windows are compared with the windows before them by two statistics that noise of any
-of the terms keeps stationary however long it drifts: the variance within a window, and the second
-difference of window means. Thresholds follow from the median and the spread of the past, so they
-need no tuning to rate, noise level, quantization or steady vibration. A third test knows physics:
-no sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2 within two seconds, unless its white
-noise does it.
+Half-second windows are compared with the windows before them by three statistics: the power of
+the differences of neighbouring samples, that of the differences of 20 ms means, and the second
+difference of window means. Differences keep noise of every term stationary and nearly Gaussian
+however far it drifts, so thresholds follow from the median and the spread of the past and need no
+tuning to rate, noise level, quantization or steady vibration. A last test knows physics: no
+sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2 within two seconds, unless its white noise
+does it.
 """
 
 from collections.abc import Mapping
@@ -26,17 +27,18 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-WINDOW_S = 0.5
+PART_S = 0.02
 START_WINDOWS = 128
 """Windows held back at the start, of which the quieter ones make the first baseline."""
 
-_SMALLEST_WINDOW = 16
+_PARTS = 25
 _MARGIN = 2
 _LAG = 4
 _CONTEXT = _MARGIN + _LAG + 1
 _REMEMBERED = 512
-_REFRESH = 64
-_RECENT = 128
+_REFRESH = 128
+_PERSISTENT = 128
+_BETWEEN = 13
 _SIGMAS = 8.0
 _LEAST_EXCESS = 0.35
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
@@ -44,7 +46,7 @@ _PLAUSIBLE_SIGMAS = 10.0
 _ADOPTED_RATIO = 3.0
 _ADOPTED_SHARE = 0.9
 _FEWEST_WINDOWS = 8
-_TOLD_RATIO = 2.0
+_TOLD_RATIO = 3.0
 _LATELY_S = 5.0
 
 LISTED_SPANS = 1000
@@ -85,13 +87,12 @@ class EvenPiece:
 @dataclass(frozen=True)
 class Baseline:
     """
-    What the windows of a sensor at rest look like; every array has one value per axis.
+    What the windows of a sensor at rest look like.
 
     Attributes
     ----------
-    loudness, spread : ndarray, shape (6,)
-        Median and robust standard deviation of the cube root of the variance in a window: a cube
-        root makes a chi-square nearly normal whatever its degrees of freedom.
+    loudness, spread : ndarray, shape (12,)
+        Median and robust standard deviation of the loudness of a window, as `describe` gives it.
     wander : ndarray, shape (6,)
         Robust standard deviation of the second difference of window means.
     resolution : ndarray, shape (6,)
@@ -108,7 +109,8 @@ class Baseline:
         """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
         excess = np.maximum(_SIGMAS * np.sqrt(shorter) * self.spread,
                             _LEAST_EXCESS * self.loudness)
-        loudest: Floats = np.maximum(self.loudness + excess, np.cbrt(2 * self._steps() ** 2))
+        stepping = np.cbrt(2 * self._steps() ** 2)
+        loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
         return loudest
 
     def widest(self) -> Floats:
@@ -117,7 +119,7 @@ class Baseline:
 
     def _steps(self) -> Floats:
         """Resolution where the noise does not dither it: there whole steps are no motion."""
-        coarse = self.loudness ** 1.5 < 0.7 * self.resolution
+        coarse = self.loudness[:6] ** 1.5 < 0.7 * self.resolution
         return np.where(coarse, self.resolution, 0.0)
 
 
@@ -127,9 +129,10 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
 
     Parameters
     ----------
-    loudness, wander : ndarray, shape (n, 6)
-        Cube root of the variance in each window; second difference of its mean, NaN at the ends
-        of a stretch.
+    loudness : ndarray, shape (n, 12)
+        As `describe` gives it.
+    wander : ndarray, shape (n, 6)
+        Second difference of window means, NaN at the ends of a stretch.
     resolution : ndarray, shape (6,)
         Smallest change between two samples.
 
@@ -165,6 +168,51 @@ def _baseline(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
     wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
             else np.full(6, np.inf))
     return Baseline(centre, spread, wide, resolution)
+
+
+def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
+    """
+    Mean and loudness of windows.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (windows, size, 6)
+        Even samples; NaN columns of absent axes are taken for zero.
+    part : int
+        Samples in a part of a window.
+
+    Returns
+    -------
+    means : ndarray, shape (windows, 6)
+        Mean of each axis.
+    loudness : ndarray, shape (windows, 12)
+        Cube root of the variance that the differences of neighbouring samples tell (six axes),
+        and that the differences of the means of neighbouring parts tell: both have the same
+        expectation for white noise. A cube root makes a chi-square nearly normal whatever its
+        degrees of freedom.
+
+    """
+    windows, size, _ = rows.shape
+    power = np.zeros((windows, 12))
+    fine = rows[:, 1:] - rows[:, :-1]
+    power[:, :6] = np.einsum('kpi,kpi->ki', fine, fine) * (0.5 / max(size - 1, 1))
+    parts = size // part
+    if part == 1 or parts < 2:
+        means = rows.mean(axis=1)
+        power[:, 6:] = power[:, :6]
+    else:
+        split = rows[:, :parts * part].reshape(windows * parts, part, 6)
+        # Short sums are faster row by row than as many small products.
+        sums = (sum(split[:, row] for row in range(1, part)) + split[:, 0] if part <= 8
+                else np.matmul(np.ones(part), split))
+        coarse = (sums / part).reshape(windows, parts, 6)
+        means = coarse.mean(axis=1)
+        step = coarse[:, 1:] - coarse[:, :-1]
+        power[:, 6:] = np.einsum('kpi,kpi->ki', step, step) * (0.5 * part / (parts - 1))
+    if np.isnan(means[-1, 0] + means[-1, 5]):
+        np.nan_to_num(means, copy=False)
+        np.nan_to_num(power, copy=False)
+    return means, np.cbrt(power)
 
 
 def resolution_of(samples: Floats) -> Floats:
@@ -207,7 +255,7 @@ class _Stretch:
     given: int = 0
     base: int = 0
     means: Floats = field(default_factory=lambda: np.empty((0, 6)))
-    loudness: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    loudness: Floats = field(default_factory=lambda: np.empty((0, 12)))
     moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
 
     def joined(self) -> Floats:
@@ -215,6 +263,12 @@ class _Stretch:
         if len(self.rows) > 1:
             self.rows = [np.concatenate(self.rows)]
         return self.rows[0]
+
+    def describe(self, rows: Floats, part: int) -> None:
+        """Add windows of `rows`."""
+        means, loudness = describe(rows, part)
+        self.means = np.concatenate([self.means, means])
+        self.loudness = np.concatenate([self.loudness, loudness])
 
     def wander(self) -> Floats:
         """Second difference of window means, NaN for the first and the last window."""
@@ -261,20 +315,21 @@ class MotionDetector:
     Parameters
     ----------
     interval_s : float
-        Sample interval; a window is half a second, 16 rows at least.
+        Sample interval; a window is half a second, 25 rows at least.
 
     """
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s
-        self._size = max(round(WINDOW_S / interval_s), _SMALLEST_WINDOW)
-        self._ones = np.full(self._size, 1 / self._size)
+        self._part = max(round(PART_S / interval_s), 1)
+        self._size = _PARTS * self._part
         self._held: list[_Stretch] = []
         self._baseline: Baseline | None = None
         self._first_loudness: Floats | None = None
-        self._past = np.empty((0, 12))
+        self._past = np.empty((0, 18))
         self._news: list[Floats] = []
-        self._recent = np.empty((0, 13))
+        self._unlike = np.empty((0, 18))
+        self._between = 0
         self._summary = MotionSummary()
         self._run_pending = False
         self._span_end = -1
@@ -302,24 +357,26 @@ class MotionDetector:
         text = json.dumps({
             'interval_s': self._interval_s, 'summary': asdict(self._summary),
             'run_pending': self._run_pending, 'span_end': self._span_end,
-            'span_end_s': self._span_end_s, 'stretches': stretches})
+            'span_end_s': self._span_end_s, 'between': self._between,
+            'stretches': stretches})
         baseline, first = self._baseline, self._first_loudness
         empty = np.empty((0, 6))
         return {
             'motion': np.array(text),
             'motion_rows': np.concatenate([empty, *(s.joined() for s in held)]),
             'motion_means': np.concatenate([empty, *(s.means for s in held)]),
-            'motion_loudness': np.concatenate([empty, *(s.loudness for s in held)]),
+            'motion_loudness': np.concatenate(
+                [np.empty((0, 12)), *(s.loudness for s in held)]),
             'motion_moving': np.concatenate(
                 [np.empty(0, dtype=bool), *(s.moving for s in held)]),
             'motion_bridged': np.concatenate(
                 [np.empty(0, dtype=np.int64), *(s.bridged for s in held)]),
             'motion_past': self._past,
-            'motion_news': np.concatenate([np.empty((0, 12)), *self._news]),
-            'motion_recent': self._recent,
-            'motion_baseline': empty if baseline is None else np.stack(
+            'motion_news': np.concatenate([np.empty((0, 18)), *self._news]),
+            'motion_unlike': self._unlike,
+            'motion_baseline': empty if baseline is None else np.concatenate(
                 [baseline.loudness, baseline.spread, baseline.wander, baseline.resolution]),
-            'motion_first': empty if first is None else first[None]}
+            'motion_first': empty if first is None else first}
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'MotionDetector':
@@ -337,7 +394,7 @@ class MotionDetector:
         def table(name: str, columns: int) -> Floats:
             return np.asarray(state[f'motion_{name}'], dtype=np.float64).reshape(-1, columns)
 
-        rows, means, loudness = table('rows', 6), table('means', 6), table('loudness', 6)
+        rows, means, loudness = table('rows', 6), table('means', 6), table('loudness', 12)
         moving = np.asarray(state['motion_moving'], dtype=bool).reshape(-1)
         bridged = np.asarray(state['motion_bridged'], dtype=np.int64).reshape(-1)
         for stretch in plain['stretches']:
@@ -352,12 +409,13 @@ class MotionDetector:
                 means[:windows], loudness[:windows], moving[:judged]))
             rows, means, loudness = rows[held:], means[windows:], loudness[windows:]
             moving, bridged = moving[judged:], bridged[filled:]
-        detector._past, detector._recent = table('past', 12), table('recent', 13)
-        news = table('news', 12)
+        detector._past, detector._unlike = table('past', 18), table('unlike', 18)
+        detector._between = int(plain['between'])
+        news = table('news', 18)
         detector._news = [news] if len(news) else []
-        baseline, first = table('baseline', 6), table('first', 6)
+        baseline, first = table('baseline', 36), table('first', 12)
         if len(baseline):
-            detector._baseline = Baseline(*baseline)
+            detector._baseline = Baseline(*np.split(baseline[0], [12, 24, 30]))
         if len(first):
             detector._first_loudness = first[0]
         return detector
@@ -414,20 +472,10 @@ class MotionDetector:
             return
         if complete:
             rows = stretch.joined()[done:done + complete * size].reshape(complete, size, 6)
-            means = np.matmul(self._ones, rows)
-            about = rows - means[:, None]
-            np.multiply(about, about, out=about)
-            self._append(stretch, means, np.matmul(self._ones, about))
+            stretch.describe(rows, self._part)
         left = stretch.held - done - complete * size
         if stretch.closed and left:
-            rows = stretch.joined()[-size:]
-            mean = rows.mean(axis=0)
-            self._append(stretch, mean[None], np.mean((rows - mean) ** 2, axis=0)[None])
-
-    def _append(self, stretch: _Stretch, means: Floats, variance: Floats) -> None:
-        stretch.means = np.concatenate([stretch.means, np.nan_to_num(means)])
-        stretch.loudness = np.concatenate(
-            [stretch.loudness, np.cbrt(np.nan_to_num(variance))])
+            stretch.describe(stretch.joined()[None, -size:], self._part)
 
     def _begin(self) -> None:
         """Find the first baseline in the windows held back."""
@@ -435,7 +483,7 @@ class MotionDetector:
             self._measure(stretch)
         size = self._size
         full = [stretch for stretch in self._held if stretch.held >= size]
-        quiet = Baseline(*np.full((4, 6), np.inf))
+        quiet = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
         if not full:
             self._baseline = quiet
             return
@@ -457,12 +505,14 @@ class MotionDetector:
 
     def _implausible(self, stretch: _Stretch, first: int) -> Bools:
         """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
-        means, sigma = stretch.means, stretch.loudness ** 1.5
+        means = stretch.means
         beyond = np.zeros(len(means), dtype=bool)
         change = np.abs(means[_LAG:] - means[:-_LAG])
-        white = np.minimum(sigma[_LAG:], sigma[:-_LAG]) * (2 / self._size) ** 0.5
-        beyond[_LAG:] = np.any(
-            (change > _PLAUSIBLE_CHANGE) & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
+        large = change > _PLAUSIBLE_CHANGE
+        if large.any():
+            sigma = np.maximum(stretch.loudness[:, :6], stretch.loudness[:, 6:]) ** 1.5
+            white = np.minimum(sigma[_LAG:], sigma[:-_LAG]) * (2 / self._size) ** 0.5
+            beyond[_LAG:] = np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
         return beyond[first:]
 
     def _judge(self, stretch: _Stretch) -> None:
@@ -488,8 +538,9 @@ class MotionDetector:
     def _unlike_rest(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
         assert self._baseline is not None
         with np.errstate(invalid='ignore'):
-            unlike: Bools = np.any((loudness > self._baseline.loudest(shorter))
-                                   | (np.abs(wander) > self._baseline.widest()), axis=1)
+            loud = np.any(loudness > self._baseline.loudest(shorter), axis=1)
+            wide = np.any(np.abs(wander) > self._baseline.widest(), axis=1)
+        unlike: Bools = loud | wide
         return unlike
 
     def _refine_resolution(self, stretch: _Stretch, windows: Ints) -> bool:
@@ -514,27 +565,35 @@ class MotionDetector:
     def _learn(self, windows: Floats, moving: Bools, beyond: Bools, time_s: float) -> None:
         """Let the baseline follow the windows at rest, or a level that has changed for good."""
         assert self._baseline is not None
-        inner = ~np.isnan(windows[:, 6])
+        inner = ~np.isnan(windows[:, 12])
         rest = windows[inner & ~moving]
         if len(rest):
             self._news.append(rest)
-        lately = np.column_stack([windows, np.where(beyond, 2.0, moving)])[inner]
-        self._recent = np.concatenate([self._recent, lately])[-_RECENT:]
         if sum(map(len, self._news)) >= _REFRESH:
             self._past = np.concatenate([self._past, *self._news])[-_REMEMBERED:]
             self._news = []
-            self._adopt(_baseline(self._past[:, :6], self._past[:, 6:],
+            self._adopt(_baseline(self._past[:, :12], self._past[:, 12:],
                                   self._baseline.resolution), time_s)
-        if (len(self._recent) == _RECENT and not np.any(self._recent[:, 12] > 1)
-                and np.mean(self._recent[:, 12]) > _ADOPTED_SHARE):
-            loudness, wander = self._recent[:, :6], self._recent[:, 6:12]
-            baseline, still = settle(loudness, wander, self._baseline.resolution)
-            little = _ADOPTED_RATIO ** (2 / 3) * self._baseline.loudest()
-            if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
-                self._past = self._recent[still, :12]
-                self._news = []
-                self._adopt(baseline, time_s)
-            self._recent = self._recent[:0]
+        if not len(self._unlike) and not moving.any():
+            return
+        self._unlike = np.concatenate([self._unlike, windows[inner & moving & ~beyond]])
+        self._between += int(np.count_nonzero(beyond | ~moving))
+        if self._between > _BETWEEN:
+            self._unlike, self._between = self._unlike[:0], 0
+        elif len(self._unlike) >= _PERSISTENT:
+            self._accept_change(time_s)
+
+    def _accept_change(self, time_s: float) -> None:
+        """Take a new steady level for the sensor's own, if it is not much louder."""
+        assert self._baseline is not None
+        baseline, still = settle(self._unlike[:, :12], self._unlike[:, 12:],
+                                 self._baseline.resolution)
+        little = _ADOPTED_RATIO ** (2 / 3) * self._baseline.loudest()
+        if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
+            self._past = self._unlike[still]
+            self._news = []
+            self._adopt(baseline, time_s)
+        self._unlike, self._between = self._unlike[:0], 0
 
     def _adopt(self, baseline: Baseline, time_s: float) -> None:
         """Take a new baseline, and tell if the noise has become much louder or quieter."""

@@ -51,6 +51,7 @@ _CLOCK_STEP_S = 1.0
 _NEVER_S = 10 * 365 * 86400
 _LATELY = 128
 _FOLLOW = 0.2
+_SPARSE = 16
 _NONE = np.empty(0, dtype=np.int64)
 _DEFAULTS = TimelineOptions()
 
@@ -409,8 +410,7 @@ class TimelineStage:
             declared = window.absent & np.array([present[:3].any(), present[3:].any()])
             if declared.any():
                 bad = np.any(declared, axis=1)
-        flat = samples.reshape(-1)
-        if not (present.all() and np.dot(flat, flat) < _LARGEST ** 2):
+        if not (present.all() and samples.max() < _LARGEST and samples.min() > -_LARGEST):
             with np.errstate(invalid='ignore'):
                 wild: Bools = ~np.all(np.abs(samples[:, present]) < _LARGEST, axis=1)
             if wild.any():
@@ -544,7 +544,8 @@ class TimelineStage:
     def _steps(self, messages: _Messages) -> Ints:
         facts = self._facts
         return count_steps(self._places(messages),
-                           Pace(facts.interval_ns or 1.0, facts.spread, facts.counting))
+                           Pace(facts.interval_ns or 1.0, facts.spread, facts.counting),
+                           new_run=facts.fresh_run or facts.last_ns is None)
 
     def _rate_doubtful(self, messages: _Messages, steps: Ints) -> bool:
         c = messages.consumed
@@ -597,12 +598,14 @@ class TimelineStage:
         self._tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
                       np.concatenate([self._tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((facts.present or [False])[3:]):
-            sums = np.ones(c) @ messages.samples[:c, 3:]
-            facts.gravity = [a + float(b) for a, b in zip(facts.gravity, sums, strict=True)]
+            some = messages.samples[:c:_SPARSE, 3:]
+            facts.gravity = [a + float(b) for a, b
+                             in zip(facts.gravity, some.sum(axis=0), strict=True)]
+            facts.gravity_samples += len(some)
 
         lately = slice(max(c - _LATELY, 0), c)
         late = (elapsed[lately] - elapsed[-1]) / interval - (index[lately] - index[-1])
-        facts.late_ns = -float(np.median(late)) * interval
+        facts.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
         facts.jitter = float(np.std(late))
         facts.last_ns, facts.other_ns = int(stamps[c - 1]), int(other[c - 1])
         facts.elapsed_ns, facts.index = int(elapsed[-1]), int(index[-1])

@@ -140,6 +140,7 @@ class Facts:
     paced_ns: int = 0
     paced_steps: int = 0
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    gravity_samples: int = 0
 
     first_ns: int | None = None
     first_receive_ns: int = 0
@@ -264,8 +265,8 @@ def _remarks(facts: Facts, options: TimelineOptions, motion: MotionSummary) -> d
         remarks['several_frames'] = (
             f'several publishers on one topic: messages of frame_id {facts.frame_id!r} are used, '
             f'those of {others} rejected')
-    if facts.samples and facts.present and all(facts.present[3:]):
-        size = float(np.linalg.norm(facts.gravity)) / facts.samples
+    if facts.gravity_samples:
+        size = float(np.linalg.norm(facts.gravity)) / facts.gravity_samples
         if abs(size - _GRAVITY) > _GRAVITY_TOLERANCE:
             hint = ('; is it in units of g?' if abs(size - 1) < 0.05
                     else '; has gravity been removed?' if size < 0.5 else '')
