@@ -16,6 +16,7 @@ References
 ----------
 OMG Data Distribution Service Interoperability Wire Protocol (DDSI-RTPS) 2.5, section 10;
 Common Object Request Broker Architecture 3.3, part 2, section 9.3 (CDR transfer syntax).
+
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -57,6 +58,7 @@ class ImuLayout:
         First byte of the 37 doubles.
     frame_id : str
         header.frame_id.
+
     """
 
     byte_order: Literal['<', '>']
@@ -80,6 +82,7 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
     ------
     MalformedImu
         If the bytes cannot be a sensor_msgs/Imu.
+
     """
     size = len(message)
     if size < _TEXT_AT + 8 * _DOUBLES:
@@ -128,6 +131,7 @@ def decode_imu(
     ------
     MalformedImu
         If the bytes are not a sensor_msgs/Imu.
+
     """
     [block] = decode_imu_rows(
         np.frombuffer(message, np.uint8).reshape(1, -1), np.zeros(1, np.int64), serialization)
@@ -165,6 +169,7 @@ def decode_imu_rows(
     ------
     MalformedImu
         If a message is not a sensor_msgs/Imu and `on_malformed` is not given.
+
     """
     blocks: list[ImuBlock] = []
     for start, stop in _uniform_runs(rows, serialization):
@@ -202,6 +207,7 @@ def blocks_from_messages(
     ------
     MalformedImu
         If a message is not a sensor_msgs/Imu and `on_malformed` is not given.
+
     """
     blocks: list[ImuBlock] = []
     sizes = np.fromiter(map(len, messages), np.int64, len(messages))
@@ -238,6 +244,7 @@ def encode_imu_rows(
     -------
     ndarray of uint8, shape (len(block), size)
         One message a row.
+
     """
     text = block.frame_id.encode()
     if serialization == 'cdr':

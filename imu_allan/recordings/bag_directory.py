@@ -32,6 +32,7 @@ class BagDirectory(Recording):
     ------
     ImuAllanError
         If there is nothing to read in it.
+
     """
 
     def __init__(self, path: Path) -> None:
@@ -162,6 +163,7 @@ def _parse(text: bytes) -> _Metadata:
     ------
     ValueError
         If a field is missing or of another type.
+
     """
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     information = _item(yaml.load(text, loader), 'rosbag2_bagfile_information', dict)

@@ -26,6 +26,7 @@ class CompressedRecording(Recording):
     ------
     ImuAllanError
         If the temporary folder has no room for it, or it holds no recording.
+
     """
 
     def __init__(self, path: Path) -> None:

@@ -46,6 +46,7 @@ class _Columns:
         Seconds in one unit of time.
     axes : list of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
+
     """
 
     delimiter: str
@@ -75,6 +76,7 @@ class CsvRecording(Recording):
     ------
     ImuAllanError
         If the header line is missing or names no axis, a unit is wrong, or a rate is needed.
+
     """
 
     def __init__(self, path: Path, stored: Path, rate_hz: float | None = None) -> None:
@@ -217,6 +219,7 @@ def _parse(lines: list[str], columns: _Columns) -> tuple[NDArray[np.float64], li
         Rows of the lines that are numbers throughout; empty cells are NaN.
     bad : list of int
         The other lines.
+
     """
     width = len(columns.used)
     bad: list[int] = []

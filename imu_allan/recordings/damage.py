@@ -23,6 +23,7 @@ class Part:
         Messages by channel, as the index behind a chunk tells; empty without an index.
     indexes : list of (int, int)
         Place and length of the entries of each index behind a chunk.
+
     """
 
     start: int

@@ -64,6 +64,7 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
     ------
     DamagedData
         If the data gives another number of bytes or is not of that compression.
+
     """
     try:
         plain = _DECOMPRESSORS[compression](data, size)
@@ -85,6 +86,7 @@ def decompress_frame(data: bytes, most: int) -> bytes:
     ------
     DamagedData
         If it is larger, or damaged.
+
     """
     try:
         return _unzstd(data, most)
@@ -100,6 +102,7 @@ def decompressing(compression: str, source: Bounded) -> Readable:
     ------
     DamagedData
         If `compression` is not known.
+
     """
     if compression in ('', 'none'):
         return source

@@ -45,6 +45,7 @@ class Piece:
         Serialized messages; may be a view of the buffer.
     receive_ns : ndarray of int64, shape (n,)
         log_time of the messages.
+
     """
 
     rows: NDArray[np.uint8]
@@ -79,6 +80,7 @@ def gather(
     consumed : int
         Bytes of whole records. Less than ``len(buffer)`` where the last record is incomplete, or
         where a record follows that cannot stand among messages.
+
     """
     pieces: list[Piece] = []
     scattered: list[int] = []

@@ -11,6 +11,7 @@ its end serves to list the topics, to count, and to find the next chunk behind a
 References
 ----------
 MCAP format specification, https://mcap.dev/spec
+
 """
 
 from bisect import bisect_right
@@ -91,6 +92,7 @@ class McapRecording(Recording):
     ------
     ImuAllanError
         If the file is not MCAP.
+
     """
 
     def __init__(self, path: Path, stored: Path) -> None:

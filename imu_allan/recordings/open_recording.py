@@ -31,6 +31,7 @@ def open_recording(path: Path | str, *, rate_hz: float | None = None) -> Recordi
     ------
     ImuAllanError
         If the file is missing, empty, a git-LFS pointer, or not a recording.
+
     """
     path = Path(path)
     try:
@@ -59,6 +60,7 @@ def read_head(path: Path) -> bytes:
     ------
     ImuAllanError
         If there is no such file, or it is empty, not a regular file, or a git-LFS pointer.
+
     """
     if not path.exists():
         raise ImuAllanError(f'{printable(path)}: no such file or directory')
@@ -92,6 +94,7 @@ def open_stored(path: Path, stored: Path, rate_hz: float | None = None) -> Recor
     ------
     ImuAllanError
         As for `open_recording`.
+
     """
     head = read_head(stored)
     if head.startswith(b'\x89MCAP'):

@@ -29,6 +29,7 @@ class ImuTopic:
         Topic name.
     count : int or None
         Messages in the recording; None where the file does not say.
+
     """
 
     name: str
@@ -53,6 +54,7 @@ class Recording(ABC):
         Bytes that `blocks` goes through, for progress.
     remarks : list of Remark
         What the user should know about the file; grows while it is read.
+
     """
 
     def __init__(self, path: Path) -> None:
@@ -82,6 +84,7 @@ class Recording(ABC):
         ------
         ImuAllanError
             If `topic` is not one of `topics`, holds no message, or cannot be read at all.
+
         """
         choose_topic(self, topic)
         empty = True
@@ -157,6 +160,7 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
     ImuAllanError
         If there is no such topic, it is of another type, it has no messages, or there are
         several to choose from.
+
     """
     path = printable(recording.path)
     names = {item.name: item for item in recording.topics}

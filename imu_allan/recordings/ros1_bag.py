@@ -10,6 +10,7 @@ grows with the length of a bag, is not loaded.
 References
 ----------
 ROS wiki, Bags/Format/2.0
+
 """
 
 from collections import Counter
@@ -55,6 +56,7 @@ class Ros1Recording(Recording):
     ------
     ImuAllanError
         If the bag is of another version or encrypted.
+
     """
 
     def __init__(self, path: Path, stored: Path) -> None:
@@ -197,6 +199,7 @@ class Ros1Recording(Recording):
         ------
         DamagedData
             Where the buffer does not consist of whole records, after the messages before.
+
         """
         wanted = self._numbers(topic)
         heads: list[_MessageHead] = []
@@ -281,6 +284,7 @@ class _MessageHead:
         What it consists of, before and after the 8 bytes of the receive stamp.
     stride : int
         Bytes of the whole record.
+
     """
 
     connection: int
@@ -329,6 +333,7 @@ def _chunk_data(file: BinaryIO, part: Part) -> bytes:
     ------
     DamagedData
         If it is not what its header declares.
+
     """
     record = _record(file, part.start, part.start + part.length)
     try:
@@ -351,6 +356,7 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
     ------
     DamagedData
         If the record is cut short.
+
     """
     for head in known:
         if head.stands_at(buffer, at):

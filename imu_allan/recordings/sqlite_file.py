@@ -42,6 +42,7 @@ class SqliteRecording(Recording):
     ------
     ImuAllanError
         If the file is not a rosbag2 database.
+
     """
 
     def __init__(self, path: Path, stored: Path) -> None:

@@ -79,6 +79,7 @@ def write_recording(
     ------
     ImuAllanError
         If `path` exists already or cannot be created.
+
     """
     path = Path(path)
     if path.exists() or path.is_symlink():
@@ -227,7 +228,7 @@ def _write_mcap(
 def _chunks(
     blocks: Iterable[ImuBlock],
 ) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64]]]:
-    """Encoded messages and receive stamps, a chunk of equal-size messages at a time."""
+    """Encode messages of equal size a chunk at a time, with their receive stamps."""
     rows: list[NDArray[np.uint8]] = []
     stamps: list[NDArray[np.int64]] = []
     held = 0

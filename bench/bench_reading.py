@@ -1,0 +1,107 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Time of reading recordings, over a plain pass through the same file in the same run.
+
+The plain pass of an MCAP file reads and decompresses every chunk with the library that imu_allan
+uses and looks at nothing; that of a sqlite3 bag fetches every row. Passes alternate, so that what
+else the machine does falls on both; the medians of the ratios are printed.
+
+    python bench/bench_reading.py [--messages 1000000] [--repeats 7]
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+import sqlite3
+from statistics import median
+import tempfile
+import time
+
+from imu_allan.block import ImuBlock
+from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings.write import write_recording
+import lz4.frame
+from mcap.data_stream import ReadDataStream
+from mcap.reader import make_reader
+from mcap.records import Chunk
+import numpy as np
+import zstandard
+
+KINDS = (('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', ''))
+
+
+def white_noise(messages: int, rate_hz: float = 1000.0) -> Iterator[ImuBlock]:
+    """Blocks of white noise in all six axes at an even rate."""
+    noise = np.random.default_rng(1)
+    for start in range(0, messages, 1 << 14):
+        index = np.arange(start, min(start + (1 << 14), messages), dtype=np.int64)
+        stamps = 1_700_000_000_000_000_000 + index * round(1e9 / rate_hz)
+        yield ImuBlock(
+            stamps, stamps + noise.integers(0, 100_000, len(index)),
+            noise.normal(size=(len(index), 6)), np.zeros((len(index), 2), np.bool_), 'imu_link')
+
+
+def read_blocks(path: Path) -> int:
+    """Messages read through imu_allan."""
+    with open_recording(path) as recording:
+        return sum(len(block) for block in recording.blocks(choose_topic(recording)))
+
+
+def plain_mcap_pass(path: Path) -> int:
+    """Bytes of all chunks, read and decompressed."""
+    plain = 0
+    with path.open('rb') as file:
+        for index in make_reader(file).get_summary().chunk_indexes:
+            file.seek(index.chunk_start_offset + 9)
+            chunk = Chunk.read(ReadDataStream(file))
+            if chunk.compression == 'zstd':
+                plain += len(zstandard.decompress(chunk.data, chunk.uncompressed_size))
+            elif chunk.compression == 'lz4':
+                plain += len(lz4.frame.decompress(chunk.data))
+            else:
+                plain += len(chunk.data)
+    return plain
+
+
+def plain_sqlite_pass(path: Path) -> int:
+    """Messages of all rows, fetched one by one."""
+    with closing(sqlite3.connect(path)) as database:
+        rows = 0
+        for _ in database.execute('SELECT timestamp, data FROM messages ORDER BY id'):
+            rows += 1
+    return rows
+
+
+def seconds(run: Callable[[Path], int], path: Path) -> float:
+    """Wall time of one run."""
+    start = time.perf_counter()
+    run(path)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    """Print one line for each container."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--messages', type=int, default=1_000_000)
+    parser.add_argument('--repeats', type=int, default=7)
+    options = parser.parse_args()
+    print(f'{options.messages} messages, medians of {options.repeats} runs')
+    with tempfile.TemporaryDirectory(prefix='bench_reading_') as folder:
+        for storage, compression in KINDS:
+            name = f'{storage} {compression}'.strip()
+            bag = write_recording(
+                Path(folder, name), white_noise(options.messages), storage=storage,
+                compression=compression)
+            [file] = (path for path in bag.iterdir() if path.suffix != '.yaml')
+            plain = plain_sqlite_pass if storage == 'sqlite3' else plain_mcap_pass
+            times = [(seconds(plain, file), seconds(read_blocks, bag))
+                     for _ in range(options.repeats)]
+            print(f'{name:10s} plain pass {median(first for first, _ in times):6.3f} s   '
+                  f'blocks {median(second for _, second in times):6.3f} s   '
+                  f'ratio {median(second / first for first, second in times):5.2f}')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,200 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The decoder of sensor_msgs/Imu, held against rosbags and against its own encoder."""
+
+from dataclasses import replace
+from itertools import pairwise
+import re
+
+from hypothesis import given, settings, strategies as st
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import (
+    blocks_from_messages,
+    decode_imu,
+    decode_imu_rows,
+    encode_imu,
+    encode_imu_rows,
+    imu_layout,
+    MalformedImu,
+)
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
+
+FRAMES = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=40)
+SERIALIZATIONS = st.sampled_from([('cdr', '<'), ('cdr', '>'), ('ros1', '<')])
+
+
+def block(count: int, frame_id: str = 'imu_link', seed: int = 0) -> ImuBlock:
+    noise = np.random.default_rng(seed)
+    header = 1_700_000_000_000_000_000 + np.arange(count, dtype=np.int64) * 1_000_003
+    return ImuBlock(header, header + 17, noise.normal(size=(count, 6)),
+                    noise.random((count, 2)) < 0.3, frame_id)
+
+
+def assert_same(first: ImuBlock, second: ImuBlock) -> None:
+    assert first.frame_id == second.frame_id
+    for field in ('header_ns', 'receive_ns', 'samples', 'absent'):
+        one, other = getattr(first, field), getattr(second, field)
+        assert one.dtype == other.dtype, field
+        assert one.tobytes() == other.tobytes(), field
+
+
+@given(FRAMES, SERIALIZATIONS, st.integers(1, 20))
+def test_decoding_what_was_encoded_gives_every_bit_back(frame_id, serialization, count):
+    before = block(count, frame_id)
+    rows = encode_imu_rows(before, *serialization)
+    [after] = decode_imu_rows(rows, before.receive_ns, serialization[0])
+    assert_same(before, after)
+
+
+@given(st.integers(-2**31, 2**31 - 1), st.integers(0, 10**9 - 1),
+       st.lists(st.floats(width=64), min_size=6, max_size=6), FRAMES,
+       st.tuples(st.booleans(), st.booleans()))
+def test_one_message_comes_back_whatever_its_numbers(sec, nanosec, sample, frame_id, absent):
+    stamp = sec * 10**9 + nanosec
+    message = encode_imu(stamp, np.array(sample), frame_id, absent)
+    after = decode_imu(message)
+    assert after[0] == stamp
+    assert after[1].tobytes() == np.array(sample).tobytes()
+    assert after[2:] == (absent, frame_id)
+
+
+@pytest.mark.parametrize('little_endian', [True, False])
+@pytest.mark.parametrize('frame_id', ['', 'a', 'imu', 'imu_link', 'base/imu_sensor_17', 'ä°'])
+def test_agrees_with_rosbags(frame_id, little_endian):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    vector, covariance = types['geometry_msgs/msg/Vector3'], np.arange(9) / 7
+    message = types['sensor_msgs/msg/Imu'](
+        types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](-5, 6), frame_id),
+        types['geometry_msgs/msg/Quaternion'](.1, .2, .3, .4), covariance,
+        vector(1., 2., 3.), np.full(9, -1.), vector(4., 5., 6.), covariance)
+    raw = bytes(store.serialize_cdr(message, 'sensor_msgs/msg/Imu', little_endian=little_endian))
+    stamp, sample, absent, frame = decode_imu(raw)
+    assert (stamp, sample.tolist(), absent, frame) == (
+        -5 * 10**9 + 6, [1., 2., 3., 4., 5., 6.], (True, False), frame_id)
+    back = store.deserialize_cdr(encode_imu(stamp, sample, frame, absent), 'sensor_msgs/msg/Imu')
+    assert (back.header.stamp.sec, back.header.stamp.nanosec) == (-5, 6)
+    assert back.header.frame_id == frame_id
+    assert back.angular_velocity == message.angular_velocity
+    assert back.linear_acceleration == message.linear_acceleration
+    assert back.angular_velocity_covariance[0] == -1.
+    assert back.orientation_covariance[0] == -1.
+
+
+def test_ros1_serialization_agrees_with_rosbags():
+    store = get_typestore(Stores.ROS1_NOETIC)
+    [row] = encode_imu_rows(block(1), 'ros1')
+    message = store.deserialize_ros1(row.tobytes(), 'sensor_msgs/msg/Imu')
+    assert message.header.frame_id == 'imu_link'
+    assert message.angular_velocity.x == block(1).samples[0, 0]
+    assert message.linear_acceleration.z == block(1).samples[0, 5]
+
+
+def test_rows_far_apart_decode_like_adjacent_ones():
+    before = block(50)
+    rows = encode_imu_rows(before)
+    apart = np.zeros((50, rows.shape[1] + 31), np.uint8)
+    apart[:, 13:13 + rows.shape[1]] = rows
+    [after] = decode_imu_rows(apart[:, 13:13 + rows.shape[1]], before.receive_ns)
+    assert_same(before, after)
+
+
+@given(st.lists(st.sampled_from(['imu', 'gyro', 'imu_a', 'a_much_longer_frame']), max_size=30))
+def test_another_frame_id_starts_another_block_and_order_is_kept(frames):
+    parts = [block(1, frame, seed) for seed, frame in enumerate(frames)]
+    messages = [encode_imu_rows(part).tobytes() for part in parts]
+    receive = np.arange(len(parts), dtype=np.int64)
+    blocks = blocks_from_messages(messages, receive)
+    assert [frame for item in blocks for frame in [item.frame_id] * len(item)] == frames
+    assert np.concatenate([item.receive_ns for item in blocks] or [receive]).tolist() == (
+        receive.tolist())
+    assert all(first.frame_id != second.frame_id for first, second in pairwise(blocks))
+    for part, sample in zip(parts, (row for item in blocks for row in item.samples), strict=True):
+        assert part.samples[0].tolist() == sample.tolist()
+
+
+def test_bytes_in_the_alignment_gap_do_not_split_a_block():
+    before = block(10, 'im')
+    rows = encode_imu_rows(before)
+    layout = imu_layout(rows[0].tobytes())
+    assert layout.doubles_at - layout.text_end == 1
+    rows[:, layout.text_end] = np.arange(10)
+    [after] = decode_imu_rows(rows, before.receive_ns)
+    assert_same(before, after)
+
+
+def test_frame_ids_of_equal_padded_length_are_told_apart():
+    parts = [block(3, 'ab'), block(2, 'abc', 1), block(2, 'ab', 2)]
+    rows = np.concatenate([encode_imu_rows(part) for part in parts])
+    blocks = decode_imu_rows(rows, np.concatenate([part.receive_ns for part in parts]))
+    for before, after in zip(parts, blocks, strict=True):
+        assert_same(before, after)
+
+
+def test_padding_to_four_bytes_behind_a_message_is_tolerated():
+    message = encode_imu(5, np.arange(6.), 'imu')
+    assert decode_imu(message + bytes(3))[1].tolist() == list(range(6))
+
+
+@pytest.mark.parametrize(('message', 'reason'), [
+    (b'', '0 bytes are too few for a sensor_msgs/Imu message (312 at least)'),
+    (encode_imu(5, np.arange(6.), 'imu')[:-1],
+     '315 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
+    (encode_imu(5, np.arange(6.), 'imu') + bytes(4),
+     '320 bytes are not a sensor_msgs/Imu message whose frame_id has 4 bytes'),
+    (b'\0\7' + encode_imu(5, np.arange(6.), 'imu')[2:],
+     'encapsulation 0x0007 is not plain CDR'),
+    (encode_imu(5, np.arange(6.), 'imu')[:12] + b'\xff' * 4
+     + encode_imu(5, np.arange(6.), 'imu')[16:],
+     '316 bytes are not a sensor_msgs/Imu message whose frame_id has 4294967295 bytes'),
+])
+def test_what_is_no_imu_message_is_refused_with_its_reason(message, reason):
+    with pytest.raises(MalformedImu, match=re.escape(reason)):
+        decode_imu(message)
+
+
+def test_malformed_messages_are_counted_and_the_others_decoded():
+    good = [encode_imu_rows(block(1, seed=seed)).tobytes() for seed in range(4)]
+    messages = [good[0], b'junk', good[1], good[2][:100], good[2][:100], good[3]]
+    told = []
+    blocks = blocks_from_messages(
+        messages, np.arange(6), on_malformed=lambda count, error: told.append((count, str(error))))
+    assert [stamp for item in blocks for stamp in item.receive_ns.tolist()] == [0, 2, 5]
+    assert told == [
+        (1, '4 bytes are too few for a sensor_msgs/Imu message (312 at least)'),
+        (2, '100 bytes are too few for a sensor_msgs/Imu message (312 at least)')]
+    with pytest.raises(MalformedImu):
+        blocks_from_messages(messages, np.arange(6))
+
+
+def test_no_messages_give_no_blocks():
+    assert blocks_from_messages([], np.zeros(0, np.int64)) == []
+    assert decode_imu_rows(np.zeros((0, 320), np.uint8), np.zeros(0, np.int64)) == []
+
+
+@settings(max_examples=300)
+@given(st.binary(max_size=500), st.sampled_from(['cdr', 'ros1']))
+def test_any_bytes_are_decoded_or_refused(message, serialization):
+    try:
+        decode_imu(message, serialization)
+    except MalformedImu:
+        return
+    assert len(message) >= 312
+
+
+@settings(max_examples=300)
+@given(st.integers(0, 315), st.integers(0, 255))
+def test_a_changed_byte_gives_a_message_or_a_refusal(place, value):
+    message = bytearray(encode_imu(5, np.arange(6.), 'imu'))
+    message[place] = value
+    try:
+        stamp, sample, absent, frame_id = decode_imu(bytes(message))
+    except MalformedImu:
+        assert place in {0, 1, *range(12, 16)}
+        return
+    again = encode_imu_rows(replace(
+        block(1, frame_id), header_ns=np.array([stamp]), samples=sample.reshape(1, 6),
+        absent=np.array([absent])))
+    assert decode_imu(again.tobytes())[1].tobytes() == sample.tobytes()
