@@ -53,9 +53,10 @@ _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?!
 _SPELLINGS = (
     ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
 )
-# Exponents have one digit, so that no text can ask for an enormous power.
-_UNIT = re.compile(r'(?:[A-Za-z_]+|1(?=\s*/)|\*(?!\*)|/|\(|\)|(?:\^|\*\*)\s*-?\d(?:\.5)?(?![\d.])'
-                   r'|\s+)+\Z')
+# Exponents have one digit and no exponent of their own: no text asks for an enormous power. One
+# character a round, so that no text takes long to refuse either.
+_UNIT = re.compile(r'(?:[A-Za-z_]|1(?=\s*/)|\*(?!\*)|/(?!\s*/)|\(|\)|\s'
+                   r'|(?:\^|\*\*)\s?-?\d(?:\.5)?(?![\d.]|\s*(?:\^|\*\*)))+\Z')
 _ROOT = re.compile(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))')
 _LONGEST = 80
 
@@ -182,7 +183,7 @@ def _factor(unit: str, to: str) -> float | None:
     for text in (unit, to):
         for sign, spelling in _SPELLINGS:
             text = text.replace(sign, spelling)
-        text = _ROOT.sub(lambda m: f'({m[1] or m[2]})^0.5', text)
+        text = _ROOT.sub(lambda m: f'(({m[1] or m[2]})^0.5)', text)
         if len(text) > _LONGEST or not _UNIT.match(text):
             return None
         parsed.append(text.replace('^', '**'))

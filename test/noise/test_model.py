@@ -1,0 +1,116 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+from hypothesis import given, settings, strategies as st
+import pytest
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.model import load_model, parse_model
+from imu_allan.noise.terms import AXES
+from imu_allan.result import GaussMarkov
+
+CONFIG = Path(__file__).parents[2] / 'config'
+
+
+def test_what_stands_under_a_sensor_holds_for_its_three_axes():
+    model = parse_model('gyro: {noise_density: 1 deg/sqrt(h)}')
+    assert list(model.axes) == ['gyro_x', 'gyro_y', 'gyro_z']
+    for axis in model.axes.values():
+        assert axis == {'noise_density': pytest.approx(2.908882087e-4)}
+
+
+def test_an_axis_goes_before_its_sensor():
+    model = parse_model('accel:\n  noise_density: 100 ug/sqrt(Hz)\n  bias_instability: 40 ug\n'
+                        '  z: {noise_density: 200 ug/sqrt(Hz)}\n')
+    assert model.axes['accel_y']['noise_density'] == pytest.approx(9.80665e-4)
+    assert model.axes['accel_z']['noise_density'] == pytest.approx(2 * 9.80665e-4)
+    assert model.axes['accel_z']['bias_instability'] == pytest.approx(40 * 9.80665e-6)
+
+
+def test_axes_that_are_not_named_are_missing():
+    model = parse_model('name: One axis\naccel: {x: {noise_density: 100 ug/sqrt(Hz)}}')
+    assert model.name == 'One axis'
+    assert list(model.axes) == ['accel_x']
+    assert model.as_written['accel_x']['noise_density'] == '100 ug/sqrt(Hz)'
+
+
+def test_a_model_may_have_a_mean_and_a_gauss_markov_process():
+    model = parse_model(
+        'gyro:\n  z:\n    mean: -1 deg/s\n    rate_ramp: -5 deg/h^2\n'
+        '    gauss_markov: {sigma: 1 rad/s, correlation_time: 2 min}')
+    assert model.gauss_markov == {'gyro_z': GaussMarkov(1.0, 120.0)}
+    assert model.mean['gyro_z'] == pytest.approx(-0.017453292519943295)
+    assert model.axes['gyro_z']['rate_ramp'] == pytest.approx(-5 * 1.346704670e-9)
+
+
+@pytest.mark.parametrize(('text', 'complaint'), [
+    ('gyro: {noise_density: 0.03}', r"spec.yaml: gyro.noise_density: '0.03' has no unit.*"
+     r"'1 deg/sqrt\(h\)'"),
+    ('gyro: {noise_density: 0.03 deg/h}', 'spec.yaml: gyro.noise_density: .*unit'),
+    ('accel: {x: {bias_instability: 18 deg/h}}', r'spec.yaml: accel.x.bias_instability: .*ug'),
+    ('gyro: {noise: 1 deg/sqrt(h)}', "spec.yaml: gyro: unknown key 'noise'; known are quant"),
+    ('gyr: {noise_density: 1 deg/sqrt(h)}', "spec.yaml: names neither 'gyro' nor 'accel'"),
+    ('gyro: {}\nbaro: {}', "spec.yaml: unknown key 'baro'"),
+    ('gyro: 3', 'spec.yaml: gyro: expected keys with values'),
+    ('gyro: {noise_density: [1]}', 'spec.yaml: gyro.noise_density: expected a value with its'),
+    ('gyro: {noise_density: -1 deg/sqrt(h)}', 'negative'),
+    ('gyro: {noise_density: }', 'number'),
+    ('gyro: {gauss_markov: {sigma: 1 deg/h}}', 'expected sigma and correlation_time'),
+    ('gyro: {gauss_markov: {sigma: 1 deg/h, correlation_time: 0 s}}', 'greater than zero'),
+    ('gyro: [', r'spec.yaml: line \d+ not YAML'),
+    ('', 'spec.yaml: names neither'),
+    ('name: [1]\ngyro: {}', 'spec.yaml: name: expected a text'),
+    ('{' * 5000, 'spec.yaml'),
+    ('gyro: {? [a] : b}', 'spec.yaml'),
+])
+def test_a_wrong_file_is_refused_in_one_line_that_names_file_and_key(text, complaint):
+    with pytest.raises(ImuAllanError, match=complaint) as error:
+        parse_model(text, 'spec.yaml')
+    assert '\n' not in str(error.value)
+    assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize(('content', 'complaint'), [
+    (b'\xff\xfe\x00', 'not a text file'), (b'#' * 1_000_001, 'too large')])
+def test_a_file_that_cannot_be_a_model_is_refused(tmp_path, content, complaint):
+    path = tmp_path / 'model.yaml'
+    path.write_bytes(content)
+    with pytest.raises(ImuAllanError, match=complaint):
+        load_model(path)
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(ImuAllanError, match=r'nowhere\.yaml: cannot be read'):
+        load_model('nowhere.yaml')
+
+
+@settings(max_examples=200)
+@given(st.text(alphabet='gyroacel: {}[]xyz\n-&*!|>0123456789.#?"\'', max_size=80))
+def test_any_text_gives_a_model_or_the_known_error(text):
+    try:
+        model = parse_model(text)
+    except ImuAllanError as error:
+        assert '\n' not in str(error)
+    else:
+        assert set(model.axes) <= set(AXES)
+
+
+def test_every_shipped_model_is_read():
+    shipped = sorted(path for path in CONFIG.glob('*.yaml')
+                     if 'ros__parameters' not in path.read_text())
+    assert len(shipped) >= 5
+    for path in shipped:
+        model = load_model(path)
+        assert model.name
+        assert model.axes
+
+
+def test_the_shipped_table_2_has_the_values_of_the_paper():
+    axis = load_model(CONFIG / 'allan_variance_table2.yaml').axes['gyro_x']
+    assert axis == {
+        'quantization_noise': pytest.approx(2e-4 * 0.017453292519943295),
+        'noise_density': pytest.approx(8e-3 * 2.908882087e-4),
+        'bias_instability': pytest.approx(0.1 * 4.848136811e-6),
+        'rate_random_walk': pytest.approx(8.080228018e-8),
+        'rate_ramp': pytest.approx(5 * 1.346704670e-9)}

@@ -1,0 +1,65 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+import os
+
+import pytest
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.writers.atomic import write_atomically
+
+
+def test_a_file_is_made_with_the_folders_it_needs(tmp_path):
+    write_atomically(tmp_path / 'a' / 'b' / 'file', b'content')
+    assert (tmp_path / 'a' / 'b' / 'file').read_bytes() == b'content'
+
+
+def test_nothing_but_the_file_is_left_behind(tmp_path):
+    for content in (b'one', b'two'):
+        write_atomically(tmp_path / 'file', content)
+    assert os.listdir(tmp_path) == ['file']
+    assert (tmp_path / 'file').read_bytes() == b'two'
+
+
+def test_a_failure_leaves_the_old_content_and_no_debris(tmp_path, monkeypatch):
+    write_atomically(tmp_path / 'file', b'old')
+
+    def full_disk(_handle):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr(os, 'fsync', full_disk)
+    with pytest.raises(ImuAllanError, match=r'file: cannot be written \(No space left'):
+        write_atomically(tmp_path / 'file', b'new')
+    assert os.listdir(tmp_path) == ['file']
+    assert (tmp_path / 'file').read_bytes() == b'old'
+
+
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path):
+    (tmp_path / 'file').write_bytes(b'')
+    with pytest.raises(ImuAllanError, match='below: cannot be written'):
+        write_atomically(tmp_path / 'file' / 'below', b'x')
+
+
+def test_a_folder_in_the_place_of_the_file_is_told(tmp_path):
+    (tmp_path / 'folder').mkdir()
+    with pytest.raises(ImuAllanError, match='folder: cannot be written'):
+        write_atomically(tmp_path / 'folder', b'x')
+
+
+def test_permissions_are_those_of_the_file_before_or_of_the_umask(tmp_path):
+    old = os.umask(0o027)
+    try:
+        write_atomically(tmp_path / 'new', b'')
+    finally:
+        os.umask(old)
+    assert (tmp_path / 'new').stat().st_mode & 0o777 == 0o640
+    (tmp_path / 'new').chmod(0o600)
+    write_atomically(tmp_path / 'new', b'again')
+    assert (tmp_path / 'new').stat().st_mode & 0o777 == 0o600
+
+
+def test_a_symbolic_link_is_followed(tmp_path):
+    (tmp_path / 'real').write_bytes(b'old')
+    (tmp_path / 'link').symlink_to('real')
+    write_atomically(tmp_path / 'link', b'new')
+    assert (tmp_path / 'link').is_symlink()
+    assert (tmp_path / 'real').read_bytes() == b'new'

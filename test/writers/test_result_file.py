@@ -1,0 +1,124 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+import csv
+import json
+
+from hypothesis import given, HealthCheck, settings, strategies as st
+import pytest
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.writers.result_file import curves_csv, load_result, save_curves, save_result
+
+
+def test_a_result_reads_back_as_it_was_written(result, tmp_path):
+    save_result(result, tmp_path / 'r.json')
+    assert load_result(tmp_path / 'r.json') == result
+
+
+def test_the_file_is_json_without_nan_and_with_its_schema_first(result, tmp_path):
+    save_result(result, tmp_path / 'r.json')
+
+    def no_constant(name):
+        raise AssertionError(name)
+
+    document = json.loads((tmp_path / 'r.json').read_text(), parse_constant=no_constant)
+    assert next(iter(document.items())) == ('schema', 'imu_allan.result/1')
+    coefficient = document['axes']['gyro_z']['coefficients']['rate_random_walk']
+    assert coefficient['observable'] is False
+    assert coefficient['value'] is None
+    assert coefficient['ci95'] is None
+    assert coefficient['upper95'] > 0
+
+
+@pytest.mark.parametrize(('content', 'complaint'), [
+    (b'', 'not JSON'), (b'\xff', 'not JSON'), (b'[' * 100_000, 'not JSON'),
+    (b'{"schema": NaN}', 'not JSON'), (b'{}', 'not an imu_allan result file'),
+    (b'[]', 'not an imu_allan result file'), (b'{"schema": "imu_allan.result/1"}', 'missing')])
+def test_a_file_that_is_no_result_is_refused(tmp_path, content, complaint):
+    (tmp_path / 'r.json').write_bytes(content)
+    with pytest.raises(ImuAllanError, match=complaint) as error:
+        load_result(tmp_path / 'r.json')
+    assert str(error.value).startswith(str(tmp_path / 'r.json'))
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(ImuAllanError, match=r'nowhere\.json: cannot be read'):
+        load_result('nowhere.json')
+
+
+def changed(document, path, value):
+    *parents, last = path
+    place = document
+    for key in parents:
+        place = place[key]
+    place[last] = value
+    return document
+
+
+@pytest.mark.parametrize(('path', 'value', 'complaint'), [
+    (('axes', 'gyro_x', 'unit'), 'deg/s', 'gyro_x: expected quantity angular_velocity in rad/s'),
+    (('axes', 'gyro_x', 'coefficients', 'noise_density', 'value'), None, 'without value'),
+    (('axes', 'gyro_x', 'coefficients', 'noise_density', 'unit'), 'm', 'noise_density.unit'),
+    (('axes', 'gyro_x', 'coefficients', 'noise_density', 'observable'), False, 'with a value'),
+    (('axes', 'gyro_x', 'coefficients', 'noise_density', 'value'), '1', 'expected float'),
+    (('axes', 'gyro_x', 'curve', 'adev'), [1.0], 'adev: not as long as tau_s'),
+    (('axes', 'gyro_x', 'curve', 'tau_s', 0), -1.0, 'above zero'),
+    (('axes', 'wheel'), {}, 'axes.wheel'),
+    (('source', 'kind'), 'dream', 'dream'),
+])
+def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, value, complaint):
+    (tmp_path / 'r.json').write_text(json.dumps(changed(result.to_dict(), path, value)))
+    with pytest.raises(ImuAllanError, match=complaint):
+        load_result(tmp_path / 'r.json')
+
+
+def paths_of(document, before=()):
+    items = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, value in items:
+        yield (*before, key)
+        if isinstance(value, (dict, list)):
+            yield from paths_of(value, (*before, key))
+
+
+@settings(max_examples=150, deadline=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_damaged_result_is_read_or_refused_but_never_crashes_a_writer(result, tmp_path, data):
+    from imu_allan.noise.model import parse_model
+    from imu_allan.writers import datasheet, filters, table
+    from rich.console import Console
+
+    document = json.loads(result.to_json())
+    path = data.draw(st.sampled_from(sorted(paths_of(document), key=str)))
+    value = data.draw(st.sampled_from([None, -1, 0, 1e300, True, '', 'x', [], {}, [0, 0]]))
+    (tmp_path / 'r.json').write_text(json.dumps(changed(document, path, value)))
+    try:
+        damaged = load_result(tmp_path / 'r.json')
+    except ImuAllanError:
+        return
+    Console(file=(tmp_path / 'out').open('w')).print(table.result_table(damaged))
+    curves_csv(damaged)
+    for consumer in filters.CONSUMERS:
+        try:
+            filters.export(damaged, consumer)
+        except ImuAllanError:
+            pass
+    specification = parse_model('gyro: {noise_density: 1 deg/sqrt(h), rate_ramp: 1 deg/h^2}')
+    verdicts = datasheet.check(damaged, specification)
+    datasheet.to_junit(verdicts, damaged, specification)
+
+
+def test_the_curve_table_reads_back_exactly(result, tmp_path):
+    save_curves(result, tmp_path / 'curve.csv')
+    with (tmp_path / 'curve.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == sum(len(axis.curve.tau_s) for axis in result.axes.values())
+    curve = result.axes['accel_y'].curve
+    mine = [row for row in rows if row['axis'] == 'accel_y']
+    assert {row['unit'] for row in mine} == {'m/s^2'}
+    assert tuple(float(row['tau_s']) for row in mine) == curve.tau_s
+    assert tuple(float(row['adev']) for row in mine) == curve.adev
+    assert tuple((float(row['ci95_low']), float(row['ci95_high'])) for row in mine) == curve.ci95
+    assert tuple((float(row['ci68_low']), float(row['ci68_high'])) for row in mine) == curve.ci68
+    assert tuple(float(row['edf']) for row in mine) == curve.edf
+    assert tuple(float(row['model_adev']) for row in mine) == curve.model_adev
