@@ -1,0 +1,114 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings as other programs write them, and what is read from a recording."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+import sqlite3
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.result import Remark
+from mcap.writer import CompressionType, Writer
+import numpy as np
+
+START_NS = 1_700_000_000_000_000_000
+IMU = 'sensor_msgs/msg/Imu'
+COMPRESSIONS = {'none': CompressionType.NONE, 'lz4': CompressionType.LZ4,
+                'zstd': CompressionType.ZSTD}
+
+
+def block(count: int, frame_id: str = 'imu_link', first: int = 0) -> ImuBlock:
+    """Return messages number `first` to ``first + count`` of an endless 1 kHz recording."""
+    index = np.arange(first, first + count, dtype=np.int64)
+    header = START_NS + index * 1_000_000
+    samples = np.sin(index[:, np.newaxis] * np.arange(1., 7.))
+    return ImuBlock(header, header + 250_000 + index % 977, samples,
+                    np.zeros((count, 2), np.bool_), frame_id)
+
+
+def joined(blocks: Iterable[ImuBlock]) -> ImuBlock:
+    """Return the messages of `blocks` as one, under the first frame_id."""
+    held = list(blocks)
+    return ImuBlock(*(np.concatenate([getattr(item, name) for item in held])
+                      for name in ('header_ns', 'receive_ns', 'samples', 'absent')),
+                    held[0].frame_id)
+
+
+def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlock, list[Remark]]:
+    """Return all messages of a recording and the remarks on it."""
+    with open_recording(path, **options) as recording:
+        messages = joined(recording.blocks(choose_topic(recording, topic)))
+        return messages, recording.remarks
+
+
+def assert_same(first: ImuBlock, second: ImuBlock) -> None:
+    """Require every bit to agree."""
+    assert first.frame_id == second.frame_id
+    for field in ('header_ns', 'receive_ns', 'samples', 'absent'):
+        one, other = getattr(first, field), getattr(second, field)
+        assert len(one) == len(other), field
+        assert one.tobytes() == other.tobytes(), field
+
+
+def write_mcap(
+    path: Path, messages: ImuBlock, *, compression: str = 'zstd', chunk_size: int = 50_000,
+    others: Callable[[int], int] = lambda _: 0, **options: object,
+) -> Path:
+    """
+    Write topic /imu with the mcap library.
+
+    `others` tells how many messages of /other, of varying size, stand before each Imu message.
+    """
+    with path.open('wb') as file:
+        writer = Writer(file, compression=COMPRESSIONS[compression], chunk_size=chunk_size,
+                        **options)
+        writer.start('ros2')
+        imu = writer.register_channel(
+            '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b'float64 x'))
+        other = writer.register_channel(
+            '/other', 'cdr', writer.register_schema('a_msgs/msg/B', 'ros2msg', b'string s'))
+        for number, (row, stamp) in enumerate(
+                zip(encode_imu_rows(messages), messages.receive_ns.tolist(), strict=True)):
+            for _ in range(others(number)):
+                writer.add_message(other, stamp, b'\0\1\0\0' + bytes(number % 7 + 300), stamp)
+            writer.add_message(imu, stamp, row.tobytes(), stamp, number)
+        writer.finish()
+    return path
+
+
+def write_db3(path: Path, messages: ImuBlock, topics: Iterable[tuple[str, str]] = ()) -> Path:
+    """Write topic /imu in the schema that rosbag2 had before Foxy."""
+    database = sqlite3.connect(path)
+    database.executescript(
+        'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, '
+        'serialization_format TEXT NOT NULL);'
+        'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, '
+        'timestamp INTEGER NOT NULL, data BLOB NOT NULL);'
+        'CREATE INDEX timestamp_idx ON messages (timestamp ASC);')
+    for name, kind in [('/imu', IMU), *topics]:
+        database.execute(
+            "INSERT INTO topics(name, type, serialization_format) VALUES (?, ?, 'cdr')",
+            (name, kind))
+    database.executemany(
+        'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
+        zip(messages.receive_ns.tolist(), map(bytes, encode_imu_rows(messages)), strict=True))
+    database.commit()
+    database.close()
+    return path
+
+
+def write_metadata(folder: Path, files: list[str], topics: Iterable[tuple[str, str, int]],
+                   **more: object) -> Path:
+    """Write the metadata.yaml of a rosbag2 directory."""
+    lines = ['rosbag2_bagfile_information:', '  version: 5', '  storage_identifier: any',
+             '  relative_file_paths:', *(f'    - {name}' for name in files),
+             '  topics_with_message_count:']
+    for name, kind, count in topics:
+        lines += ['    - topic_metadata:', f'        name: {name}', f'        type: {kind}',
+                  '        serialization_format: cdr', f'      message_count: {count}']
+    lines += [f'  {key}: {value}' for key, value in more.items()]
+    path = folder / 'metadata.yaml'
+    path.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    return path

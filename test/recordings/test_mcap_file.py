@@ -1,0 +1,341 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""MCAP files in all shapes, whole and damaged."""
+
+import os
+from pathlib import Path
+import re
+import struct
+
+from bags import assert_same, block, COMPRESSIONS, IMU, joined, read, write_mcap
+from hypothesis import given, HealthCheck, settings, strategies as st
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings.gather import gather
+from mcap.reader import make_reader
+from mcap.stream_reader import breakup_chunk, StreamReader
+from mcap.records import Chunk
+from mcap.writer import CompressionType, IndexType, Writer
+import numpy as np
+import pytest
+
+MESSAGES = block(1000)
+
+
+def chunk_places(path: Path) -> list[tuple[int, int]]:
+    """Start and end of every chunk record."""
+    with path.open('rb') as file:
+        return [(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length)
+                for index in make_reader(file).get_summary().chunk_indexes]
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+@pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 3 * (n % 50 == 0)],
+                         ids=['alone', 'alternating', 'bursts'])
+@pytest.mark.parametrize('index_types', [IndexType.ALL, IndexType.NONE], ids=['indexed', 'bare'])
+def test_every_bit_of_what_the_mcap_library_wrote_is_read(
+        tmp_path, compression, others, index_types):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression, others=others,
+                      index_types=index_types)
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+@pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 3])
+def test_messages_outside_of_chunks_are_read(tmp_path, others):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, use_chunking=False, others=others)
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_chunks_too_large_to_be_held_are_read_a_window_at_a_time(
+        tmp_path, compression, monkeypatch):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression,
+                      others=lambda n: n % 2)
+    monkeypatch.setattr('imu_allan.recordings.mcap_file._LARGEST_CHUNK', 1000)
+    monkeypatch.setattr('imu_allan.recordings.mcap_file._WINDOW', 1000)
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_an_image_larger_than_a_window_is_passed_over(tmp_path, compression, monkeypatch):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file, compression=COMPRESSIONS[compression], chunk_size=10**6)
+        writer.start('ros2')
+        imu = writer.register_channel('/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b''))
+        image = writer.register_channel('/image', 'cdr', 0)
+        for number, row in enumerate(encode_imu_rows(MESSAGES)):
+            stamp = int(MESSAGES.receive_ns[number])
+            if number % 100 == 50:
+                writer.add_message(image, stamp, bytes(5000 + number), stamp)
+            writer.add_message(imu, stamp, row.tobytes(), stamp)
+        writer.finish()
+    monkeypatch.setattr('imu_allan.recordings.mcap_file._LARGEST_CHUNK', 1000)
+    monkeypatch.setattr('imu_allan.recordings.mcap_file._WINDOW', 1000)
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture],
+          deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 60)), max_size=120),
+       st.booleans(), st.integers(0, 2))
+def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, records, index, seed):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start()
+        channels = [writer.register_channel(f'/{number}', 'cdr', 0) for number in range(4)]
+        for stamp, (channel, size) in enumerate(records):
+            for repeat in range(1 + 13 * (stamp % 3 == seed)):
+                writer.add_message(
+                    channels[channel], stamp, bytes([stamp % 256, repeat]) * size, stamp)
+        writer.finish()
+    with path.open('rb') as file:
+        chunks = [record for record in StreamReader(file, emit_chunks=True).records
+                  if isinstance(record, Chunk)]
+    for chunk in chunks:
+        expected = [record for record in breakup_chunk(chunk) if hasattr(record, 'log_time')]
+        offsets, at = [], 0
+        while at < len(chunk.data):
+            opcode, length = struct.unpack_from('<BQ', chunk.data, at)
+            offsets += [at] * (opcode == 5)
+            at += 9 + length
+        claim = np.array(offsets[::-1], np.int64)
+        for wanted in ({channels[0]}, {channels[1], channels[3]}, set(channels)):
+            pieces, consumed = gather(chunk.data, wanted, None, (lambda: claim) if index else None)
+            assert consumed == len(chunk.data)
+            assert [(stamp, row.tobytes()) for piece in pieces
+                    for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True)] == [
+                (record.log_time, record.data) for record in expected
+                if record.channel_id in wanted]
+
+
+@pytest.mark.parametrize('claim', [
+    lambda places: places[:-1], lambda places: places[1:] + 1, lambda places: places * 0,
+    lambda places: places + 10**12, lambda places: places[:0],
+    lambda places: np.delete(places, 500)], ids=['short', 'shifted', 'same', 'far', 'none', 'gap'])
+def test_a_wrong_message_index_loses_nothing(tmp_path, claim):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression='none', chunk_size=10**7,
+                      others=lambda n: n % 2)
+    with path.open('rb') as file:
+        [chunk] = [record for record in StreamReader(file, emit_chunks=True).records
+                   if isinstance(record, Chunk)]
+    places, at = [], 0
+    while at < len(chunk.data):
+        opcode, length = struct.unpack_from('<BQ', chunk.data, at)
+        places += [at] * (opcode == 5)
+        at += 9 + length
+    pieces, consumed = gather(chunk.data, {1}, None, lambda: claim(np.array(places, np.int64)))
+    assert consumed == len(chunk.data)
+    assert np.concatenate([piece.receive_ns for piece in pieces]).tolist() == (
+        MESSAGES.receive_ns.tolist())
+
+
+def test_several_channels_of_one_topic_are_read_together(tmp_path):
+    path = tmp_path / 'a.mcap'
+    rows = encode_imu_rows(MESSAGES)
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema(IMU, 'ros2msg', b'')
+        channels = [writer.register_channel('/imu', 'cdr', schema) for _ in range(3)]
+        for number, stamp in enumerate(MESSAGES.receive_ns.tolist()):
+            writer.add_message(channels[number * 3 // 1000], stamp, rows[number].tobytes(), stamp)
+        writer.finish()
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 1000)]
+    assert_same(MESSAGES, read(path)[0])
+
+
+def test_ros1_messages_inside_mcap_are_read(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros1')
+        channel = writer.register_channel(
+            '/imu', 'ros1', writer.register_schema('sensor_msgs/Imu', 'ros1msg', b''))
+        for row, stamp in zip(encode_imu_rows(MESSAGES, 'ros1'), MESSAGES.receive_ns.tolist(),
+                              strict=True):
+            writer.add_message(channel, stamp, row.tobytes(), stamp)
+        writer.finish()
+    assert_same(MESSAGES, read(path)[0])
+
+
+# ---------------------------------------------------------------------------------------- damaged
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+@pytest.mark.parametrize('index_types', [IndexType.ALL, IndexType.NONE], ids=['indexed', 'bare'])
+def test_a_truncated_file_gives_every_message_of_every_whole_chunk(
+        tmp_path, compression, index_types):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
+    places = chunk_places(path)
+    path = write_mcap(path, MESSAGES, compression=compression, index_types=index_types)
+    counts = []
+    if index_types == IndexType.ALL:
+        whole = path.read_bytes()
+        for start, end in places[2:5]:
+            path.write_bytes(whole[:end])
+            after, [remark] = read(path)
+            counts.append(len(after))
+            assert_same(after, joined([block(len(after))]))
+            assert remark.code == 'truncated_recording'
+            assert remark.message == (
+                f'{path}: the recording breaks off (was the recorder killed?): what was not yet '
+                f'written is missing; {len(counts) + 2} whole chunks were found')
+            path.write_bytes(whole[:end - 1])
+            before, [remark] = read(path)
+            assert_same(before, joined([block(len(before))]))
+            assert len(before) < len(after)
+            assert remark.message == (
+                f'{path}: the recording breaks off (was the recorder killed?): the chunk at byte '
+                f'{start}, of which {end - 1 - start} bytes are there, is lost; '
+                f'{len(counts) + 1} whole chunks were found')
+        assert counts == sorted(set(counts))
+    else:
+        whole = path.read_bytes()
+        path.write_bytes(whole[:len(whole) // 2])
+        after, [remark] = read(path)
+        assert 400 < len(after) < 500
+        assert_same(after, joined([block(len(after))]))
+        assert remark.code == 'truncated_recording'
+
+
+def test_a_tail_of_zeros_is_told(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
+    whole = path.read_bytes()
+    start, end = chunk_places(path)[3]
+    path.write_bytes(whole[:end] + bytes(4096))
+    after, [remark] = read(path)
+    assert_same(after, joined([block(len(after))]))
+    assert remark.message == (
+        f'{path}: the recording breaks off (was the recorder killed?): 4096 bytes from byte {end} '
+        'on are not whole records and are lost; 4 whole chunks were found')
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, compression):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
+    places = chunk_places(path)
+    data = bytearray(path.read_bytes())
+    start, end = places[2]
+    data[end - 200] ^= 0x40
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    lost = 1000 - len(after)
+    assert 100 < lost < 200
+    assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
+    assert remark.code == 'damaged_recording'
+    assert re.fullmatch(
+        re.escape(f'{path}: 1 of {len(places)} chunks are damaged and were left out '
+                  f'(the first at byte {start + 9}: ') + '.+'
+        + re.escape(f'); {lost} of 1000 messages of /imu are lost'), remark.message)
+
+
+def test_a_flipped_bit_that_decompresses_all_the_same_is_found_by_the_checksum(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression='none')
+    data = bytearray(path.read_bytes())
+    start, end = chunk_places(path)[1]
+    data[(start + end) // 2] ^= 1
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    assert f'(the first at byte {start + 9}: its checksum does not match)' in remark.message
+    assert len(after) < 1000
+
+
+def test_reading_goes_on_behind_bytes_that_are_no_records(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
+    data = bytearray(path.read_bytes())
+    places = chunk_places(path)
+    data[places[2][0]:places[3][0]] = b'\xff' * (places[3][0] - places[2][0])
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    lost = 1000 - len(after)
+    assert 100 < lost < 200
+    assert remark.message == (
+        f'{path}: 1 stretches are not records and were left out (the first: '
+        f'{places[3][0] - places[2][0]} bytes from byte {places[2][0]} on); '
+        f'{lost} of 1000 messages of /imu are lost')
+
+
+def test_malformed_messages_are_counted(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        channel = writer.register_channel(
+            '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b''))
+        for number, row in enumerate(encode_imu_rows(MESSAGES)):
+            data = row.tobytes() if number % 10 else b'\0\1\0\0junk'
+            writer.add_message(channel, int(MESSAGES.receive_ns[number]), data, 0)
+        writer.finish()
+    after, [remark] = read(path)
+    assert len(after) == 900
+    assert (remark.code, remark.message) == (
+        'malformed_messages',
+        f'{path}: 100 messages of /imu are not valid sensor_msgs/Imu and were left out; the '
+        'first: 8 bytes are too few for a sensor_msgs/Imu message (312 at least)')
+
+
+def test_a_file_cut_within_its_first_chunk_holds_no_topic(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
+    path.write_bytes(path.read_bytes()[:200])
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == f'{path}: it holds no topics at all: the recording is empty'
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
+    start, _ = chunk_places(path)[1]
+    data = bytearray(path.read_bytes())
+    struct.pack_into('<Q', data, start + 9 + 16, 2**62)
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    assert 'chunks are damaged and were left out' in remark.message
+    # What the oversized chunk holds is still its own data; it ends early.
+    assert 800 < len(after) <= 1000
+    struct.pack_into('<Q', data, start + 1, 2**63 - 1)
+    path.write_bytes(data)
+    after, remarks = read(path)
+    assert 800 < len(after) < 1000
+    assert remarks[0].code == 'damaged_recording'
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
+def test_foxglove_fixtures_are_named_for_what_they_are():
+    folder = Path(os.environ['IMU_ALLAN_DATA'], 'mcap_fixtures')
+    for path in folder.glob('*.mcap'):
+        with pytest.raises(ImuAllanError) as error, open_recording(path) as recording:
+            choose_topic(recording)
+        assert str(error.value) in (
+            f'{path}: it holds no topics at all: the recording is empty',
+            f'{path}: a git-LFS pointer, not the recording itself; fetch it with: git lfs pull')
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
+def test_a_real_recording_agrees_with_the_mcap_library():
+    [path] = Path(os.environ['IMU_ALLAN_DATA'], 'adis16405_imu2').glob('*.mcap')
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [
+            ('/imu/data_raw', 1_000_000)]
+        first = next(iter(recording.blocks('/imu/data_raw')))
+    rows = encode_imu_rows(first)
+    with path.open('rb') as file:
+        messages = make_reader(file).iter_messages('/imu/data_raw', log_time_order=False)
+        for number, (_, _, message) in zip(range(2000), messages, strict=False):
+            assert message.log_time == first.receive_ns[number]
+            numbers = np.frombuffer(message.data[-296:], '<f8')
+            assert numbers[13:16].tolist() == first.samples[number, :3].tolist()
+            assert numbers[25:28].tolist() == first.samples[number, 3:].tolist()
+            assert message.data[4:12] == rows[number, 4:12].tobytes()
