@@ -367,7 +367,7 @@ def _solve(gram: list[list[float]], target: list[float], part: list[int]) -> lis
             line.append((gram[i][part[column]] - known) / lower[column][column])
         rest = gram[i][i] + 1e-13 - sum(a * a for a in line)
         line.append(max(rest, 1e-13) ** 0.5)
-        y.append((target[i] - sum(a * b for a, b in zip(line, y, strict=True))) / line[row])
+        y.append((target[i] - sum(a * b for a, b in zip(line, y, strict=False))) / line[row])
         lower.append(line)
     x = [0.0] * len(part)
     for row in reversed(range(len(part))):

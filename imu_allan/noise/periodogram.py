@@ -132,25 +132,24 @@ class MeansStage:
             self._transform(size, all_of_it=False)
 
     def _transform(self, size: int, *, all_of_it: bool) -> None:
-        held = self.waiting if all_of_it else self.waiting.take(slice(None, -1))
+        growing = self.waiting.take(slice(len(self.waiting) - (not all_of_it), None))
+        held = self.waiting.take(slice(0, len(self.waiting) - (not all_of_it)))
         held = held.take(held.counts >= size / 2)
+        self.waiting = growing
+        if not len(held):
+            return
         cut = np.flatnonzero(np.diff(held.keys) > _MAX_FILL) + 1
-        bounds = [0, *cut.tolist(), len(held)]
-        for begin, end in pairwise(bounds):
-            if end == begin:
-                continue
+        for begin, end in pairwise([0, *cut.tolist(), len(held)]):
             stretch = held.take(slice(begin, end))
             points = filled(stretch)
-            if end == len(held) and not all_of_it:
+            if end < len(held) or all_of_it:
+                self.power.add(points)
+            else:
                 # The stretch goes on: only whole blocks are taken now.
                 whole = points.shape[1] // BLOCK * BLOCK
                 self.power.add(points[:, :whole])
-                rest = stretch.keys - stretch.keys[0] >= whole
-                self.waiting = joined(stretch.take(rest), self.waiting.take(slice(-1, None)))
-            else:
-                self.power.add(points)
-        if all_of_it:
-            self.waiting = no_cells(self.power.axes)
+                rest = stretch.take(stretch.keys - stretch.keys[0] >= whole)
+                self.waiting = joined(rest, growing)
 
     def finish(self, size: int) -> None:
         """Transform what waits."""

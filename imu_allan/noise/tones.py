@@ -129,7 +129,9 @@ def _lines_of(ratio: Array, blocks: int) -> tuple[list[tuple[slice, Array]], Mas
         main: list[tuple[int, float]] = []
         for part, excess in candidates:
             place, height = part.start + int(np.argmax(excess)), float(excess.max())
-            lobes = sum(top / (1 + (np.pi * (place - other) / 2) ** 2) for other, top in main)
+            # Beyond half the sample rate the side lobes come back.
+            lobes = sum(top / (1 + (np.pi * (place - at) / 2) ** 2)
+                        for other, top in main for at in (other, 2 * len(ratio) - other))
             # The side lobes of a single block scatter; those of an average do not.
             if scale == 1 and height < lobes * (
                     _LOBE_MARGIN if blocks >= _MANY else _LOBE_MARGIN_OF_ONE):
