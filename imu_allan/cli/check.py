@@ -21,7 +21,7 @@ def register(verbs: Any) -> None:
     parser = verbs.add_parser(
         'check', help='compare with a datasheet: pass, fail or cannot tell',
         description='Compare each coefficient with the limit of a datasheet: pass where the '
-                    'measured 95 %% interval lies below it, fail where it lies above, cannot '
+                    'measured 95 % interval lies below it, fail where it lies above, cannot '
                     'tell where it reaches across or the coefficient is not observable. '
                     'Exit status 3 if any fails.')
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',

@@ -1,0 +1,184 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Every command that README and the recipes print is executed here.
+
+The commands run in one folder, in the order in which they are printed, as a reader would run
+them with files of their own. What only a ROS installation or the network can do is listed with
+where it is tested instead; a command that is in neither place fails.
+"""
+
+import os
+from pathlib import Path
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+from imu_allan.cli.main import main
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+NEEDS_ROS = {
+    'mkdir -p ~/ws/src && cp -r . ~/ws/src/imu_allan && cd ~/ws': 'colcon',
+    'source /opt/ros/jazzy/setup.bash': 'a ROS installation',
+    'rosdep install --from-paths src --ignore-src -y': 'package.xml',
+    'colcon build --packages-select imu_allan': 'colcon',
+    'source install/setup.bash': 'colcon',
+    'ros2 launch imu_allan imu_allan.launch.py imu_topic:=/imu/data_raw': 'launch',
+    'ros2 topic echo /imu_allan/coefficients': 'test/node',
+    'ros2 service call /imu_allan/save std_srvs/srv/Trigger': 'test/node',
+}
+"""The commands that need ROS, with where they are tested as far as they can be without."""
+
+NEEDS_NETWORK = {
+    'pip install .': 'test_packaging.py',
+    "pip install '.[ros]'": 'the environment of this test',
+    'pip install --user --break-system-packages rosbags mcap lz4 zstandard plotly pint':
+        'the environment of this test',
+    'make setup': 'the environment of this test',
+}
+
+MAKE = {'make demo', 'make demo RECORDING=path/to/bag', 'make test', 'make lint'}
+
+
+def commands(page: str) -> list[str]:
+    """Give the lines of all blocks of shell commands of a page."""
+    blocks = re.findall(r'^```bash\n(.*?)^```', (ROOT / page).read_text(),
+                        re.MULTILINE | re.DOTALL)
+    lines = [re.sub(r'\s{2,}#.*', '', line).strip()
+             for block in blocks for line in block.splitlines()]
+    return [line for line in lines if line]
+
+
+def python_blocks(page: str) -> list[str]:
+    return re.findall(r'^```python\n(.*?)^```', (ROOT / page).read_text(),
+                      re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope='module')
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make a folder with the files that the pages take for granted."""
+    folder = tmp_path_factory.mktemp('reader')
+    shutil.copytree(ROOT / 'config', folder / 'config')
+    shutil.copy(ROOT / 'config' / 'consumer_mems.yaml', folder / 'consumer.yaml')
+    (folder / 'datasheet.yaml').write_text(
+        'name: My IMU\n'
+        'gyro: {noise_density: 0.03 deg/s/sqrt(Hz), bias_instability: 18 deg/h}\n'
+        'accel: {noise_density: 300 ug/sqrt(Hz)}\n')
+    run = ['simulate', str(folder / 'consumer.yaml'), '--duration', '5min']
+    assert main([*run, '--output', str(folder / 'imu_at_rest')]) == 0
+    for number in '12':
+        assert main([*run, '--seed', number, '--duration', '2min',
+                     '--output', str(folder / 'recordings' / f'imu_{number}')]) == 0
+        name = {'1': 'before', '2': 'after'}[number]
+        assert main(['analyze', str(folder / 'recordings' / f'imu_{number}'),
+                     '--json', str(folder / f'{name}.json')]) == 0
+    noise = np.random.default_rng(1).normal([0.1, 1.0], [0.05, 0.001], (20_000, 2))
+    rows = ['gyro_x [deg/s],accel_z [g]', *(f'{gyro:.6f},{accel:.6f}' for gyro, accel in noise)]
+    (folder / 'samples.csv').write_text('\n'.join(rows) + '\n')
+    return folder
+
+
+def shortened(command: str) -> str:
+    """Take a minute where a page takes hours: the options are the same, the wait is not."""
+    return re.sub(r'--duration \w+', '--duration 1min', command)
+
+
+@pytest.mark.parametrize('command', [
+    line for page in ('README.md', 'docs/recipes.md') for line in commands(page)
+    if line.startswith('imu_allan ')])
+def test_command_of_the_tool_runs_as_printed(command: str, workplace: Path) -> None:
+    output = re.search(r'simulate .*--output (\w+)', command)
+    if output:
+        shutil.rmtree(workplace / output[1], ignore_errors=True)
+    done = subprocess.run(
+        ['bash', '-c', shortened(command)], cwd=workplace, check=False, capture_output=True,
+        text=True, env=os.environ | {
+            'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'})
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ''
+
+
+@pytest.mark.parametrize('block', [
+    block for page in ('README.md', 'docs/recipes.md', 'docs/how_it_works.md')
+    for block in python_blocks(page)])
+def test_python_of_the_pages_runs(block: str, workplace: Path,
+                                  monkeypatch: pytest.MonkeyPatch) -> None:
+    import imu_allan
+    monkeypatch.chdir(workplace)
+    samples = imu_allan.simulate({'noise_density': 1e-3}, 20_000, 200.0, 1)
+    exec(compile(block, 'page', 'exec'), {'samples': samples})
+
+
+@pytest.mark.parametrize('command', [
+    line for line in commands('README.md') if line.startswith('ros2 run ')])
+def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    _, _, package, program, *arguments = shlex.split(command)
+    assert package == 'imu_allan'
+    with subprocess.Popen(
+            [str(Path(sys.executable).parent / program), *arguments], cwd=tmp_path,
+            stderr=subprocess.PIPE, text=True, env=os.environ | {
+                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'HOME': str(tmp_path),
+                'ROS_LOG_DIR': str(tmp_path)}) as process:
+        assert process.stderr is not None
+        began = time.monotonic()
+        told = process.stderr.readline()
+        assert time.monotonic() - began < 60
+        process.send_signal(signal.SIGINT)
+        process.stderr.read()
+    assert '[INFO]' in told
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize('page', ['README.md', 'docs/recipes.md', 'CONTRIBUTING.md'])
+def test_every_other_command_is_one_whose_test_is_known(page: str) -> None:
+    for command in commands(page):
+        assert (command.startswith(('imu_allan ', 'ros2 run '))
+                or command in {*NEEDS_ROS, *NEEDS_NETWORK, *MAKE}), command
+
+
+def test_every_make_command_is_a_target() -> None:
+    printed = {command.split()[1] for page in ('README.md', 'CONTRIBUTING.md', 'docs/recipes.md')
+               for command in re.findall(r'make [a-z-]+', ' '.join(
+                   [*commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text())]))}
+    targets = set(re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE))
+    assert {'demo', 'test', 'lint', 'setup'} <= printed <= targets
+
+
+@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md',
+                                  *(f'docs/{path.name}' for path in ROOT.glob('docs/*.md'))])
+def test_links_and_pictures_lead_somewhere(page: str) -> None:
+    text = (ROOT / page).read_text()
+    for target in re.findall(r'\]\(([^)]+)\)', text):
+        if not target.startswith(('http', '#')):
+            assert (ROOT / page).parent.joinpath(target.partition('#')[0]).exists(), target
+
+
+@pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/how_it_works.md', 'docs/faq.md'])
+def test_files_that_are_named_exist(page: str) -> None:
+    for name in re.findall(r'`((?:imu_allan|test|bench|docs|config)/[\w/.]+)`',
+                           (ROOT / page).read_text()):
+        assert (ROOT / name).exists(), name
+
+
+def test_commands_page_is_what_the_parsers_say() -> None:
+    shown = subprocess.run(
+        [sys.executable, '-c', 'import make_commands; print(make_commands.page(), end="")'],
+        check=True, capture_output=True, text=True, cwd=ROOT / 'docs').stdout
+    assert (ROOT / 'docs' / 'commands.md').read_text() == shown
+
+
+def test_documentation_builds_without_warnings(tmp_path: Path) -> None:
+    for module in ('sphinx', 'myst_parser', 'furo'):
+        pytest.importorskip(module)
+    subprocess.run([sys.executable, '-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n',
+                    '-q', '-d', str(tmp_path / 'doctrees'), str(ROOT / 'docs'),
+                    str(tmp_path / 'html')], check=True)
+    assert (tmp_path / 'html' / 'faq.html').is_file()
