@@ -11,7 +11,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
+import shutil
 import sqlite3
+from struct import unpack_from
+import tempfile
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import decode_imu_rows
@@ -25,6 +28,10 @@ _FETCH = 256
 """Rows fetched at a time: few enough to stay in the cache until they are joined."""
 _DECODE = 1 << 13
 """Messages decoded at a time."""
+_LONGEST_STEP = 1 << 40
+"""Rows that are passed over at most in search of a page that is not damaged."""
+_SPARED_DISK = 1 << 28
+"""Bytes of the temporary folder's disk that are never filled."""
 _COUNTED_BYTES = 1 << 26
 """Bytes of a file whose messages are counted on opening."""
 
@@ -47,75 +54,163 @@ class SqliteRecording(Recording):
 
     def __init__(self, path: Path, stored: Path) -> None:
         super().__init__(path)
-        self._stored = stored
-        self._numbers: dict[str, list[int]] = {}
         self.size_bytes = stored.stat().st_size
+        self._stored = stored
+        self._copy: Path | None = None
+        self._numbers: dict[str, list[int]] = {}
         self._beside = [
             beside for beside in (stored.with_name(f'{stored.name}-{kind}')
                                   for kind in ('wal', 'journal'))
             if beside.is_file() and beside.stat().st_size > 0]
         # Opened as immutable, SQLite creates no file and takes no lock that a recorder could meet.
-        self._immutable = not self._beside
+        self._mode = 'mode=ro' if self._beside else 'immutable=1'
+        self._tolerant = False
         try:
-            self._list_topics()
-        except sqlite3.Error as error:
-            if self._immutable:
-                raise self._unreadable(error) from error
-            self._immutable = True
-            self.remark(
-                'unfinished_recording',
-                f'{printable(self._beside[0].name)} beside it cannot be merged '
-                f'({printable(error)}); the last messages before the recorder was killed are '
-                'missing')
-            try:
-                self._list_topics()
-            except sqlite3.Error as second:
-                raise self._unreadable(second) from second
+            self._open()
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
+        """Remove the temporary copy, if one was needed."""
+        if self._copy is not None:
+            shutil.rmtree(self._copy, ignore_errors=True)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks in the order of recording, each with the bytes consumed so far."""
         malformed = MalformedMessages()
-        messages = 0
-        try:
-            with self._database() as database:
-                for rows, stamps, position in self._rows(database, topic):
-                    messages += len(rows)
-                    for block in decode_imu_rows(rows, stamps, 'cdr', malformed):
-                        yield block, position
-        except sqlite3.Error as error:
-            self.remark(
-                'damaged_recording',
-                f'the database is damaged ({printable(error)}): {messages} messages of '
-                f'{printable(topic)} were read, what follows them is lost')
+        with self._database() as database:
+            for rows, stamps, position in self._rows(database, topic):
+                for block in decode_imu_rows(rows, stamps, 'cdr', malformed):
+                    yield block, position
         malformed.report(self, topic)
+
+    # ---------------------------------------------------------------------------- what is there
+
+    def _open(self) -> None:
+        """List the topics, with as much tolerance as the file needs."""
+        try:
+            self._list_topics()
+            return
+        except sqlite3.Error as error:
+            reason = error
+        if self._beside:
+            beside = printable(self._beside[0].name)
+            if self._copy_beside():
+                with suppress(sqlite3.Error):
+                    self._list_topics()
+                    self.remark(
+                        'unfinished_recording',
+                        f'{beside} beside it tells that the recorder was killed; what it was '
+                        'about to write then is missing')
+                    return
+            self._mode = 'immutable=1'
+            self.remark(
+                'unfinished_recording',
+                f'{beside} beside it could not be used ({printable(reason)}); the last messages '
+                'before the recorder was killed are missing or damaged')
+        self._tolerant = True
+        try:
+            self._list_topics()
+        except sqlite3.Error:
+            raise ImuAllanError(
+                f'{printable(self.path)}: not a readable rosbag2 database '
+                f'({printable(reason)})') from reason
+
+    def _copy_beside(self) -> bool:
+        """Copy the file and what lies beside it, so that SQLite may write; False without room."""
+        room = shutil.disk_usage(tempfile.gettempdir()).free - _SPARED_DISK
+        if self.size_bytes + sum(beside.stat().st_size for beside in self._beside) > room:
+            return False
+        self._copy = Path(tempfile.mkdtemp(prefix='imu_allan_'))
+        for file in (self._stored, *self._beside):
+            shutil.copyfile(file, self._copy / file.name)
+        self._stored = self._copy / self._stored.name
+        self._mode = 'mode=rw'
+        return True
+
+    @contextmanager
+    def _database(self) -> Iterator[sqlite3.Connection]:
+        shared_memory = self._stored.with_name(f'{self._stored.name}-shm')
+        existed = shared_memory.exists()
+        database = sqlite3.connect(
+            f'{self._stored.absolute().as_uri()}?{self._mode}', uri=True)
+        database.text_factory = _text
+        try:
+            if self._tolerant:
+                # Without it SQLite refuses a file shorter than its header says as a whole.
+                database.execute('PRAGMA writable_schema = ON')
+            yield database
+        finally:
+            database.close()
+            if not existed:
+                with suppress(OSError):
+                    shared_memory.unlink(missing_ok=True)
+
+    def _list_topics(self) -> None:
+        with self._database() as database:
+            self._numbers, self.topics, self.other_topics = {}, [], {}
+            database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
+            for number, name, kind, form in database.execute(
+                    'SELECT id, CAST(name AS TEXT), CAST(type AS TEXT), '
+                    'CAST(serialization_format AS TEXT) FROM topics ORDER BY id'):
+                if kind in IMU_TYPES and form == 'cdr':
+                    self._numbers.setdefault(str(name), []).append(number)
+                else:
+                    self.other_topics[str(name)] = (
+                        str(kind) if form == 'cdr' else f'{kind} encoded as {form}')
+            for name, numbers in self._numbers.items():
+                count = None
+                if self.size_bytes <= _COUNTED_BYTES and not self._tolerant:
+                    with suppress(sqlite3.Error):
+                        [[count]] = database.execute(
+                            'SELECT count(*) FROM messages WHERE topic_id IN '
+                            f'({_marks(numbers)})', numbers)
+                self.topics.append(ImuTopic(name, count))
+            self._note_carriers(database)
+        self._note_truncation()
+
+    def _note_truncation(self) -> None:
+        """Compare the size of the file with what its header says."""
+        with self._stored.open('rb') as file:
+            header = file.read(100)
+        [page_size] = unpack_from('>H', header, 16)
+        [changes] = unpack_from('>I', header, 24)
+        [pages] = unpack_from('>I', header, 28)
+        [counted_at] = unpack_from('>I', header, 92)
+        expected = pages * (65536 if page_size == 1 else page_size)
+        # The number of pages is valid where it was counted at the latest change.
+        if changes == counted_at and self.size_bytes < expected and not self._beside:
+            self.remark(
+                'truncated_recording',
+                f'{expected - self.size_bytes} of {expected} bytes are missing at the end of the '
+                'database (was the recorder killed, or the copy cut short?)')
+
+    def _note_carriers(self, database: sqlite3.Connection) -> None:
+        """Note which other types contain an Imu, where the file has the definitions."""
+        with suppress(sqlite3.Error):
+            carrying = {kind for [kind] in database.execute(
+                'SELECT CAST(topic_type AS TEXT) FROM message_definitions '
+                "WHERE instr(CAST(encoded_message_definition AS TEXT), 'sensor_msgs/Imu') "
+                "OR instr(CAST(encoded_message_definition AS TEXT), 'sensor_msgs/msg/Imu')")}
+            self.carriers = {name for name, kind in self.other_topics.items() if kind in carrying}
+
+
+    # ------------------------------------------------------------------------------ going through
 
     def _rows(
         self, database: sqlite3.Connection, topic: str,
     ) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64], int]]:
         """Fetch messages of equal size as rows of one array, with receive stamps and place."""
-        numbers = self._numbers[topic]
-        [[start, end]] = database.execute(
-            'SELECT CAST(min(timestamp) AS INTEGER), CAST(max(timestamp) AS INTEGER) '
-            'FROM messages')
-        # The casts cost nothing where the columns hold what they should.
-        cursor = database.execute(
-            "SELECT ifnull(CAST(timestamp AS INTEGER), 0), ifnull(CAST(data AS BLOB), x'') "
-            f'FROM messages WHERE topic_id IN ({_marks(numbers)}) ORDER BY id', numbers)
+        start = end = 0
+        with suppress(sqlite3.Error):
+            [[start, end]] = database.execute(
+                'SELECT ifnull(CAST(min(timestamp) AS INTEGER), 0), '
+                'ifnull(CAST(max(timestamp) AS INTEGER), 0) FROM messages')
         parts: list[bytes] = []
         stamps: list[int] = []
         size = position = 0
-        failure: sqlite3.Error | None = None
-        while failure is None:
-            try:
-                fetched = cursor.fetchmany(_FETCH)
-            except sqlite3.Error as error:
-                failure = error
-                break
-            if not fetched:
-                break
+        for fetched in self._fetched(database, topic):
             times, data = zip(*fetched, strict=True)
             if is_compressed(data[0]):
                 data = tuple(map(unpacked_message, data))
@@ -130,58 +225,52 @@ class SqliteRecording(Recording):
             position = int(self.size_bytes * min(max(share, 0.0), 1.0))
         if parts:
             yield _array(parts, len(stamps), size), np.array(stamps, np.int64), position
-        if failure is not None:
-            raise failure
 
-    def _unreadable(self, error: sqlite3.Error) -> ImuAllanError:
-        return ImuAllanError(
-            f'{printable(self.path)}: not a readable rosbag2 database ({printable(error)})')
-
-    @contextmanager
-    def _database(self) -> Iterator[sqlite3.Connection]:
-        shared_memory = self._stored.with_name(f'{self._stored.name}-shm')
-        existed = shared_memory.exists()
-        mode = 'immutable=1' if self._immutable else 'mode=ro'
-        database = sqlite3.connect(f'{self._stored.absolute().as_uri()}?{mode}', uri=True)
-        database.text_factory = _text
+    def _fetched(
+        self, database: sqlite3.Connection, topic: str,
+    ) -> Iterator[list[tuple[int, bytes]]]:
+        """Fetch rows of receive stamp and message; reading goes on behind damaged pages."""
+        numbers = self._numbers[topic]
+        # The casts cost nothing where the columns hold what they should.
+        columns = "ifnull(CAST(timestamp AS INTEGER), 0), ifnull(CAST(data AS BLOB), x'')"
+        source = f'FROM messages WHERE topic_id IN ({_marks(numbers)})'
+        messages = 0
         try:
-            yield database
-        finally:
-            database.close()
-            if not existed and not self._immutable:
-                with suppress(OSError):
-                    shared_memory.unlink(missing_ok=True)
-
-    def _list_topics(self) -> None:
-        with self._database() as database:
-            self._numbers, self.topics, self.other_topics = {}, [], {}
-            for number, name, kind, form in database.execute(
-                    'SELECT id, CAST(name AS TEXT), CAST(type AS TEXT), '
-                    'CAST(serialization_format AS TEXT) FROM topics ORDER BY id'):
-                if kind in IMU_TYPES and form == 'cdr':
-                    self._numbers.setdefault(name, []).append(number)
-                else:
-                    self.other_topics[str(name)] = (
-                        str(kind) if form == 'cdr' else f'{kind} encoded as {form}')
-            database.execute('SELECT max(id) FROM messages').fetchall()
-            for name, numbers in self._numbers.items():
-                count = None
-                if self.size_bytes <= _COUNTED_BYTES:
-                    with suppress(sqlite3.Error):
-                        [[count]] = database.execute(
-                            'SELECT count(*) FROM messages WHERE topic_id IN '
-                            f'({_marks(numbers)})', numbers)
-                self.topics.append(ImuTopic(name, count))
-            self._note_carriers(database)
-
-    def _note_carriers(self, database: sqlite3.Connection) -> None:
-        """Note which other types contain an Imu, where the file has the definitions."""
-        with suppress(sqlite3.Error):
-            carrying = {kind for [kind] in database.execute(
-                'SELECT CAST(topic_type AS TEXT) FROM message_definitions '
-                "WHERE instr(CAST(encoded_message_definition AS TEXT), 'sensor_msgs/Imu') "
-                "OR instr(CAST(encoded_message_definition AS TEXT), 'sensor_msgs/msg/Imu')")}
-            self.carriers = {name for name, kind in self.other_topics.items() if kind in carrying}
+            cursor = database.execute(f'SELECT {columns} {source} ORDER BY id', numbers)
+            while fetched := cursor.fetchmany(_FETCH):
+                messages += len(fetched)
+                yield fetched
+            return
+        except sqlite3.Error as error:
+            reason = error
+        last = -2**63
+        if messages:
+            [[last]] = database.execute(
+                f'SELECT id {source} ORDER BY id LIMIT 1 OFFSET ?', (*numbers, messages - 1))
+        query = f'SELECT {columns}, id {source} AND id > ? ORDER BY id'
+        places = step = 0
+        while step < _LONGEST_STEP:
+            # One by one, since a fetch that fails takes the rows before the damage along.
+            rows: list[tuple[int, bytes]] = []
+            try:
+                for stamp, data, number in database.execute(query, (*numbers, last + step)):
+                    last, step = number, 0
+                    rows.append((stamp, data))
+                    if len(rows) == _FETCH:
+                        yield rows
+                        messages += len(rows)
+                        rows = []
+                step = _LONGEST_STEP
+            except sqlite3.Error:
+                places += step == 0
+                step = max(2 * step, 1)
+            if rows:
+                yield rows
+                messages += len(rows)
+        self.remark(
+            'damaged_recording',
+            f'the database is damaged in {places} places ({printable(reason)}): {messages} '
+            f'messages of {printable(topic)} could be read, those in the damaged places are lost')
 
 
 def _marks(numbers: list[int]) -> str:
