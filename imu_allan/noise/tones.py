@@ -29,7 +29,7 @@ _LEAK = 0.02
 _WIDEST_SHARE = 0.3
 _LEAST_RISE = 1.3
 _LEAST_BROAD_RISE = 1.5
-_SCALES = (1, 8, 32)
+_SCALES = (1, 32, 8)
 _LOWEST_INDEX = 32
 _MOST = 32
 _MANY = 8
@@ -87,17 +87,16 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
         if len(here) < _NEIGHBOURHOOD:
             continue
         frequency, level = bins.frequency[here], expected[here]
-        found, taken = _lines_of(power[here] / level, piece.blocks)
+        found, taken = _lines_of(power[here], level, piece.blocks)
         keep[here[taken]] = False
         width = 1 / (2 * piece.length * piece.step * dt)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False]))))
         spans += [(frequency[a] - width, frequency[b - 1] + width)
                   for a, b in zip(edges[::2], edges[1::2], strict=True)]
         for part, excess in found:
-            weight = excess * level[part]
-            centre = float(weight @ frequency[part] / weight.sum())
+            centre = float(excess @ frequency[part] / excess.sum())
             if piece.step == 1 or not _folded(centre, lines, 1 / (piece.step * dt), 3 * width):
-                lines.append(Line(centre, float(np.sqrt(2 * weight.sum() / piece.length))))
+                lines.append(Line(centre, float(np.sqrt(2 * excess.sum() / piece.length))))
     # Shorter blocks of the same stage see the same lines, only less sharply.
     for number, piece in enumerate(pieces):
         if piece.length == longest[piece.step]:
@@ -111,16 +110,21 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
     return lines[:_MOST], keep
 
 
-def _lines_of(ratio: Array, blocks: int) -> tuple[list[tuple[slice, Array]], Mask]:
-    """Lines of a flattened spectrum: where each is and what it adds; and the bins they spoil."""
-    taken = np.zeros(len(ratio), dtype=bool)
+def _lines_of(power: Array, expected: Array, blocks: int
+              ) -> tuple[list[tuple[slice, Array]], Mask]:
+    """Find the lines: where each is, the power it adds there, and the bins that all spoil."""
+    taken = np.zeros(len(power), dtype=bool)
     found: list[tuple[slice, Array]] = []
-    for scale in _SCALES:
+    for scale in _SCALES if blocks >= _MANY else _SCALES[:1]:
+        # A first fit flattens the spectrum for sharp lines. It may miss the shape of a low-pass
+        # and make a hump of the knee, so broad ones are sought in the spectrum as it is.
+        level = expected if scale == 1 else np.ones(len(power))
         candidates = []
-        for begin, end, floor in _rises(np.where(taken, np.nan, ratio), blocks, scale):
-            excess = np.maximum(ratio[begin:end] - floor, 0)
+        for begin, end, floor in _rises(np.where(taken, np.nan, power / level), blocks, scale):
+            excess = np.maximum(power[begin:end] - floor * level[begin:end], 0)
+            peak = float(np.max(excess / level[begin:end])) / floor
             # A sharp line leaks into side lobes; a broad one has skirts of its own width.
-            reach = 1 + (int(np.ceil(np.sqrt(excess.max() / floor / _LEAK) / np.pi))
+            reach = 1 + (int(np.ceil(np.sqrt(peak / _LEAK) / np.pi))
                          if scale == 1 else end - begin)
             taken[max(0, begin - reach):end + reach] = True
             for part in _peaks(excess) if scale == 1 else [slice(0, end - begin)]:
@@ -131,7 +135,7 @@ def _lines_of(ratio: Array, blocks: int) -> tuple[list[tuple[slice, Array]], Mas
             place, height = part.start + int(np.argmax(excess)), float(excess.max())
             # Beyond half the sample rate the side lobes come back.
             lobes = sum(top / (1 + (np.pi * (place - at) / 2) ** 2)
-                        for other, top in main for at in (other, 2 * len(ratio) - other))
+                        for other, top in main for at in (other, 2 * len(power) - other))
             # The side lobes of a single block scatter; those of an average do not.
             if scale == 1 and height < lobes * (
                     _LOBE_MARGIN if blocks >= _MANY else _LOBE_MARGIN_OF_ONE):
@@ -169,7 +173,8 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
         if len(good) < neighbourhood:
             return []
         level = np.interp(np.arange(count), good, mean[good])
-        floor = median_filter(level, neighbourhood, mode='reflect') / middle
+        floor = (median_filter(level, neighbourhood, mode='reflect') if scale == 1
+                 else _higher_side(level, neighbourhood)) / middle
         found = (mean > floor * max(chance, least)) & ~empty
         if (found == hit).all():
             break
@@ -181,10 +186,22 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
     return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min())) for g in groups]
 
 
+def _higher_side(level: Array, neighbourhood: int) -> Array:
+    """
+    Return the larger of the medians to the left and to the right.
+
+    What is broad has to rise above both sides, or the knee of a low-pass would pass for a line.
+    """
+    size = neighbourhood // 2 + 1 - neighbourhood // 2 % 2
+    left, right = (median_filter(level, size, mode='nearest', origin=side * (size // 2))
+                   for side in (1, -1))
+    return np.asarray(np.maximum(left, right))
+
+
 def _peaks(level: Array) -> list[slice]:
     """Parts of a cluster, one for every line that stands out in it, cut at the lowest points."""
     padded = np.log(np.maximum(np.concatenate(([0.0], level, [0.0])), 1e-6 * level.max()))
-    tops = find_peaks(padded, prominence=np.log(4), distance=3)[0] - 1
+    tops = find_peaks(padded, prominence=np.log(2), distance=3)[0] - 1
     if len(tops) < 2:
         return [slice(0, len(level))]
     cuts = [int(a + np.argmin(level[a:b])) for a, b in pairwise(tops)]

@@ -1,0 +1,194 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from hypothesis import given, settings, strategies as st
+from imu_allan.noise.axis import axis_results, characterize, fit_axes
+from imu_allan.noise.curve import octaves
+from imu_allan.noise.estimator import CHUNK, Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import Quantity
+import numpy as np
+import pytest
+
+SENSOR = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 5e-5}
+GYRO = [Quantity.ANGULAR_VELOCITY]
+
+
+def same_state(one, other):
+    a, b = one.to_state(), other.to_state()
+    assert a.keys() == b.keys()
+    for key in a:
+        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+
+
+def lived(samples, *gaps):
+    """An estimator that saw `samples` with gaps of three samples at some places."""
+    estimator = Estimator(samples.shape[1])
+    edges = [0, *sorted(gaps), len(samples)]
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        estimator.update(samples[begin:end])
+        if end != len(samples):
+            estimator.skip(3)
+    return estimator
+
+
+RECORD = np.stack([simulate(SENSOR, 30_000, 100, seed) for seed in range(2)], axis=1)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.integers(0, len(RECORD)), max_size=30),
+       st.lists(st.integers(1, len(RECORD) - 1), max_size=3, unique=True))
+def test_any_split_into_batches_gives_the_same_bits(cuts, gaps):
+    whole = lived(RECORD, *gaps)
+    split = Estimator(2)
+    stops = sorted({0, *cuts, *gaps, len(RECORD)})
+    for begin, end in zip(stops[:-1], stops[1:], strict=True):
+        split.update(RECORD[begin:end])
+        if end in gaps:
+            split.skip(3)
+    same_state(whole, split)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(1, len(RECORD) - 1))
+def test_saved_state_goes_on_as_if_nothing_had_happened(stop):
+    whole = lived(RECORD)
+    first = Estimator(2)
+    first.update(RECORD[:stop])
+    second = Estimator.from_state(first.to_state())
+    second.update(RECORD[stop:])
+    same_state(whole, second)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(1e-6, 1e6))
+def test_scaling_the_samples_scales_every_number(scale):
+    plain = characterize(RECORD[:, 0], 100)
+    scaled = characterize(RECORD[:, 0] * scale, 100)
+    np.testing.assert_allclose(np.array(scaled.curve.adev), scale * np.array(plain.curve.adev),
+                               rtol=1e-9)
+    for key, one in plain.coefficients.items():
+        other = scaled.coefficients[key]
+        assert one.observable == other.observable
+        if one.observable:
+            assert other.value == pytest.approx(scale * one.value, rel=1e-4)
+            assert other.ci95 == pytest.approx([scale * bound for bound in one.ci95], rel=0.02)
+        else:
+            assert other.upper95 == pytest.approx(scale * one.upper95, rel=0.05)
+
+
+def test_reversing_time_leaves_the_short_record_curve_as_it_is():
+    record = RECORD[:8000, 0]
+    np.testing.assert_allclose(characterize(record[::-1], 100).curve.adev,
+                               characterize(record, 100).curve.adev, rtol=1e-9)
+
+
+def test_adding_a_constant_changes_only_the_mean():
+    plain, raised = characterize(RECORD[:, 0], 100), characterize(RECORD[:, 0] + 9.81, 100)
+    np.testing.assert_allclose(raised.curve.adev, plain.curve.adev, rtol=1e-7)
+    assert raised.mean - plain.mean == pytest.approx(9.81)
+
+
+def test_sample_rate_only_stretches_time():
+    slow, fast = characterize(RECORD[:, 0], 50), characterize(RECORD[:, 0], 100)
+    np.testing.assert_allclose(np.array(slow.curve.tau_s), 2 * np.array(fast.curve.tau_s))
+    assert slow.coefficients['noise_density'].value == pytest.approx(
+        np.sqrt(2) * fast.coefficients['noise_density'].value, rel=1e-4)
+
+
+def test_a_ramp_gives_exactly_its_allan_variance():
+    slope, rate = 0.25, 10.0
+    curve = characterize(slope * np.arange(20_000) / rate, rate).curve
+    tau = np.array(curve.tau_s)
+    np.testing.assert_allclose(curve.adev, slope * tau / np.sqrt(2), rtol=1e-6)
+
+
+def test_no_difference_is_taken_across_a_gap():
+    # A step between two noiseless stretches would show if it were.
+    estimator = Estimator()
+    estimator.update(np.zeros(500))
+    estimator.skip(20)
+    estimator.update(np.ones(500))
+    np.testing.assert_array_equal(octaves(estimator.finished()).avar, 0)
+
+
+def test_new_run_keeps_runs_apart():
+    estimator = Estimator()
+    for level in (0.0, 5.0):
+        estimator.update(np.full(3000, level))
+        estimator.start_run()
+    assert not octaves(estimator.finished()).avar.any()
+
+
+def test_long_gaps_leave_the_coefficients_inside_their_intervals():
+    record = simulate(SENSOR, 400_000, 100, 3)[:, None]
+    estimator = Estimator()
+    for begin in range(0, len(record), 80_000):
+        estimator.update(record[begin:begin + 75_000])
+        estimator.skip(5_000)
+    axis = axis_results(estimator, 100, GYRO)[0][0]
+    for key, truth in SENSOR.items():
+        low, high = axis.coefficients[key].ci95
+        assert low <= truth <= high, key
+
+
+def test_merging_two_records_adds_their_information():
+    first, second = (simulate(SENSOR, 100_000, 100, seed) for seed in (11, 12))
+    one, other = Estimator(), Estimator()
+    one.update(first)
+    other.update(second)
+    alone = fit_axes(one.finished(), 0.01)[0].fit.estimates['noise_density']
+    one.merge(other)
+    both = fit_axes(one.finished(), 0.01)[0].fit.estimates['noise_density']
+    assert one.samples == 200_000
+    assert one.mean[0] == pytest.approx(np.mean([first, second]))
+    assert (both.high - both.low) / (alone.high - alone.low) == pytest.approx(
+        np.sqrt(0.5), rel=0.1)
+
+
+def test_merged_curve_is_the_pooled_curve():
+    first, second = (simulate(SENSOR, 5_000, 100, seed) for seed in (11, 12))
+    one, other = Estimator(), Estimator()
+    one.update(first)
+    other.update(second)
+    together = Estimator()
+    together.update(first)
+    together.start_run()
+    together.update(second)
+    one.merge(other)
+    a, b = octaves(one.finished()), octaves(together.finished())
+    np.testing.assert_array_equal(a.count, b.count)
+    np.testing.assert_allclose(a.avar, b.avar, rtol=1e-9)
+
+
+def test_memory_does_not_grow_with_the_record():
+    rng = np.random.default_rng(0)
+    estimator = Estimator(6)
+    sizes = []
+    for _ in range(120):
+        estimator.update(rng.standard_normal((CHUNK, 6)))
+        sizes.append(sum(array.nbytes for array in estimator.to_state().values()))
+    assert max(sizes) < 3_000_000
+    assert max(sizes[90:]) <= max(sizes[:90])
+
+
+def test_thousands_of_tiny_runs_stay_bounded():
+    estimator = Estimator()
+    for _ in range(9000):
+        estimator.update([0.0, 1.0])
+        estimator.start_run()
+    state = estimator.to_state()
+    assert sum(array.nbytes for array in state.values()) < 1_000_000
+    assert estimator.samples == 18_000
+
+
+@pytest.mark.parametrize('bad', [np.zeros((3, 2)), np.zeros((2, 2, 2)), [np.nan], [np.inf]])
+def test_samples_that_are_not_samples_are_refused(bad):
+    with pytest.raises(ValueError, match='samples must'):
+        Estimator().update(bad)
+
+
+def test_foreign_state_is_refused():
+    state = Estimator(2).to_state()
+    state['chunk'] = np.zeros((3, 0))
+    with pytest.raises(ValueError, match='fit together'):
+        Estimator.from_state(state)

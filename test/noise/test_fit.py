@@ -1,0 +1,171 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What real sensors do to a fit: low-pass, tones, drift, and terms that are not there."""
+
+from imu_allan.noise.axis import characterize
+from imu_allan.noise.simulate import simulate
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+DEGREE = np.pi / 180
+SENSOR = {'noise_density': 0.0045 * DEGREE, 'bias_instability': 0.0014 * DEGREE,
+          'rate_random_walk': 6.5e-5 * DEGREE}
+RATE = 100.0
+HOURS_3 = 1_080_000
+
+
+def value(axis, key):
+    return axis.coefficients[key].value
+
+
+def near(coefficient, truth):
+    """Whether the truth lies within four standard errors, or under the upper bound."""
+    if not coefficient.observable:
+        return truth <= 1.5 * coefficient.upper95
+    low, high = coefficient.ci95
+    return abs(coefficient.value - truth) <= high - low
+
+
+@pytest.fixture(scope='module')
+def record():
+    return simulate(SENSOR, HOURS_3, RATE, seed=1)
+
+
+def test_coefficients_of_a_mems_gyro_are_found_with_honest_intervals(record):
+    axis = characterize(record, RATE)
+    for key, truth in SENSOR.items():
+        low, high = axis.coefficients[key].ci95
+        assert low <= truth <= high, key
+        assert low < value(axis, key) < high
+    assert value(axis, 'noise_density') == pytest.approx(SENSOR['noise_density'], rel=3e-3)
+    assert axis.goodness_of_fit.acceptable
+    assert axis.tones == ()
+    assert axis.band_limit_s is None
+    for key in ('quantization_noise', 'rate_ramp'):
+        c = axis.coefficients[key]
+        assert (c.observable, c.value, c.ci95) == (False, None, None)
+        assert c.upper95 > 0
+
+
+@pytest.mark.parametrize('low_pass', [butter(1, 20, fs=RATE), butter(2, 20, fs=RATE),
+                                      butter(2, 5, fs=RATE), butter(4, 10, fs=RATE),
+                                      (np.ones(8) / 8, [1.0])],
+                         ids=['1st 20 Hz', '2nd 20 Hz', '2nd 5 Hz', '4th 10 Hz', 'boxcar 8'])
+def test_low_pass_is_seen_and_leaves_the_coefficients_alone(record, low_pass):
+    axis = characterize(lfilter(*low_pass, record)[2000:], RATE)
+    assert axis.band_limit_s is not None
+    assert value(axis, 'noise_density') == pytest.approx(SENSOR['noise_density'], rel=0.025)
+    for key in ('bias_instability', 'rate_random_walk'):
+        assert near(axis.coefficients[key], SENSOR[key])
+    assert axis.coefficients['quantization_noise'].value is None
+
+
+@pytest.mark.parametrize('frequency', [0.05, 1.0, 13.37, 49.99])
+def test_tone_is_named_and_leaves_the_coefficients_alone(record, frequency):
+    amplitude = 5 * SENSOR['noise_density']
+    tone = amplitude * np.sin(2 * np.pi * frequency * np.arange(HOURS_3) / RATE)
+    axis = characterize(record + tone, RATE)
+    assert axis.tones[0].frequency_hz == pytest.approx(frequency, abs=0.01)
+    assert axis.tones[0].amplitude == pytest.approx(amplitude, rel=0.15)
+    assert len(axis.tones) <= 2
+    assert value(axis, 'noise_density') == pytest.approx(SENSOR['noise_density'], rel=5e-3)
+    low, high = axis.coefficients['bias_instability'].ci95
+    assert low <= SENSOR['bias_instability'] <= high
+
+
+def test_white_noise_has_no_other_term():
+    for seed in range(20):
+        axis = characterize(simulate({'noise_density': 1.0}, 50_000, RATE, seed), RATE)
+        seen = {key for key, c in axis.coefficients.items() if c.observable}
+        assert seen == {'noise_density'}, seed
+        assert axis.tones == ()
+
+
+def test_gauss_markov_process_is_offered_where_no_power_law_fits():
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
+    axis = characterize(simulate(model, 500_000, RATE, 2), RATE)
+    assert axis.gauss_markov.sigma == pytest.approx(2e-3, rel=0.1)
+    assert axis.gauss_markov.correlation_time_s == pytest.approx(1.0, rel=0.2)
+    assert not axis.coefficients['bias_instability'].observable
+    assert value(axis, 'noise_density') == pytest.approx(1e-3, rel=0.01)
+
+
+@pytest.mark.parametrize('slope', [2e-6, -2e-6])
+def test_ramp_keeps_its_sign(slope):
+    axis = characterize(simulate({'noise_density': 1e-3, 'rate_ramp': slope}, HOURS_3, RATE, 3),
+                        RATE)
+    ramp = axis.coefficients['rate_ramp']
+    assert ramp.ci95[0] <= slope <= ramp.ci95[1]
+    assert np.sign(ramp.value) == np.sign(slope)
+
+
+def test_quantization_noise_of_an_integrating_gyro_is_found():
+    model = {'quantization_noise': 1e-4, 'noise_density': 1e-4}
+    axis = characterize(simulate(model, 500_000, RATE, 4), RATE)
+    for key, truth in model.items():
+        assert axis.coefficients[key].observable
+        assert near(axis.coefficients[key], truth), key
+
+
+def test_output_in_coarse_steps_adds_its_white_noise():
+    noise, step = 0.01, 0.01
+    record = np.round(simulate({'noise_density': noise / 10}, 300_000, RATE, 5) / step) * step
+    expected = np.sqrt((noise**2 + step**2 / 12) / RATE)
+    axis = characterize(record, RATE)
+    assert value(axis, 'noise_density') == pytest.approx(expected, rel=0.005)
+    assert not axis.coefficients['quantization_noise'].observable
+
+
+def test_constant_axis_has_deviation_zero_and_no_coefficient():
+    axis = characterize(np.full(5000, 0.25), RATE)
+    assert set(axis.curve.adev) == {0.0}
+    assert all(not c.observable and c.upper95 is None for c in axis.coefficients.values())
+    assert axis.mean == 0.25
+
+
+@pytest.mark.parametrize('samples', [0, 1, 2, 63])
+def test_too_short_a_record_gives_no_coefficient(samples):
+    axis = characterize(np.arange(samples) % 3 * 1.0, RATE)
+    assert all(c.value is None and c.upper95 is None for c in axis.coefficients.values())
+    assert not axis.goodness_of_fit.acceptable
+
+
+def test_spectrum_that_no_model_describes_is_called_so():
+    rng = np.random.default_rng(6)
+    axis = characterize(np.cumsum(np.cumsum(rng.standard_normal(100_000))), RATE)
+    assert not axis.goodness_of_fit.acceptable
+
+
+def test_forecast_says_how_much_longer_to_record():
+    axis = characterize(simulate(SENSOR, 60_000, RATE, 7), RATE)
+    density = axis.coefficients['noise_density']
+    # The interval shrinks as one over the square root of time: three times as long again.
+    assert density.ci_halves_in_s == pytest.approx(3 * 600, rel=0.1)
+    walk = axis.coefficients['rate_random_walk']
+    assert not walk.observable
+    assert walk.upper95 > SENSOR['rate_random_walk']
+
+
+def test_result_holds_only_plain_finite_numbers(record):
+    def check(value):
+        if isinstance(value, dict):
+            for item in value.values():
+                check(item)
+        elif isinstance(value, list):
+            for item in value:
+                check(item)
+        elif value is not None and not isinstance(value, (str, bool)):
+            assert type(value) in (int, float)
+            assert np.isfinite(value)
+    check(characterize(record, RATE).to_dict())
+
+
+@pytest.mark.parametrize(('samples', 'rate', 'quantity', 'match'), [
+    (np.zeros((5, 2)), 100.0, 'angular_velocity', 'one dimension'),
+    ([1.0, np.nan], 100.0, 'angular_velocity', 'finite'),
+    ([1.0, 2.0], 0.0, 'angular_velocity', 'sample_rate_hz'),
+    ([1.0, 2.0], 100.0, 'torque', 'torque')])
+def test_what_cannot_be_characterized_is_refused(samples, rate, quantity, match):
+    with pytest.raises(ValueError, match=match):
+        characterize(samples, rate, quantity)

@@ -1,0 +1,110 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise import spectrum
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.likelihood import bins_of, grouped, maximise, QUANTIZATION, WALK, WHITE
+from imu_allan.noise.simulate import simulate
+import numpy as np
+import pytest
+from scipy.fft import dct
+from scipy.linalg import toeplitz
+from scipy.optimize import nnls
+
+
+def kalman_loss(samples, density, walk, dt):
+    """Minus the log-likelihood of white noise and averaged random walk, diffuse start."""
+    # State: walk at the end of the interval, mean of the walk over the interval.
+    transition = np.array([[1.0, 0.0], [1.0, 0.0]])
+    q = walk**2 * dt * np.array([[1.0, 0.5], [0.5, 1 / 3]])
+    r = density**2 / dt
+    total = 0.0
+    # The first sample only says where the walk is: exact diffuse initialisation.
+    first = q[1, 1] + r
+    state = np.array([samples[0], samples[0]])
+    p = np.array([[q[0, 0] - 2 * q[0, 1] + first, 0.0], [0.0, 0.0]])
+    for sample in samples[1:]:
+        state = transition @ state
+        p = transition @ p @ transition.T + q
+        variance = p[1, 1] + r
+        innovation = sample - state[1]
+        total += 0.5 * (np.log(variance) + innovation**2 / variance)
+        gain = p[:, 1] / variance
+        state = state + gain * innovation
+        p = p - np.outer(gain, p[1])
+    return total
+
+
+@pytest.mark.parametrize(('density', 'walk'), [(1e-3, 1e-3), (1e-3, 1e-1), (3e-3, 1e-5)])
+def test_dct_likelihood_equals_that_of_a_kalman_filter(density, walk):
+    dt, n = 0.1, 400
+    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, n, 1 / dt, seed=2)
+    power = dct(samples, norm='ortho')[1:] ** 2
+    nu = np.arange(1, n) / (2 * n)
+
+    def dct_loss(density, walk):
+        expected = (density**2 * spectrum.white(nu, dt)
+                    + walk**2 * spectrum.random_walk(nu, dt))
+        return 0.5 * np.sum(np.log(expected) + power / expected)
+
+    # The two differ by the Jacobian of the transform, which no coefficient enters.
+    reference = (1e-3, 1e-3)
+    ours = dct_loss(density, walk) - dct_loss(*reference)
+    kalman = kalman_loss(samples, density, walk, dt) - kalman_loss(samples, *reference, dt)
+    assert ours == pytest.approx(kalman, rel=1e-8, abs=1e-8)
+
+
+def test_quantization_column_is_the_exact_mean_power_of_a_block():
+    n, dt = 64, 0.5
+    covariance = toeplitz([2.0, -1.0, *[0.0] * (n - 2)]) / dt**2
+    transform = dct(np.eye(n), axis=0, norm='ortho')
+    exact = np.diag(transform @ covariance @ transform.T)[1:]
+    estimator = Estimator()
+    estimator.update(simulate({'noise_density': 1.0}, n, 1 / dt))
+    bins = bins_of(estimator.finished().periodogram.pieces(), dt)
+    np.testing.assert_allclose(bins.design[:, QUANTIZATION], exact, rtol=1e-12)
+
+
+def test_maximum_is_found_and_no_coefficient_is_negative():
+    estimator = Estimator()
+    estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 50_000, 100, 7))
+    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0)
+    best = maximise(groups)
+    assert np.all(best.theta >= 0)
+
+    def loss(theta):
+        expected = groups.design @ theta
+        return 0.5 * groups.dof @ (np.log(expected) + groups.power / expected)
+
+    assert loss(best.theta) == pytest.approx(best.loss)
+    for column in (WHITE, WALK):
+        for factor in (0.98, 1.02):
+            other = best.theta.copy()
+            other[column] *= factor
+            assert loss(other) > best.loss
+
+
+def test_small_non_negative_least_squares_agrees_with_scipy():
+    from imu_allan.noise.likelihood import _non_negative
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        a = rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4)
+        b = rng.standard_normal(12)
+        np.testing.assert_allclose(a @ _non_negative(a.T @ a, a.T @ b), a @ nnls(a, b)[0],
+                                   atol=1e-6)
+
+
+def test_white_noise_of_bridged_samples_is_given_back():
+    # One sample in twenty replaced by the mean of its neighbours lowers the power by a twentieth.
+    rng = np.random.default_rng(3)
+    samples = rng.standard_normal(400_000)
+    missing = rng.choice(np.arange(8, len(samples) - 8), 20_000, replace=False)
+    around = sum(samples[missing + k] for k in range(-8, 9) if k) / 16
+    samples[missing] = around
+    estimator = Estimator()
+    estimator.update(samples, bridged=len(missing))
+    pieces = estimator.finished().periodogram.pieces()
+    share = len(missing) / len(samples)
+    plain = maximise(grouped(bins_of(pieces, 1.0), 0), fixed={QUANTIZATION: 0.0})
+    mended = maximise(grouped(bins_of(pieces, 1.0, share), 0), fixed={QUANTIZATION: 0.0})
+    assert abs(np.sqrt(mended.theta[WHITE]) - 1) < abs(np.sqrt(plain.theta[WHITE]) - 1)
+    assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)

@@ -1,0 +1,90 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Published values: NBS14, Stable32 and the exact degrees of freedom of Greenhall and Riley."""
+
+import allantools
+from imu_allan.noise.axis import characterize
+from imu_allan.noise.curve import edf, octaves
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.simulate import simulate
+import numpy as np
+import pytest
+
+NBS14 = [892, 809, 823, 798, 671, 644, 883, 903, 677]
+
+
+def nbs14_1000():
+    """Return the 1000 points of NIST SP 1065, a multiplicative congruential generator."""
+    n, points = 1234567890, []
+    for _ in range(1000):
+        points.append(n / 2147483647)
+        n = 16807 * n % 2147483647
+    return np.array(points)
+
+
+def overlapping(samples):
+    """Overlapping Allan deviation by cluster size."""
+    estimator = Estimator()
+    estimator.update(samples)
+    points = octaves(estimator.finished())
+    return dict(zip(points.size.tolist(), np.sqrt(points.avar[:, 0]), strict=True))
+
+
+def test_nbs14_nine_points_to_the_printed_digits():
+    deviation = overlapping(NBS14)
+    assert f'{deviation[1]:.5f}' == '91.22945'
+    assert f'{deviation[2]:.5f}' == '85.95287'
+
+
+def test_nbs14_thousand_points_to_the_printed_digits():
+    assert f'{overlapping(nbs14_1000())[1]:.7f}' == '0.2922319'
+
+
+@pytest.mark.parametrize(('size', 'expected'), [
+    (1, '0.29223'), (2, '0.20102'), (4, '0.14479'), (8, '0.10570'), (16, '0.061915'),
+    (32, '0.048082'), (64, '0.036237'), (128, '0.027674')])
+def test_stable32_octaves_to_the_printed_digits(size, expected):
+    digits = len(expected) - 2
+    assert f'{overlapping(nbs14_1000())[size]:.{digits}f}' == expected
+
+
+@pytest.mark.parametrize(('key', 'expected'), [
+    ('noise_density', [666.22, 570.20, 346.06, 181.88, 91.15, 44.63, 21.23, 9.55]),
+    ('bias_instability', [880.06, 566.01, 289.64, 144.34, 71.30, 34.75, 16.49, 7.38]),
+    ('rate_random_walk', [888.10, 461.82, 230.46, 114.47, 56.47, 27.47, 12.97, 5.73])])
+def test_degrees_of_freedom_are_exact_to_a_thousandth(key, expected):
+    sizes = 2 ** np.arange(8)
+    found = [edf({key: 1.0}, int(m), 1, 1001 - 2 * int(m), 1.0) for m in sizes]
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize(('overlap', 'white', 'flicker', 'walk'), [
+    (1, .445, .754, .960), (2, .762, .971, .999), (4, .928, .997, 1), (8, .981, 1, 1)])
+def test_strides_cost_the_known_share_of_degrees_of_freedom(overlap, white, flicker, walk):
+    size, n = 1024, 1000 * 1024
+    for key, share in (('noise_density', white), ('bias_instability', flicker),
+                       ('rate_random_walk', walk)):
+        stride = size // overlap
+        full = edf({key: 1.0}, size, 1, n + 1 - 2 * size, 1.0)
+        part = edf({key: 1.0}, size, stride, (n - 2 * size) // stride + 1, 1.0)
+        assert part / full == pytest.approx(share, abs=2e-3)
+
+
+def test_curve_equals_allantools_where_overlap_is_full_and_within_a_percent_beyond():
+    samples = simulate({'noise_density': 1e-3, 'bias_instability': 5e-4,
+                        'rate_random_walk': 1e-4}, 300_000, 100, seed=4)
+    curve = characterize(samples, 100).curve
+    tau, expected, _, _ = allantools.oadev(samples, rate=100, data_type='freq',
+                                           taus=np.array(curve.tau_s))
+    np.testing.assert_allclose(tau, curve.tau_s[:len(tau)])
+    found = np.array(curve.adev[:len(tau)])
+    np.testing.assert_allclose(found[:4], expected[:4], rtol=1e-9)
+    np.testing.assert_allclose(found, expected, rtol=1e-2)
+
+
+def test_short_record_has_full_overlap_at_every_octave():
+    samples = simulate({'noise_density': 1.0}, 5000, 1, seed=5)
+    curve = characterize(samples, 1).curve
+    _, expected, _, _ = allantools.oadev(samples, rate=1, data_type='freq',
+                                         taus=np.array(curve.tau_s))
+    np.testing.assert_allclose(curve.adev[:len(expected)], expected, rtol=1e-9)

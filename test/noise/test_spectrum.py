@@ -1,0 +1,74 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise import spectrum
+from imu_allan.noise.terms import allan_variance, gauss_markov_avar, TERMS
+import numpy as np
+import pytest
+from scipy.fft import dct
+from scipy.integrate import quad
+
+DT = 0.01
+COLUMNS = {'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
+           'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
+
+
+def allan_variance_of(density, size):
+    """Integrate a spectrum of averaged samples against the Allan window."""
+    def integrand(nu):
+        window = 2 * np.sin(np.pi * size * nu) ** 4 / (size * np.sin(np.pi * nu)) ** 2
+        return float(density(np.array([nu]))[0]) * window
+    return 2 * quad(integrand, 1e-12, 0.5, limit=800)[0]
+
+
+@pytest.mark.parametrize('key', COLUMNS)
+@pytest.mark.parametrize('size', [1, 2, 3, 16])
+def test_spectrum_gives_the_ieee_formula_at_every_cluster_size(key, size):
+    found = allan_variance_of(lambda nu: COLUMNS[key](nu, DT), size)
+    assert found == pytest.approx(float(allan_variance({key: 1.0}, size * DT)), rel=1e-9)
+
+
+@pytest.mark.parametrize('size', [1, 4, 64])
+@pytest.mark.parametrize('time', [0.02, 0.3, 40.0])
+def test_gauss_markov_spectrum_gives_its_allan_variance(size, time):
+    found = allan_variance_of(lambda nu: spectrum.gauss_markov(nu, DT, time), size)
+    assert found == pytest.approx(float(gauss_markov_avar(1.0, time, size * DT)), rel=1e-5)
+
+
+def test_gauss_markov_deviation_peaks_where_the_standard_says():
+    tau = np.geomspace(0.1, 100, 20001)
+    deviation = np.sqrt(gauss_markov_avar(1.0, 1.0, tau))
+    assert tau[deviation.argmax()] == pytest.approx(1.8926, abs=1e-3)
+    assert deviation.max() == pytest.approx(0.6174, abs=1e-4)
+
+
+@pytest.mark.parametrize('key', COLUMNS)
+def test_model_is_self_similar_under_averaging(key):
+    # The mean of m samples has the aliased, sinc-weighted spectrum of the samples.
+    m, nu = 4, np.array([0.03, 0.2, 0.41])
+    total = np.zeros(3)
+    for k in range(m):
+        fine = (nu + k) / m
+        fine = np.where(fine > 0.5, 1 - fine, fine)
+        weight = (np.sin(np.pi * nu) / (m * np.sin(np.pi * (nu + k) / m))) ** 2
+        total += weight * COLUMNS[key](fine, DT) / m
+    np.testing.assert_allclose(total, COLUMNS[key](nu, m * DT), rtol=1e-9)
+
+
+@pytest.mark.parametrize('n', [16, 257, 4096])
+def test_ramp_transform_is_that_of_a_ramp(n):
+    expected = dct(np.arange(n) * DT, norm='ortho')[1:]
+    np.testing.assert_allclose(spectrum.ramp_dct(n, DT), expected, atol=1e-9 * abs(expected[0]))
+
+
+def test_flicker_transform_factor_approaches_one_from_below():
+    factor = spectrum.flicker_dct_factor(np.arange(1, 200))
+    assert np.all(np.diff(factor) > 0)
+    assert factor[0] == 0.7737
+    assert factor[-1] == pytest.approx(1 - 2 / (np.pi**2 * 199))
+
+
+def test_every_term_equals_its_coefficient_where_it_is_read():
+    for term in TERMS.values():
+        if term.read_at is not None:
+            assert term.adev(3.0, term.read_at) == pytest.approx(3.0)
+    assert TERMS['bias_instability'].adev(1.0, 7.0) == pytest.approx(0.66428, abs=1e-5)
