@@ -89,6 +89,8 @@ class SqliteRecording(Recording):
 
     def _open(self) -> None:
         """List the topics, with as much tolerance as the file needs."""
+        if not self._beside:
+            self._cut_last_page()
         try:
             self._list_topics()
             return
@@ -96,7 +98,8 @@ class SqliteRecording(Recording):
             reason = error
         if self._beside:
             beside = printable(self._beside[0].name)
-            if self._copy_beside():
+            if self._copied():
+                self._mode = 'mode=rw'
                 with suppress(sqlite3.Error):
                     self._list_topics()
                     self.remark(
@@ -117,8 +120,33 @@ class SqliteRecording(Recording):
                 f'{printable(self.path)}: not a readable rosbag2 database '
                 f'({printable(reason)})') from reason
 
-    def _copy_beside(self) -> bool:
-        """Copy the file and what lies beside it, so that SQLite may write; False without room."""
+    def _cut_last_page(self) -> None:
+        """Work on a copy without its last page where that is incomplete: SQLite would pad it."""
+        with self._stored.open('rb') as file:
+            header = file.read(100).ljust(100, b'\0')
+        [page_size] = unpack_from('>H', header, 16)
+        page_size = 65536 if page_size == 1 else page_size
+        [changes, pages] = unpack_from('>II', header, 24)
+        [counted_at] = unpack_from('>I', header, 92)
+        missing = pages * page_size - self.size_bytes
+        # The number of pages is valid where it was counted at the latest change.
+        if changes != counted_at or missing <= 0:
+            return
+        self.remark(
+            'truncated_recording',
+            f'{missing} of {pages * page_size} bytes are missing at the end of the database (was '
+            'the recorder killed, or the copy cut short?)')
+        self._tolerant = True
+        if missing % page_size:
+            if not self._copied():
+                raise ImuAllanError(
+                    f'{printable(self.path)}: cut short, and no room for a copy in '
+                    f'{printable(tempfile.gettempdir())}; name a larger folder with TMPDIR')
+            with self._stored.open('rb+') as file:
+                file.truncate(self.size_bytes // page_size * page_size)
+
+    def _copied(self) -> bool:
+        """Copy the file and what lies beside it to where SQLite may write; False without room."""
         room = shutil.disk_usage(tempfile.gettempdir()).free - _SPARED_DISK
         if self.size_bytes + sum(beside.stat().st_size for beside in self._beside) > room:
             return False
@@ -126,7 +154,6 @@ class SqliteRecording(Recording):
         for file in (self._stored, *self._beside):
             shutil.copyfile(file, self._copy / file.name)
         self._stored = self._copy / self._stored.name
-        self._mode = 'mode=rw'
         return True
 
     @contextmanager
@@ -168,23 +195,6 @@ class SqliteRecording(Recording):
                             f'({_marks(numbers)})', numbers)
                 self.topics.append(ImuTopic(name, count))
             self._note_carriers(database)
-        self._note_truncation()
-
-    def _note_truncation(self) -> None:
-        """Compare the size of the file with what its header says."""
-        with self._stored.open('rb') as file:
-            header = file.read(100)
-        [page_size] = unpack_from('>H', header, 16)
-        [changes] = unpack_from('>I', header, 24)
-        [pages] = unpack_from('>I', header, 28)
-        [counted_at] = unpack_from('>I', header, 92)
-        expected = pages * (65536 if page_size == 1 else page_size)
-        # The number of pages is valid where it was counted at the latest change.
-        if changes == counted_at and self.size_bytes < expected and not self._beside:
-            self.remark(
-                'truncated_recording',
-                f'{expected - self.size_bytes} of {expected} bytes are missing at the end of the '
-                'database (was the recorder killed, or the copy cut short?)')
 
     def _note_carriers(self, database: sqlite3.Connection) -> None:
         """Note which other types contain an Imu, where the file has the definitions."""

@@ -1,0 +1,251 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""rosbag2 databases, whole, unfinished and damaged."""
+
+import os
+from pathlib import Path
+import shutil
+import sqlite3
+import stat
+
+from bags import assert_same, block, joined, read, write_db3
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording
+import numpy as np
+import pytest
+
+MESSAGES = block(5000)
+
+
+def insert(database: sqlite3.Connection, messages: ImuBlock, topic: int = 1) -> None:
+    database.executemany(
+        'INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)',
+        ((topic, stamp, row.tobytes()) for row, stamp in zip(
+            encode_imu_rows(messages), messages.receive_ns.tolist(), strict=True)))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_every_bit_of_the_old_schema_is_read(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES, [('/chatter', 'std_msgs/msg/String')])
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 5000)]
+        assert recording.other_topics == {'/chatter': 'std_msgs/msg/String'}
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+def test_messages_of_two_topics_do_not_mix(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES, [('/second', 'sensor_msgs/msg/Imu')])
+    second = block(300, 'other_frame')
+    with sqlite3.connect(path) as database:
+        insert(database, second, 2)
+    assert_same(MESSAGES, read(path, '/imu')[0])
+    assert_same(second, read(path, '/second')[0])
+
+
+def test_order_is_that_of_recording_even_where_stamps_go_back(tmp_path):
+    order = np.random.default_rng(1).permutation(5000)
+    shuffled = ImuBlock(MESSAGES.header_ns[order], MESSAGES.receive_ns[order],
+                        MESSAGES.samples[order], MESSAGES.absent[order], 'imu_link')
+    assert_same(shuffled, read(write_db3(tmp_path / 'a.db3', shuffled))[0])
+
+
+def test_messages_of_differing_size_are_read_in_order(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', block(10))
+    parts = [block(10), block(3, 'a_much_longer_frame_id', 10), block(700, first=13)]
+    with sqlite3.connect(path) as database:
+        for part in parts[1:]:
+            insert(database, part)
+    after, _ = read(path)
+    assert after.receive_ns.tolist() == joined(parts).receive_ns.tolist()
+    assert after.samples.tobytes() == joined(parts).samples.tobytes()
+
+
+def test_nothing_is_written_beside_a_recording(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    with sqlite3.connect(path) as database:
+        database.execute('PRAGMA journal_mode = WAL')
+    database.close()
+    before = contents(tmp_path)
+    assert_same(MESSAGES, read(path)[0])
+    assert contents(tmp_path) == before
+
+
+def test_a_folder_without_write_permission_is_read(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    path.chmod(stat.S_IRUSR)
+    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    try:
+        assert_same(MESSAGES, read(path)[0])
+    finally:
+        tmp_path.chmod(stat.S_IRWXU)
+
+
+def test_a_path_with_spaces_and_signs_is_read(tmp_path):
+    folder = tmp_path / 'a b?c#d%20ä\nx'
+    folder.mkdir()
+    path = write_db3(folder / 'q&r=1.db3', MESSAGES)
+    assert_same(MESSAGES, read(path)[0])
+
+
+def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    database = sqlite3.connect(path)
+    database.execute('PRAGMA journal_mode = WAL')
+    database.execute('PRAGMA wal_autocheckpoint = 0')
+    insert(database, block(100, first=5000))
+    database.commit()
+    killed = tmp_path / 'killed'
+    killed.mkdir()
+    for name in ('a.db3', 'a.db3-wal'):
+        shutil.copy(tmp_path / name, killed / name)
+    database.close()
+    before = contents(killed)
+    after, remarks = read(killed / 'a.db3')
+    assert_same(block(5100), after)
+    assert remarks == []
+    assert contents(killed) == before
+
+
+def test_an_unfinished_transaction_is_rolled_back_in_a_copy(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    killed = tmp_path / 'killed'
+    killed.mkdir()
+    database = sqlite3.connect(path)
+    database.execute('PRAGMA cache_size = 5')
+    database.execute('BEGIN')
+    database.execute('DELETE FROM messages WHERE id < 1000')
+    for name in ('a.db3', 'a.db3-journal'):
+        shutil.copy(tmp_path / name, killed / name)
+    database.rollback()
+    database.close()
+    before = contents(killed)
+    after, [remark] = read(killed / 'a.db3')
+    assert_same(MESSAGES, after)
+    assert (remark.code, remark.message) == (
+        'unfinished_recording',
+        f'{killed / "a.db3"}: a.db3-journal beside it tells that the recorder was killed; what it '
+        'was about to write then is missing')
+    assert contents(killed) == before
+
+
+@pytest.mark.parametrize('share', [0.1, 0.5, 0.9, 0.999])
+def test_a_truncated_database_gives_what_is_there(tmp_path, share):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    whole = path.read_bytes()
+    left = int(len(whole) * share)
+    path.write_bytes(whole[:left])
+    after, remarks = read(path)
+    assert_same(block(len(after)), after)
+    assert len(after) > 5000 * share * 0.9
+    assert remarks[0].code == 'truncated_recording'
+    assert remarks[0].message == (
+        f'{path}: {len(whole) - left} of {len(whole)} bytes are missing at the end of the database '
+        '(was the recorder killed, or the copy cut short?)')
+
+
+def test_messages_behind_a_damaged_page_are_read(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2 // 4096 * 4096
+    data[middle:middle + 4096] = b'\xff' * 4096
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    assert 4960 < len(after) < 5000
+    assert after.receive_ns[[0, -1]].tolist() == MESSAGES.receive_ns[[0, -1]].tolist()
+    assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
+    assert (remark.code, remark.message) == (
+        'damaged_recording',
+        f'{path}: the database is damaged in 1 places (database disk image is malformed): '
+        f'{len(after)} messages of /imu could be read, those in the damaged places are lost')
+
+
+@pytest.mark.parametrize(('data', 'reason'), [
+    (b'SQLite format 3\0' + bytes(200), 'file is not a database'),
+    (b'SQLite format 3\0', 'file is not a database'),
+])
+def test_what_is_no_database_is_refused(tmp_path, data, reason):
+    path = tmp_path / 'a.db3'
+    path.write_bytes(data)
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == f'{path}: not a readable rosbag2 database ({reason})'
+
+
+def test_another_database_is_refused(tmp_path):
+    path = tmp_path / 'a.db3'
+    with sqlite3.connect(path) as database:
+        database.execute('CREATE TABLE birds(name TEXT)')
+    database.close()
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == (
+        f'{path}: not a readable rosbag2 database (no such table: messages)')
+
+
+def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', block(4))
+    with sqlite3.connect(path) as database:
+        database.executescript(
+            'CREATE TABLE m(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp, data);'
+            'INSERT INTO m SELECT * FROM messages; DROP TABLE messages;'
+            'ALTER TABLE m RENAME TO messages;'
+            "INSERT INTO messages VALUES (5, 1, 5, 'text'), (6, 1, 6, NULL), (7, 1, 'x', 1.5);")
+    database.close()
+    after, [remark] = read(path)
+    assert_same(block(4), after)
+    assert remark.message == (
+        f'{path}: 3 messages of /imu are not valid sensor_msgs/Imu and were left out; the first: '
+        '4 bytes are too few for a sensor_msgs/Imu message (312 at least)')
+
+
+def test_a_topic_without_messages_is_named(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', block(0))
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == (
+        f'{path}: topic /imu has no messages; record it while the IMU driver runs')
+
+
+def test_a_type_that_contains_an_imu_is_told_apart(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', block(0), [('/stamped', 'my_msgs/msg/ImuStamped')])
+    with sqlite3.connect(path) as database:
+        database.execute('DELETE FROM topics WHERE id = 1')
+        database.execute('CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT '
+                         'NOT NULL, encoding TEXT, encoded_message_definition TEXT)')
+        database.execute(
+            'INSERT INTO message_definitions(topic_type, encoded_message_definition) VALUES '
+            "('my_msgs/msg/ImuStamped', 'sensor_msgs/Imu imu\nfloat64 temperature')")
+    database.close()
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == (
+        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /stamped '
+        '(my_msgs/msg/ImuStamped); the Imu inside a message of another type is not read: '
+        'republish it as sensor_msgs/msg/Imu')
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
+def test_a_real_recording_agrees_with_its_rows():
+    [path] = Path(os.environ['IMU_ALLAN_DATA'], 'robot_localization_test1_2imu_xsens').glob(
+        '*.db3')
+    with open_recording(path) as recording:
+        assert {topic.name: topic.count for topic in recording.topics} == {
+            '/xsens/imu_data': 13334, '/my_odometry2imu/imu_data': 13333}
+    messages, remarks = read(path, '/xsens/imu_data')
+    assert remarks == []
+    with sqlite3.connect(f'{path.as_uri()}?immutable=1', uri=True) as database:
+        rows = database.execute(
+            'SELECT timestamp, data FROM messages WHERE topic_id = (SELECT id FROM topics WHERE '
+            "name = '/xsens/imu_data') ORDER BY id").fetchall()
+    database.close()
+    assert messages.receive_ns.tolist() == [stamp for stamp, _ in rows]
+    for (_, data), sample in zip(rows, messages.samples, strict=True):
+        numbers = np.frombuffer(data[-296:], '<f8')
+        assert [*numbers[13:16], *numbers[25:28]] == sample.tolist()
