@@ -22,8 +22,10 @@ Ints = NDArray[np.int64]
 NEIGHBOURS = 8
 """Samples on each side of a gap whose mean bridges it."""
 
+EVEN_JITTER = 0.25
+"""Stamps that all come within so many intervals of the expected distance need no further look."""
+
 _GROUP = 64
-_CLEAN_JITTER = 0.25
 _LONG_STEP = 10.0
 _COUNTING_SPREAD = 0.27
 _FIRM_PHASE = exp(-0.5 * (2 * pi * _COUNTING_SPREAD) ** 2)
@@ -180,7 +182,7 @@ def count_steps(places: Floats, pace: Pace, new_run: bool = False) -> Ints:
     if not pace.counting:
         whole = np.rint(steps)
         if whole.min() >= 1:
-            uneven = np.abs(steps - whole) >= _CLEAN_JITTER
+            uneven = np.abs(steps - whole) >= EVEN_JITTER
             if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
                 return whole.astype(np.int64)
     phase = places - np.arange(1, len(places) + 1)
@@ -200,10 +202,9 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     centres = np.minimum(np.arange(len(turn)) * _GROUP + _GROUP / 2, len(phase))
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
     raw = np.rint(phase - slow).astype(np.int64)
-    for width in (3, _SMOOTHING):
-        smooth = _running_median(raw, width)
-        if np.all(smooth[1:] >= smooth[:-1]):
-            break
+    smooth = _median_of_three(raw)
+    if np.any(smooth[1:] < smooth[:-1]):
+        smooth = _running_median(raw, smooth)
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
     return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
 
@@ -223,13 +224,34 @@ def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
     return missing
 
 
-def _running_median(values: Ints, width: int) -> Ints:
-    """Median of `width` neighbours; zeros stand before the first, the last median behind."""
-    half = width // 2
-    level = int(np.median(values[-_SMOOTHING:]))
-    padded = np.concatenate([np.zeros(half, dtype=np.int64), values, np.full(half, level)])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, width)
-    return np.partition(windows, half, axis=1)[:, half]
+def _padded(values: Ints, half: int) -> Ints:
+    """Put zeros before the first, and the level of the last ones behind."""
+    level = np.sort(values[-_SMOOTHING:])[min(len(values), _SMOOTHING) // 2]
+    return np.concatenate([np.zeros(half, dtype=np.int64), values, np.full(half, level)])
+
+
+def _median_of_three(values: Ints) -> Ints:
+    """Median of each value and its two neighbours."""
+    padded = _padded(values, 1)
+    low, middle, high = padded[:-2], padded[1:-1], padded[2:]
+    median: Ints = np.maximum(np.minimum(low, middle),
+                              np.minimum(np.maximum(low, middle), high))
+    return median
+
+
+def _running_median(values: Ints, smooth: Ints) -> Ints:
+    """Median of 31 neighbours; `smooth`, that of three, is as good where it stands still."""
+    half = _SMOOTHING // 2
+    padded = _padded(values, half)
+    changes = np.flatnonzero(np.diff(smooth, prepend=0, append=padded[-1]))
+    near = np.zeros(len(values) + 1, dtype=np.int64)
+    np.add.at(near, np.maximum(changes - _SMOOTHING, 0), 1)
+    np.add.at(near, np.minimum(changes + _SMOOTHING, len(values)), -1)
+    places = np.flatnonzero(np.cumsum(near)[:-1])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, _SMOOTHING)[places]
+    median = smooth.copy()
+    median[places] = np.partition(windows, half, axis=1)[:, half]
+    return median
 
 
 def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:

@@ -3,11 +3,11 @@
 """
 Motion and knocks: found against the axis's own noise, and left out.
 
-Half-second windows are compared with the windows before them by three statistics: the power of
-the differences of neighbouring samples, that of the differences of 20 ms means, and the second
-difference of window means. Differences keep noise of every term stationary and nearly Gaussian
-however far it drifts, so thresholds follow from the median and the spread of the past and need no
-tuning to rate, noise level, quantization or steady vibration. A last test knows physics: no
+Half-second windows are compared with the windows before them by three statistics: the power within
+parts of 20 ms, that of the differences of their means, and the second difference of window means.
+These keep noise of every term stationary and nearly Gaussian however far it drifts, so thresholds
+follow from the median and the spread of the past and need no tuning to rate, noise level,
+quantization or steady vibration. A last test knows physics: no
 sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2 within two seconds, unless its white noise
 does it.
 """
@@ -15,8 +15,10 @@ does it.
 from collections.abc import Mapping
 from copy import copy as shallow_copy
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 import json
+from math import sqrt
 from typing import Any
 
 from imu_allan.block import EvenBlock
@@ -33,12 +35,13 @@ START_WINDOWS = 128
 
 _PARTS = 25
 _MARGIN = 2
-_LAG = 4
-_CONTEXT = _MARGIN + _LAG + 1
+_LAGS = (1, 4)
+_CONTEXT = _MARGIN + max(_LAGS) + 1
+_QUIET_PERCENT = 12.5
 _REMEMBERED = 512
-_REFRESH = 128
+_REFRESH = 256
 _PERSISTENT = 128
-_BETWEEN = 13
+_PERSISTENT_SHARE = 0.25
 _SIGMAS = 8.0
 _LEAST_EXCESS = 0.35
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
@@ -107,15 +110,16 @@ class Baseline:
 
     def loudest(self, shorter: float = 1.0) -> Floats:
         """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
-        excess = np.maximum(_SIGMAS * np.sqrt(shorter) * self.spread,
+        excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
                             _LEAST_EXCESS * self.loudness)
         stepping = np.cbrt(2 * self._steps() ** 2)
         loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
         return loudest
 
-    def widest(self) -> Floats:
-        """Give the largest second difference of window means at rest."""
-        return np.maximum(_SIGMAS * self.wander, 3 * self._steps())
+    @cached_property
+    def limits(self) -> tuple[Floats, Floats]:
+        """Largest loudness of a whole window, and largest second difference of means, at rest."""
+        return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
 
     def _steps(self) -> Floats:
         """Resolution where the noise does not dither it: there whole steps are no motion."""
@@ -125,7 +129,7 @@ class Baseline:
 
 def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
     """
-    Find the windows at rest, starting from the quietest quarter.
+    Find the windows at rest, starting from the quietest.
 
     Parameters
     ----------
@@ -141,15 +145,15 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
     Baseline
         From the windows at rest.
     ndarray of bool, shape (n,)
-        Which they are: the set grows from the quietest quarter as far as the distribution of
+        Which they are: the set grows from the quietest eighth as far as the distribution of
         loudness has no hole of many standard deviations.
 
     """
-    quiet = np.percentile(loudness, 25, axis=0)
+    quiet = np.percentile(loudness, _QUIET_PERCENT, axis=0)
     noisy = quiet > 0
     if noisy.any():
         louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
-        rest = louder <= np.percentile(louder, 30)
+        rest = louder <= np.percentile(louder, _QUIET_PERCENT)
     else:
         rest = np.ones(len(loudness), dtype=bool)
     for _ in range(50):
@@ -186,29 +190,31 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
     means : ndarray, shape (windows, 6)
         Mean of each axis.
     loudness : ndarray, shape (windows, 12)
-        Cube root of the variance that the differences of neighbouring samples tell (six axes),
-        and that the differences of the means of neighbouring parts tell: both have the same
-        expectation for white noise. A cube root makes a chi-square nearly normal whatever its
-        degrees of freedom.
+        Cube root of the variance within parts (six axes), and of that which the differences of
+        the means of neighbouring parts tell: both expect the same for white noise. A cube root
+        makes a chi-square nearly normal whatever its degrees of freedom.
 
     """
     windows, size, _ = rows.shape
     power = np.zeros((windows, 12))
-    fine = rows[:, 1:] - rows[:, :-1]
-    power[:, :6] = np.einsum('kpi,kpi->ki', fine, fine) * (0.5 / max(size - 1, 1))
     parts = size // part
     if part == 1 or parts < 2:
-        means = rows.mean(axis=1)
+        steps = rows[:, 1:] - rows[:, :-1]
+        power[:, :6] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / max(size - 1, 1))
         power[:, 6:] = power[:, :6]
+        means = rows.mean(axis=1)
     else:
         split = rows[:, :parts * part].reshape(windows * parts, part, 6)
         # Short sums are faster row by row than as many small products.
         sums = (sum(split[:, row] for row in range(1, part)) + split[:, 0] if part <= 8
                 else np.matmul(np.ones(part), split))
-        coarse = (sums / part).reshape(windows, parts, 6)
+        sums /= part
+        within = (split - sums[:, None]).reshape(windows, parts * part, 6)
+        power[:, :6] = np.einsum('kpi,kpi->ki', within, within) / (parts * (part - 1))
+        coarse = sums.reshape(windows, parts, 6)
         means = coarse.mean(axis=1)
-        step = coarse[:, 1:] - coarse[:, :-1]
-        power[:, 6:] = np.einsum('kpi,kpi->ki', step, step) * (0.5 * part / (parts - 1))
+        steps = coarse[:, 1:] - coarse[:, :-1]
+        power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 * part / (parts - 1))
     if np.isnan(means[-1, 0] + means[-1, 5]):
         np.nan_to_num(means, copy=False)
         np.nan_to_num(power, copy=False)
@@ -290,8 +296,8 @@ class MotionSummary:
         Number of all spans.
     excluded, excluded_s : int, float
         Rows cut out, and their duration.
-    seen : int
-        Rows decided on.
+    seen, struck : int
+        Rows decided on, and those of them in windows that moved, without the margins.
     moving : bool
         The newest span ended less than five seconds before the newest row.
     changes : tuple of (float, float)
@@ -304,6 +310,7 @@ class MotionSummary:
     excluded: int = 0
     excluded_s: float = 0.0
     seen: int = 0
+    struck: int = 0
     moving: bool = False
     changes: tuple[tuple[float, float], ...] = ()
 
@@ -328,8 +335,7 @@ class MotionDetector:
         self._first_loudness: Floats | None = None
         self._past = np.empty((0, 18))
         self._news: list[Floats] = []
-        self._unlike = np.empty((0, 18))
-        self._between = 0
+        self._lately = np.empty((0, 19))
         self._summary = MotionSummary()
         self._run_pending = False
         self._span_end = -1
@@ -339,6 +345,11 @@ class MotionDetector:
     def summary(self) -> MotionSummary:
         """What was cut out so far."""
         return self._summary
+
+    @property
+    def holds_back(self) -> bool:
+        """Whether there are rows not yet decided on."""
+        return bool(self._held)
 
     def copy(self) -> 'MotionDetector':
         """Give an independent copy; arrays are shared, for they are never written to."""
@@ -357,8 +368,7 @@ class MotionDetector:
         text = json.dumps({
             'interval_s': self._interval_s, 'summary': asdict(self._summary),
             'run_pending': self._run_pending, 'span_end': self._span_end,
-            'span_end_s': self._span_end_s, 'between': self._between,
-            'stretches': stretches})
+            'span_end_s': self._span_end_s, 'stretches': stretches})
         baseline, first = self._baseline, self._first_loudness
         empty = np.empty((0, 6))
         return {
@@ -373,7 +383,7 @@ class MotionDetector:
                 [np.empty(0, dtype=np.int64), *(s.bridged for s in held)]),
             'motion_past': self._past,
             'motion_news': np.concatenate([np.empty((0, 18)), *self._news]),
-            'motion_unlike': self._unlike,
+            'motion_lately': self._lately,
             'motion_baseline': empty if baseline is None else np.concatenate(
                 [baseline.loudness, baseline.spread, baseline.wander, baseline.resolution]),
             'motion_first': empty if first is None else first}
@@ -409,8 +419,7 @@ class MotionDetector:
                 means[:windows], loudness[:windows], moving[:judged]))
             rows, means, loudness = rows[held:], means[windows:], loudness[windows:]
             moving, bridged = moving[judged:], bridged[filled:]
-        detector._past, detector._unlike = table('past', 18), table('unlike', 18)
-        detector._between = int(plain['between'])
+        detector._past, detector._lately = table('past', 18), table('lately', 19)
         news = table('news', 18)
         detector._news = [news] if len(news) else []
         baseline, first = table('baseline', 36), table('first', 12)
@@ -507,12 +516,13 @@ class MotionDetector:
         """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
         means = stretch.means
         beyond = np.zeros(len(means), dtype=bool)
-        change = np.abs(means[_LAG:] - means[:-_LAG])
-        large = change > _PLAUSIBLE_CHANGE
-        if large.any():
-            sigma = np.maximum(stretch.loudness[:, :6], stretch.loudness[:, 6:]) ** 1.5
-            white = np.minimum(sigma[_LAG:], sigma[:-_LAG]) * (2 / self._size) ** 0.5
-            beyond[_LAG:] = np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
+        for lag in _LAGS:
+            change = np.abs(means[lag:] - means[:-lag])
+            large = change > _PLAUSIBLE_CHANGE
+            if large.any():
+                sigma = np.maximum(stretch.loudness[:, :6], stretch.loudness[:, 6:]) ** 1.5
+                white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self._size)
+                beyond[lag:] |= np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
         return beyond[first:]
 
     def _judge(self, stretch: _Stretch) -> None:
@@ -537,11 +547,12 @@ class MotionDetector:
 
     def _unlike_rest(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
         assert self._baseline is not None
-        with np.errstate(invalid='ignore'):
-            loud = np.any(loudness > self._baseline.loudest(shorter), axis=1)
-            wide = np.any(np.abs(wander) > self._baseline.widest(), axis=1)
-        unlike: Bools = loud | wide
-        return unlike
+        loudest, widest = self._baseline.limits
+        if shorter > 1:
+            loudest = self._baseline.loudest(shorter)
+        # NaN, where a window has no neighbour, compares as not wide.
+        unlike = np.any(loudness > loudest, axis=1) | np.any(np.abs(wander) > widest, axis=1)
+        return np.asarray(unlike)
 
     def _refine_resolution(self, stretch: _Stretch, windows: Ints) -> bool:
         """
@@ -574,26 +585,27 @@ class MotionDetector:
             self._news = []
             self._adopt(_baseline(self._past[:, :12], self._past[:, 12:],
                                   self._baseline.resolution), time_s)
-        if not len(self._unlike) and not moving.any():
-            return
-        self._unlike = np.concatenate([self._unlike, windows[inner & moving & ~beyond]])
-        self._between += int(np.count_nonzero(beyond | ~moving))
-        if self._between > _BETWEEN:
-            self._unlike, self._between = self._unlike[:0], 0
-        elif len(self._unlike) >= _PERSISTENT:
-            self._accept_change(time_s)
+        if len(self._lately) or moving.any():
+            verdict = np.where(beyond, 2.0, moving)
+            self._lately = np.concatenate(
+                [self._lately, np.column_stack([windows, verdict])[inner]])
+            if len(self._lately) >= _PERSISTENT:
+                self._accept_change(time_s)
+                self._lately = self._lately[:0]
 
     def _accept_change(self, time_s: float) -> None:
         """Take a new steady level for the sensor's own, if it is not much louder."""
         assert self._baseline is not None
-        baseline, still = settle(self._unlike[:, :12], self._unlike[:, 12:],
+        verdict = self._lately[:, 18]
+        if np.any(verdict > 1) or np.mean(verdict) < _PERSISTENT_SHARE:
+            return
+        baseline, still = settle(self._lately[:, :12], self._lately[:, 12:18],
                                  self._baseline.resolution)
         little = _ADOPTED_RATIO ** (2 / 3) * self._baseline.loudest()
         if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
-            self._past = self._unlike[still]
+            self._past = self._lately[still, :18]
             self._news = []
             self._adopt(baseline, time_s)
-        self._unlike, self._between = self._unlike[:0], 0
 
     def _adopt(self, baseline: Baseline, time_s: float) -> None:
         """Take a new baseline, and tell if the noise has become much louder or quieter."""
@@ -613,7 +625,7 @@ class MotionDetector:
                 changes=(*self._summary.changes[:9], (time_s, float(most))))
 
     def _time(self, stretch: _Stretch, window: int) -> float:
-        return stretch.start_s + window * self._size * self._interval_s
+        return max(stretch.start_s + window * self._size * self._interval_s, 0.0)
 
     def _give(self, stretch: _Stretch) -> list[EvenBlock]:
         """Give the rows at rest of the windows whose margin is known."""
@@ -649,8 +661,10 @@ class MotionDetector:
                 self._run_pending = False
             stretch.new_run = False
         seen = self._summary.seen + length
+        struck = int(np.count_nonzero(stretch.moving[context:context + count])) * size
         newest = self._time(stretch, stretch.given) + length * self._interval_s
         self._summary = replace(self._summary, seen=seen,
+                                struck=self._summary.struck + min(struck, length),
                                 moving=newest - self._span_end_s < _LATELY_S)
         stretch.rows = [rows[length:]]
         stretch.held -= length

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 import json
+from math import sqrt
 from typing import Any
 
 from imu_allan.block import EvenBlock, ImuBlock
@@ -26,6 +27,7 @@ from imu_allan.timeline.clock import (
 from imu_allan.timeline.grid import (
     bridge,
     count_steps,
+    EVEN_JITTER,
     measure_pace,
     NEIGHBOURS,
     Pace,
@@ -52,6 +54,7 @@ _NEVER_S = 10 * 365 * 86400
 _LATELY = 128
 _FOLLOW = 0.2
 _SPARSE = 16
+_FEWEST_FOR_RATE = 64
 _NONE = np.empty(0, dtype=np.int64)
 _DEFAULTS = TimelineOptions()
 
@@ -205,9 +208,16 @@ class TimelineStage:
         return stage
 
     def summary(self) -> TimelineSummary:
-        """Tell what was seen so far; messages still held back are only in `messages`."""
-        motion = self._motion.summary if self._motion is not None else MotionSummary()
-        return summarize(self._facts, self._options, motion, self._pending_messages)
+        """Tell what was seen of every message so far, those still held back included."""
+        stage = self
+        if self._pending_messages or (self._motion is not None and self._motion.holds_back):
+            stage = self.copy()
+            try:
+                stage.flush()
+            except ImuAllanError:
+                stage = self
+        motion = stage._motion.summary if stage._motion is not None else MotionSummary()
+        return summarize(stage._facts, self._options, motion, stage._pending_messages)
 
     def _reject_frame(self, frame_id: str, messages: int) -> None:
         facts = self._facts
@@ -263,6 +273,8 @@ class TimelineStage:
         facts = self._facts
         if facts.clock is None:
             self._decide(window)
+        if self._is_even(window):
+            return self._put_even(window)
         c = window.consumed
         repeats, backward = _stamp_faults(window.header[:c], facts.last_header)
         facts.header_repeats += repeats
@@ -287,6 +299,49 @@ class TimelineStage:
             facts.duplicates += int(np.count_nonzero(twice[:c]))
             rows = np.flatnonzero(~(unusable | twice))
         return self._order(window, stamps, other, rows)
+
+    def _is_even(self, window: _Window) -> bool:
+        """Tell whether nothing at all is wrong with the messages, as is usual."""
+        facts = self._facts
+        if (facts.last_ns is None or facts.fresh_run or facts.other_rate or facts.counting
+                or facts.counted_only or facts.interval_ns is None
+                or not all(facts.present or [False]) or window.absent.any()):
+            return False
+        stamps, interval, c = self._stamps(window)[0], facts.interval_ns, window.consumed
+        first = int(stamps[0]) - facts.last_ns
+        steps = stamps[1:] - stamps[:-1]
+        least, most = (1 - EVEN_JITTER) * interval, (1 + EVEN_JITTER) * interval
+        return bool(
+            first > 0 and least < first + facts.late_ns < most
+            and (not len(steps) or (least < steps.min() and steps.max() < most))
+            and abs(int(stamps[c - 1]) - facts.last_ns - c * interval) < 4 * interval
+            and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST)
+
+    def _put_even(self, window: _Window) -> list[EvenBlock]:
+        """Put messages without any fault on the grid."""
+        facts, c = self._facts, window.consumed
+        stamps, other = self._stamps(window)
+        assert facts.last_ns is not None
+        assert facts.interval_ns is not None
+        if facts.clock == 'header':
+            repeats, backward = _stamp_faults(other[:c], facts.last_receive)
+            facts.receive_repeats += repeats
+            facts.receive_backward += backward
+        else:
+            repeats, backward = _stamp_faults(other[:c], facts.last_header)
+            facts.header_repeats += repeats
+            facts.header_backward += backward
+            facts.tied_to, facts.ties = int(stamps[c - 1]), 0
+        facts.messages += c
+        facts.last_header = int(window.header[c - 1])
+        facts.last_receive = int(window.receive[c - 1])
+        begins = facts.elapsed_ns + int(stamps[0]) - facts.last_ns
+        piece = EvenPiece(window.samples[:c], facts.index + 1, begins / SECOND, False, _NONE)
+        passed = int(stamps[c - 1]) - facts.last_ns
+        lately = stamps[max(c - _LATELY, 0):c]
+        late = (lately - lately[-1]) / facts.interval_ns + np.arange(len(lately) - 1, -1, -1)
+        messages = _Messages(stamps, other, window.samples, c)
+        return self._advance(messages, [piece], late, passed, c, passed, c)
 
     def _decide(self, window: _Window) -> None:
         """Choose clock, axes and pace from the first messages."""
@@ -327,9 +382,11 @@ class TimelineStage:
             return
         facts.interval_ns, facts.spread, facts.counting = (
             pace.interval_ns, pace.spread, pace.counting)
-        if options.rate_hz is not None and len(rising) >= 8 and not options.force_rate:
+        if (options.rate_hz is not None and len(rising) >= _FEWEST_FOR_RATE
+                and not options.force_rate):
             measured = SECOND / pace.interval_ns
-            if abs(measured / options.rate_hz - 1) > _RATE_TOLERANCE:
+            if abs(measured / options.rate_hz - 1) > _RATE_TOLERANCE + 1 / len(rising):
+                facts.clock = None
                 raise ImuAllanError(
                     f'the stated rate is {options.rate_hz:g} Hz, but the {facts.clock} stamps '
                     f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock, '
@@ -585,30 +642,39 @@ class TimelineStage:
             lasts = int(behind[at])
             paced_ns, paced_steps = paced_ns - lasts, paced_steps - int(known[at])
             facts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
-        facts.paced_ns += paced_ns
-        facts.paced_steps += paced_steps
         facts.missing += missing
-        facts.samples += c
-
         if missing:
             pieces = self._pieces(messages.samples, steps, index, elapsed, c, new_run)
         else:
             pieces = [EvenPiece(messages.samples[:c], facts.index + 1, float(elapsed[0]) / SECOND,
                                 new_run, _NONE)]
+        lately = slice(max(c - _LATELY, 0), c)
+        late = (elapsed[lately] - elapsed[-1]) / interval - (index[lately] - index[-1])
+        return self._advance(messages, pieces, late, int(elapsed[-1]) - facts.elapsed_ns,
+                             int(index[-1]) - facts.index, paced_ns, paced_steps)
+
+    def _advance(self, messages: _Messages, pieces: list[EvenPiece], late: Floats,
+                 passed_ns: int, places: int, paced_ns: int, paced_steps: int
+                 ) -> list[EvenBlock]:
+        """Bring the counts up to date; `late`: the latest stamps against the last, in places."""
+        facts, c = self._facts, messages.consumed
+        interval = facts.interval_ns or 1.0
+        facts.samples += c
+        facts.paced_ns += paced_ns
+        facts.paced_steps += paced_steps
+        facts.elapsed_ns += passed_ns
+        facts.index += places
+        facts.last_ns, facts.other_ns = int(messages.stamps[c - 1]), int(messages.other[c - 1])
+        facts.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
+        mean = float(np.add.reduce(late)) / len(late)
+        facts.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
         self._tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
                       np.concatenate([self._tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((facts.present or [False])[3:]):
             some = messages.samples[:c:_SPARSE, 3:]
-            facts.gravity = [a + float(b) for a, b
-                             in zip(facts.gravity, some.sum(axis=0), strict=True)]
+            facts.gravity = [a + b for a, b
+                             in zip(facts.gravity, some.sum(axis=0).tolist(), strict=True)]
             facts.gravity_samples += len(some)
-
-        lately = slice(max(c - _LATELY, 0), c)
-        late = (elapsed[lately] - elapsed[-1]) / interval - (index[lately] - index[-1])
-        facts.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
-        facts.jitter = float(np.std(late))
-        facts.last_ns, facts.other_ns = int(stamps[c - 1]), int(other[c - 1])
-        facts.elapsed_ns, facts.index = int(elapsed[-1]), int(index[-1])
         if paced_steps > _LATELY and not facts.counted_only:
             lately_ns = paced_ns / paced_steps
             if abs(lately_ns / interval - 1) < 0.5 * _RATE_TOLERANCE:

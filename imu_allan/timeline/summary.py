@@ -233,7 +233,8 @@ def summarize(facts: Facts, options: TimelineOptions, motion: MotionSummary,
 
 
 def _mostly_motion(motion: MotionSummary) -> bool:
-    return motion.seen > 0 and motion.excluded > _MOSTLY * motion.seen
+    return (motion.excluded > _MOSTLY * motion.seen
+            and motion.struck > 0.5 * _MOSTLY * motion.seen)
 
 
 def _remarks(facts: Facts, options: TimelineOptions, motion: MotionSummary) -> dict[str, str]:
