@@ -93,6 +93,14 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Spectrum:
+    """Two-sided power spectral density in bands of an eighth of an octave, lines included."""
+
+    frequency_hz: tuple[float, ...]
+    psd: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class AxisResult:
     """Everything known about one axis."""
 
@@ -105,6 +113,7 @@ class AxisResult:
     goodness_of_fit: GoodnessOfFit
     curve: Curve
     gauss_markov: GaussMarkov | None = None
+    spectrum: Spectrum | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Estimate, Fit, fit
-from imu_allan.noise.likelihood import bins_of, grouped, maximise
+from imu_allan.noise.likelihood import bins_of, grouped, maximise, WHITE
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, Quantity, TERMS
 from imu_allan.noise.tones import find_lines, Line
@@ -67,10 +67,11 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 @dataclass(frozen=True)
 class AxisFit:
-    """What the spectrum of one axis says: the fitted terms, and the lines that were left out."""
+    """What the spectrum of one axis says: the fitted terms, the lines left out, and itself."""
 
     fit: Fit
     lines: list[Line]
+    spectrum: Spectrum
 
 
 def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
@@ -101,7 +102,11 @@ def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
             continue
         whole = grouped(bins, axis)
         lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
-        found.append(AxisFit(fit(whole if keep.all() else grouped(bins, axis, keep), dt), lines))
+        fitted = fit(whole if keep.all() else grouped(bins, axis, keep), dt)
+        # A column for unit white noise turns power into density, whatever stage it comes from.
+        density = whole.power / whole.design[:, WHITE]
+        found.append(AxisFit(fitted, lines, Spectrum(tuple(whole.frequency.tolist()),
+                                                     tuple(density.tolist()))))
     return found
 
 
@@ -164,6 +169,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit, fitted.acceptable),
             curve=_curve(points, axis, dt, values, fitted),
             gauss_markov=GaussMarkov(*fitted.gauss_markov) if fitted.gauss_markov else None,
+            spectrum=fitted_axis.spectrum,
         ), remarks))
     return found
 

@@ -147,6 +147,15 @@ def test_forecast_says_how_much_longer_to_record():
     assert walk.upper95 > SENSOR['rate_random_walk']
 
 
+def test_spectrum_of_white_noise_is_its_density_at_every_frequency():
+    spectrum = characterize(simulate({'noise_density': 0.5}, 500_000, RATE, 8), RATE).spectrum
+    frequency, density = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
+    assert frequency[0] < 1e-3
+    assert frequency[-1] <= RATE / 2
+    np.testing.assert_allclose(density[frequency > 1], 0.25, rtol=0.05)
+    assert np.mean(density) == pytest.approx(0.25, rel=0.1)
+
+
 def test_result_holds_only_plain_finite_numbers(record):
     def check(value):
         if isinstance(value, dict):
