@@ -19,6 +19,7 @@ EXTRAS ?= ros,fleet,test,lint,docs
 PYTEST_ARGS ?=
 RECORDING ?=
 TOPIC ?=
+DEMO_OUTPUT ?= demo_output
 
 # The wheels of ROS 2 Jazzy exist for Python 3.10 to 3.14.
 PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
@@ -48,8 +49,8 @@ $(STAMP): setup.py pyproject.toml $(CONSTRAINTS)
 	@touch $@
 
 demo: $(STAMP)
-	@$(RUN)/python demo/run_demo.py $(if $(RECORDING),--recording '$(RECORDING)') \
-		$(if $(TOPIC),--topic '$(TOPIC)')
+	@$(RUN)/python demo/run_demo.py --output '$(DEMO_OUTPUT)' \
+		$(if $(RECORDING),--recording '$(RECORDING)') $(if $(TOPIC),--topic '$(TOPIC)')
 
 test: $(STAMP)
 	$(RUN)/python -m pytest $(PYTEST_ARGS)

@@ -116,7 +116,7 @@ def characterize_live(model_file: Path, model: NoiseModel, rate_hz: float, secon
                 f'qos_overrides.{topic}.subscription.history': 'keep_all'}
     # The clean-up: whatever happens, no process is left behind.
     with ExitStack() as stack:
-        stack.enter_context(ros_process(
+        node = stack.enter_context(ros_process(
             'imu_allan_node', 'imu_allan.node.imu_allan_node', namespace, output,
             {**lossless, 'publish_period': 1.0, 'output_dir': str(output / 'live')}))
         simulator = stack.enter_context(ros_process(
@@ -125,7 +125,7 @@ def characterize_live(model_file: Path, model: NoiseModel, rate_hz: float, secon
              'wait_for_subscriptions': 2}))
         bystander = stack.enter_context(Bystander.joined(namespace, topic, lossless))
         with Screen(model, rate_hz, seconds) as screen:
-            write_recording(output / 'recording', bystander.blocks(simulator, screen))
+            write_recording(output / 'recording', bystander.blocks(simulator, node, screen))
         if simulator.returncode:
             raise ImuAllanError(f'the simulator ended with status {simulator.returncode}; see '
                                 f'{output}/live/imu_simulator.log')
@@ -209,13 +209,15 @@ class Bystander:
         self._heard: dict[str, dict[str, str]] = {}
         self._heard_until_ns = 0
 
-    def blocks(self, simulator: 'subprocess.Popen[bytes]', screen: 'Screen'
-               ) -> Iterator[ImuBlock]:
+    def blocks(self, simulator: 'subprocess.Popen[bytes]', node: 'subprocess.Popen[bytes]',
+               screen: 'Screen') -> Iterator[ImuBlock]:
         """Yield what is published until the simulator has ended; keep the screen up to date."""
         recorded = newest_ns = 0
         deadline = float('inf')
         while time.monotonic() < deadline:
             ended = simulator.poll() is not None
+            if node.poll() is not None:
+                raise ImuAllanError(f'the node ended with status {node.returncode}')
             batch = self._samples.take()
             if batch.messages:
                 for block in blocks_from_messages(batch.messages, batch.receive_ns):
@@ -239,7 +241,7 @@ class Bystander:
         if answer is None or not answer.success:
             raise ImuAllanError('the node did not save: '
                                 + ('no answer' if answer is None else answer.message))
-        return [word.strip(',;') for word in answer.message.split()]
+        return list(answer.message.splitlines())
 
     def _hear(self, array: Any) -> None:
         self._heard_until_ns = array.header.stamp.sec * 10**9 + array.header.stamp.nanosec

@@ -156,7 +156,7 @@ def test_every_make_command_is_a_target() -> None:
                                   *(f'docs/{path.name}' for path in ROOT.glob('docs/*.md'))])
 def test_links_and_pictures_lead_somewhere(page: str) -> None:
     text = (ROOT / page).read_text()
-    for target in re.findall(r'\]\(([^)]+)\)', text):
+    for target in re.findall(r'\]\(([^)\s]+)\)', text):
         if not target.startswith(('http', '#')):
             assert (ROOT / page).parent.joinpath(target.partition('#')[0]).exists(), target
 

@@ -1,0 +1,99 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstration, with minutes of simulated time in place of hours."""
+
+import importlib.util
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from imu_allan.cli.main import main
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DEMO = ROOT / 'demo' / 'run_demo.py'
+FILES = {'report.html', 'allan_deviation.png', 'imu.yaml', 'result.json', 'curve.csv'}
+
+
+def living(session: int) -> list[int]:
+    """Give the processes of a session."""
+    found = []
+    for status in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            fields = status.read_text().rsplit(')', 1)[1].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session and fields[0] != 'Z':
+            found.append(int(status.parent.name))
+    return found
+
+
+def test_node_and_recording_show_the_same_numbers_and_every_file_is_there(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    output = tmp_path / 'demo output'
+    with subprocess.Popen([sys.executable, str(DEMO), '--hours', '0.05', '--output', str(output)],
+                          stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+        assert process.stdout is not None
+        shown = process.stdout.read()
+    assert process.returncode == 0, shown
+    assert 'The same numbers' in shown
+    assert '18,000 and 18,000 samples' in shown
+    assert '(true 0.48 deg/sqrt(h))' in shown
+    assert {path.name for path in output.iterdir()} == FILES | {'recording', 'live'}
+    assert any((output / 'recording').glob('*.mcap'))
+    assert living(process.pid) == []
+
+
+def test_ctrl_c_ends_every_process_of_the_demo(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    with subprocess.Popen([sys.executable, str(DEMO), '--output', str(tmp_path / 'demo')],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                          start_new_session=True) as process:
+        assert process.stdout is not None
+        while 'times real time' not in (line := process.stdout.readline()):
+            assert line, 'the demo ended by itself'
+        os.killpg(process.pid, signal.SIGINT)
+        _, complaints = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert 'Traceback' not in complaints
+    deadline = time.monotonic() + 10
+    while living(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert living(process.pid) == []
+    assert not (tmp_path / 'demo' / 'recording').exists()
+
+
+def test_recording_of_the_user_is_analyzed_instead(tmp_path: Path) -> None:
+    bag, output = tmp_path / 'my bag', tmp_path / 'out'
+    assert main(['simulate', str(ROOT / 'config' / 'tactical_mems.yaml'), '--duration', '1min',
+                 '--output', str(bag)]) == 0
+    done = subprocess.run(['make', '--silent', '-C', str(ROOT), 'demo', f'RECORDING={bag}',
+                           f'RUN={Path(sys.executable).parent}', f'DEMO_OUTPUT={output}',
+                           'STAMP='], check=True, capture_output=True, text=True)
+    assert '6,000 samples at 100 Hz' in done.stdout
+    assert {path.name for path in output.iterdir()} == FILES
+
+
+def test_missing_recording_is_one_line(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, str(DEMO), '--recording', 'no/such', '--output',
+                           str(tmp_path)], check=False, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr == 'imu_allan: no/such: no such file or directory\n'
+
+
+def test_the_comparison_sees_any_difference() -> None:
+    spec = importlib.util.spec_from_file_location('run_demo', DEMO)
+    assert spec is not None
+    assert spec.loader is not None
+    demo = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(demo)
+    tree = {'a': [1.0, 2.0, None], 'b': {'c': 4.0, 'd': 'text', 'e': True}}
+    assert demo.largest_difference(tree, tree) == (3, 0.0)
+    changed = {'a': [1.0, 2.0, None], 'b': {'c': 5.0, 'd': 'text', 'e': True}}
+    assert demo.largest_difference(tree, changed) == (3, pytest.approx(0.2))
+    for other in ({**tree, 'a': [1.0, 2.0]}, {**tree, 'a': [1.0, 2.0, 0.0]},
+                  {'a': tree['a']}, {**tree, 'b': {**tree['b'], 'e': False}}):
+        assert demo.largest_difference(tree, other)[1] == float('inf')
