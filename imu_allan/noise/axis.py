@@ -20,6 +20,7 @@ from imu_allan.result import (
     GoodnessOfFit,
     Interval,
     Remark,
+    Spectrum,
     Tone,
 )
 import numpy as np

@@ -1,5 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from itertools import pairwise
+
 from hypothesis import given, settings, strategies as st
 from imu_allan.noise.axis import axis_results, characterize, fit_axes
 from imu_allan.noise.curve import octaves
@@ -21,10 +23,10 @@ def same_state(one, other):
 
 
 def lived(samples, *gaps):
-    """An estimator that saw `samples` with gaps of three samples at some places."""
+    """Show `samples` to an estimator, with gaps of three samples at some places."""
     estimator = Estimator(samples.shape[1])
     edges = [0, *sorted(gaps), len(samples)]
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         estimator.update(samples[begin:end])
         if end != len(samples):
             estimator.skip(3)
@@ -41,7 +43,7 @@ def test_any_split_into_batches_gives_the_same_bits(cuts, gaps):
     whole = lived(RECORD, *gaps)
     split = Estimator(2)
     stops = sorted({0, *cuts, *gaps, len(RECORD)})
-    for begin, end in zip(stops[:-1], stops[1:], strict=True):
+    for begin, end in pairwise(stops):
         split.update(RECORD[begin:end])
         if end in gaps:
             split.skip(3)
