@@ -165,8 +165,8 @@ def _parse(text: bytes) -> _Metadata:
         If a field is missing or of another type.
 
     """
-    loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-    information = _item(yaml.load(text, loader), 'rosbag2_bagfile_information', dict)
+    # Not CSafeLoader: deep nesting overflows its stack and ends the process.
+    information = _item(yaml.safe_load(text), 'rosbag2_bagfile_information', dict)
     metadata = _Metadata()
     for name in _item(information, 'relative_file_paths', list):
         if not isinstance(name, str) or not PurePosixPath(name).name:

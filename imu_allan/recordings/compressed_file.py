@@ -9,11 +9,17 @@ import tempfile
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.decompress import Bounded, DamagedData, decompressing
+from imu_allan.recordings.decompress import (
+    Bounded,
+    DamagedData,
+    declared_size,
+    decompressing,
+)
 from imu_allan.recordings.open_recording import open_stored
 from imu_allan.recordings.recording import Recording
 
 _PIECE = 1 << 22
+_LONGEST_FRAME_HEAD = 18
 _SPARED_DISK = 1 << 28
 """Bytes of the temporary folder's disk that are never filled."""
 
@@ -58,18 +64,27 @@ class CompressedRecording(Recording):
 
     def _unpack(self, stored: Path) -> None:
         room = shutil.disk_usage(self._folder).free - _SPARED_DISK
+        written = 0
+        reason = ''
         with self.path.open('rb') as file, stored.open('wb') as out:
+            declared = declared_size(file.read(_LONGEST_FRAME_HEAD))
+            file.seek(0)
             plain = decompressing('zstd', Bounded(file, self.size_bytes))
             try:
                 while data := plain.read(_PIECE):
-                    room -= len(data)
-                    if room < 0:
+                    written += len(data)
+                    if written > room:
                         raise ImuAllanError(
                             f'{printable(self.path)}: no room to decompress it in '
                             f'{printable(self._folder.parent)}; name a larger folder with TMPDIR')
                     out.write(data)
             except DamagedData as error:
-                self.remark(
-                    'truncated_recording',
-                    f'the compressed file is damaged or cut short ({printable(error)}); '
-                    'what comes before was read')
+                reason = printable(error)
+        if written < declared:
+            # The library ends a frame that is cut short without a word.
+            reason = reason or f'{declared - written} of {declared} bytes are missing'
+        if reason:
+            self.remark(
+                'truncated_recording',
+                f'the compressed file is damaged or cut short ({reason}); what comes before was '
+                'read')

@@ -17,8 +17,8 @@ except ImportError:
     from zlib import crc32
 
 __all__ = [
-    'Bounded', 'DamagedData', 'Readable', 'crc32', 'decompress', 'decompress_frame',
-    'decompressing',
+    'Bounded', 'DamagedData', 'Readable', 'crc32', 'declared_size', 'decompress',
+    'decompress_frame', 'decompressing',
 ]
 
 
@@ -92,6 +92,14 @@ def decompress_frame(data: bytes, most: int) -> bytes:
         return _unzstd(data, most)
     except (zstandard.ZstdError, MemoryError) as error:
         raise DamagedData(str(error)) from error
+
+
+def declared_size(head: bytes) -> int:
+    """Return the size that a zstd frame beginning with `head` declares; 0 where it does not."""
+    try:
+        return max(zstandard.frame_content_size(head), 0)
+    except zstandard.ZstdError:
+        return 0
 
 
 def decompressing(compression: str, source: Bounded) -> Readable:

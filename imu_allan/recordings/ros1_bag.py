@@ -13,6 +13,7 @@ ROS wiki, Bags/Format/2.0
 
 """
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
@@ -64,12 +65,13 @@ class Ros1Recording(Recording):
         self._stored = stored
         self._connections: dict[int, _Connection] = {}
         self._counts: dict[int, int] = {}
+        self._chunk_starts: list[int] = []
         with stored.open('rb') as file:
             self.size_bytes = file.seek(0, 2)
             file.seek(0)
             magic = file.read(len(MAGIC))
             if magic != MAGIC:
-                version = magic[8:12].decode('ascii', 'replace').strip()
+                version = magic[9:12].decode('ascii', 'replace').strip()
                 raise ImuAllanError(
                     f'{printable(path)}: ROS bag version {printable(version)} is not supported; '
                     'convert it to 2.0 with: rosbag fix')
@@ -118,12 +120,14 @@ class Ros1Recording(Recording):
                     self._describe(record.header, file.read(
                         min(record.length, _LARGEST_DEFINITION)))
                 elif op == RecordType.CHUNK_INFO:
+                    self._chunk_starts.append(record.header.get_uint64('chunk_pos'))
                     pairs = np.frombuffer(file.read(record.length // 8 * 8), '<u4').reshape(-1, 2)
                     for number, count in pairs.tolist():
                         counts[number] += count
                 else:
                     return False
                 at = record.start + record.length
+            self._chunk_starts.sort()
             self._counts = dict(counts)
         return bool(self._connections) and at == self.size_bytes
 
@@ -170,20 +174,25 @@ class Ros1Recording(Recording):
         at = len(MAGIC)
         part: Part | None = None
         while True:
-            record = _record(file, at, self.size_bytes)
-            try:
-                op = 0 if record is None else record.header.get_uint8('op')
-                if op == RecordType.IDXDATA and part is not None and record is not None:
+            place = bisect_right(self._chunk_starts, at)
+            limit = (self._chunk_starts[place] if place < len(self._chunk_starts)
+                     else self.size_bytes)
+            record = _record(file, at, limit)
+            op = _operation(record)
+            if record is not None and op == RecordType.IDXDATA and part is not None:
+                with suppress(ReaderError):
                     part.counts[record.header.get_uint32('conn')] = (
                         record.header.get_uint32('count'))
-            except ReaderError:
-                op = 0
-            if op != RecordType.IDXDATA and part is not None:
+            elif part is not None:
                 yield part
                 part = None
-            if record is None or not RecordType.MSGDATA <= op <= RecordType.CONNECTION:
-                damage.ending(at, self.size_bytes - at, in_chunk=False)
-                break
+            if record is None or op is None:
+                if place == len(self._chunk_starts):
+                    damage.ending(at, self.size_bytes - at, in_chunk=False)
+                    break
+                damage.hole(at, limit - at)
+                at = limit
+                continue
             if op == RecordType.CHUNK:
                 part = Part(at, record.start + record.length - at, is_chunk=True)
                 damage.chunks += 1
@@ -323,6 +332,14 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
     [length] = _UINT.unpack(file.read(4))
     start = at + 8 + size
     return _Record(header, start, length) if start + length <= end else None
+
+
+def _operation(record: _Record | None) -> RecordType | None:
+    """Tell what a record is; None where it is none."""
+    try:
+        return None if record is None else RecordType(record.header.get_uint8('op'))
+    except (ReaderError, ValueError):
+        return None
 
 
 def _chunk_data(file: BinaryIO, part: Part) -> bytes:

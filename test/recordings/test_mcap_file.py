@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """MCAP files in all shapes, whole and damaged."""
 
+from functools import partial
 import os
 from pathlib import Path
 import re
@@ -14,8 +15,8 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording
 from imu_allan.recordings.gather import gather
 from mcap.reader import make_reader
-from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.records import Chunk
+from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 import numpy as np
 import pytest
@@ -111,7 +112,8 @@ def test_gathering_equals_stepping_through_with_the_mcap_library(tmp_path, recor
             at += 9 + length
         claim = np.array(offsets[::-1], np.int64)
         for wanted in ({channels[0]}, {channels[1], channels[3]}, set(channels)):
-            pieces, consumed = gather(chunk.data, wanted, None, (lambda: claim) if index else None)
+            pieces, consumed = gather(
+                chunk.data, wanted, None, partial(np.copy, claim) if index else None)
             assert consumed == len(chunk.data)
             assert [(stamp, row.tobytes()) for piece in pieces
                     for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True)] == [
@@ -213,7 +215,7 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(
 def test_a_tail_of_zeros_is_told(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
     whole = path.read_bytes()
-    start, end = chunk_places(path)[3]
+    _, end = chunk_places(path)[3]
     path.write_bytes(whole[:end] + bytes(4096))
     after, [remark] = read(path)
     assert_same(after, joined([block(len(after))]))

@@ -146,8 +146,8 @@ def test_a_truncated_database_gives_what_is_there(tmp_path, share):
     assert len(after) > 5000 * share * 0.9
     assert remarks[0].code == 'truncated_recording'
     assert remarks[0].message == (
-        f'{path}: {len(whole) - left} of {len(whole)} bytes are missing at the end of the database '
-        '(was the recorder killed, or the copy cut short?)')
+        f'{path}: {len(whole) - left} of {len(whole)} bytes are missing at the end of the '
+        'database (was the recorder killed, or the copy cut short?)')
 
 
 def test_messages_behind_a_damaged_page_are_read(tmp_path):
@@ -217,8 +217,8 @@ def test_a_type_that_contains_an_imu_is_told_apart(tmp_path):
     path = write_db3(tmp_path / 'a.db3', block(0), [('/stamped', 'my_msgs/msg/ImuStamped')])
     with sqlite3.connect(path) as database:
         database.execute('DELETE FROM topics WHERE id = 1')
-        database.execute('CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT '
-                         'NOT NULL, encoding TEXT, encoded_message_definition TEXT)')
+        database.execute('CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type '
+                         'TEXT NOT NULL, encoding TEXT, encoded_message_definition TEXT)')
         database.execute(
             'INSERT INTO message_definitions(topic_type, encoded_message_definition) VALUES '
             "('my_msgs/msg/ImuStamped', 'sensor_msgs/Imu imu\nfloat64 temperature')")

@@ -1,0 +1,276 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""rosbag2 directories: split, compressed, of all versions, incomplete."""
+
+import os
+from pathlib import Path
+import re
+import shutil
+import sqlite3
+
+from bags import assert_same, block, IMU, joined, read, write_db3, write_mcap, write_metadata
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings.bag_directory import BagDirectory
+import pytest
+import zstandard
+
+DATA = Path(os.environ.get('IMU_ALLAN_DATA', 'IMU_ALLAN_DATA is not set'))
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason='IMU_ALLAN_DATA is not set')
+
+
+def compress(path: Path) -> Path:
+    """Replace a file by its zstd-compressed form, as rosbag2 does."""
+    packed = path.with_name(f'{path.name}.zstd')
+    packed.write_bytes(zstandard.compress(path.read_bytes()))
+    path.unlink()
+    return packed
+
+
+@pytest.fixture
+def split_bag(tmp_path: Path) -> Path:
+    """Three MCAP files of 500 messages each, of which the numbers matter for their order."""
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    names = [f'bag_{number}.mcap' for number in (9, 10, 11)]
+    for place, name in enumerate(names):
+        write_mcap(folder / name, block(500, first=500 * place))
+    write_metadata(folder, names, [('/imu', IMU, 1500), ('/other', 'a_msgs/msg/B', 0)])
+    return folder
+
+
+def test_a_split_bag_is_read_in_order(split_bag):
+    with open_recording(split_bag) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 1500)]
+        assert recording.other_topics == {'/other': 'a_msgs/msg/B'}
+        assert recording.size_bytes == sum(
+            path.stat().st_size for path in split_bag.glob('*.mcap'))
+        positions: list[int] = []
+        after = joined(recording.blocks('/imu', positions.append))
+        assert recording.remarks == []
+    assert_same(block(1500), after)
+    assert positions == sorted(positions)
+    assert positions[-1] == recording.size_bytes
+
+
+def test_a_bag_without_metadata_is_read_in_the_order_of_its_numbers(split_bag):
+    (split_bag / 'metadata.yaml').unlink()
+    after, [remark] = read(split_bag)
+    assert_same(block(1500), after)
+    assert (remark.code, remark.message) == (
+        'no_metadata',
+        f'{split_bag}: no metadata.yaml (was the recorder killed?); the files found were read')
+
+
+def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
+    for text, reason in [
+            ('rosbag2_bagfile_information: {', None), ('[' * 100_000, None), ('', None),
+            ('rosbag2_bagfile_information: 5', 'no rosbag2_bagfile_information'),
+            ('rosbag2_bagfile_information: {relative_file_paths: [1]}', None),
+            ('rosbag2_bagfile_information: {relative_file_paths: []}', None),
+            ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap]}',
+             'no topics_with_message_count'), ('a: 2001-99-99', None), ('\0', None)]:
+        (split_bag / 'metadata.yaml').write_text(text)
+        after, [remark] = read(split_bag)
+        assert_same(block(1500), after)
+        assert remark.code == 'no_metadata'
+        assert '\n' not in remark.message
+        assert remark.message.startswith(f'{split_bag}: metadata.yaml is damaged (')
+        if reason is not None:
+            assert remark.message == (
+                f'{split_bag}: metadata.yaml is damaged ({reason}); the files found were read')
+
+
+def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
+    (split_bag / 'bag_10.mcap').unlink()
+    after, [remark] = read(split_bag)
+    assert_same(joined([block(500), block(500, first=1000)]), after)
+    assert (remark.code, remark.message) == (
+        'missing_file',
+        f'{split_bag}: 1 of 3 files that metadata.yaml lists are missing and were left out: '
+        'bag_10.mcap')
+
+
+def test_a_bag_without_any_of_its_files_is_refused(split_bag):
+    for path in split_bag.glob('*.mcap'):
+        path.unlink()
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(split_bag)
+    assert str(error.value) == (
+        f'{split_bag}: missing bag_9.mcap, bag_10.mcap, bag_11.mcap: no file that metadata.yaml '
+        'lists is there; copy them beside it')
+
+
+def test_a_file_of_it_that_cannot_be_read_is_a_remark(split_bag):
+    (split_bag / 'bag_10.mcap').write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
+    after, [remark] = read(split_bag)
+    assert_same(joined([block(500), block(500, first=1000)]), after)
+    assert remark.message == (
+        f'{split_bag}: a file of it was left out: {split_bag}/bag_10.mcap: a git-LFS pointer, not '
+        'the recording itself; fetch it with: git lfs pull')
+
+
+def test_remarks_of_its_files_are_remarks_of_the_bag(split_bag):
+    path = split_bag / 'bag_11.mcap'
+    path.write_bytes(path.read_bytes()[:-5000])
+    after, remarks = read(split_bag)
+    assert 1000 < len(after) < 1500
+    assert_same(block(len(after)), after)
+    assert [remark.code for remark in remarks] == ['truncated_recording']
+
+
+@pytest.mark.parametrize('write', [write_mcap, write_db3])
+def test_files_compressed_as_a_whole_are_read(tmp_path, write):
+    suffix = 'mcap' if write is write_mcap else 'db3'
+    names = []
+    for number in range(3):
+        path = write(tmp_path / f'bag_{number}.{suffix}', block(500, first=500 * number))
+        names.append(compress(path).name)
+    write_metadata(tmp_path, names, [('/imu', IMU, 1500)],
+                   compression_format='zstd', compression_mode='FILE')
+    after, remarks = read(tmp_path)
+    assert_same(block(1500), after)
+    assert remarks == []
+    # rosbag2 of Foxy listed the names without their last suffix.
+    write_metadata(tmp_path, [name.removesuffix('.zstd') for name in names], [('/imu', IMU, 1500)])
+    assert_same(block(1500), read(tmp_path)[0])
+
+
+def test_nothing_is_left_in_the_temporary_folder(tmp_path, monkeypatch):
+    temporary = tmp_path / 'temporary'
+    temporary.mkdir()
+    monkeypatch.setattr('tempfile.tempdir', str(temporary))
+    path = compress(write_db3(tmp_path / 'a.db3', block(100)))
+    assert_same(block(100), read(path)[0])
+    assert list(temporary.iterdir()) == []
+    path.write_bytes(zstandard.compress(b'not a recording'))
+    with pytest.raises(ImuAllanError, match='neither a rosbag2 directory'):
+        open_recording(path)
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', block(3000), compression='none')
+    packed = compress(path)
+    packed.write_bytes(packed.read_bytes()[:-1000])
+    after, remarks = read(packed)
+    assert_same(block(len(after)), after)
+    assert len(after) > 1000
+    assert [remark.code for remark in remarks] == ['truncated_recording', 'truncated_recording']
+    assert remarks[0].message.startswith(
+        f'{packed}: the compressed file is damaged or cut short (')
+
+
+def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr('imu_allan.recordings.compressed_file._SPARED_DISK', 2**60)
+    path = compress(write_db3(tmp_path / 'a.db3', block(10)))
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value).startswith(f'{path}: no room to decompress it in ')
+    assert str(error.value).endswith('; name a larger folder with TMPDIR')
+
+
+@pytest.mark.parametrize('container', ['mcap', 'db3'])
+def test_messages_compressed_one_by_one_are_read(tmp_path, container):
+    messages = block(300)
+    packed = [zstandard.compress(row.tobytes()) for row in encode_imu_rows(messages)]
+    packed[7] = packed[7][:20]
+    path = tmp_path / f'bag_0.{container}'
+    if container == 'db3':
+        write_db3(path, block(0))
+        with sqlite3.connect(path) as database:
+            database.executemany(
+                'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
+                zip(messages.receive_ns.tolist(), packed, strict=True))
+        database.close()
+    else:
+        from mcap.writer import Writer
+        with path.open('wb') as file:
+            writer = Writer(file)
+            writer.start('ros2')
+            channel = writer.register_channel(
+                '/imu', 'cdr', writer.register_schema(IMU, 'ros2msg', b''))
+            for data, stamp in zip(packed, messages.receive_ns.tolist(), strict=True):
+                writer.add_message(channel, stamp, data, stamp)
+            writer.finish()
+    write_metadata(tmp_path, [path.name], [('/imu', IMU, 300)],
+                   compression_format='zstd', compression_mode='MESSAGE')
+    after, [remark] = read(tmp_path)
+    assert remark.code == 'malformed_messages'
+    assert remark.message.startswith(f'{path}: 1 messages of /imu are not valid sensor_msgs/Imu')
+    assert_same(joined([block(7), block(292, first=8)]), after)
+
+
+@pytest.mark.parametrize('listed', [
+    '../../outside.mcap', '/etc/outside.mcap', 'bag/outside.mcap', './outside.mcap'])
+def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
+    write_mcap(tmp_path / 'outside.mcap', block(5))
+    folder = tmp_path / 'bag' / 'inner'
+    folder.mkdir(parents=True)
+    write_metadata(folder, [listed], [('/imu', IMU, 5)])
+    with pytest.raises(ImuAllanError, match=r'missing outside\.mcap'):
+        open_recording(folder)
+
+
+def test_what_is_no_bag_directory_is_refused(tmp_path):
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(tmp_path)
+    assert str(error.value) == (
+        f'{tmp_path}: not a rosbag2 directory: no metadata.yaml and no .mcap or .db3 file in it')
+    (tmp_path / 'a.bag').touch()
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(tmp_path)
+    assert str(error.value).endswith('in it; name one of its .bag files')
+
+
+def test_metadata_that_counts_no_messages_is_checked_against_the_files(split_bag):
+    names = [f'bag_{number}.mcap' for number in (9, 10, 11)]
+    write_metadata(split_bag, names, [('/imu', IMU, 0)])
+    with open_recording(split_bag) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 1500)]
+
+
+@needs_data
+@pytest.mark.parametrize('path', sorted(DATA.glob('metadata_versions/*.yaml')),
+                         ids=lambda path: path.name[:2])
+def test_metadata_of_every_version_is_understood(tmp_path, path):
+    shutil.copy(path, tmp_path / 'metadata.yaml')
+    recording = BagDirectory.__new__(BagDirectory)
+    super(BagDirectory, recording).__init__(tmp_path)
+    metadata = recording._read_metadata()
+    assert recording.remarks == []
+    assert metadata is not None
+    assert metadata.files
+    assert all('/' not in name for name in metadata.files)
+    assert metadata.topics or metadata.other_topics
+
+
+@needs_data
+@pytest.mark.parametrize('path', sorted(
+    {path.parent for path in (*DATA.glob('rosbag2_*/**/*.db3'), *DATA.glob('rosbag2_*/**/*.mcap'),
+                              *DATA.glob('rosbag2_*/**/*.zstd'))}), ids=lambda path: path.name)
+def test_bags_of_rosbag2_itself_are_refused_for_what_they_are(path):
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert re.match(
+        re.escape(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds ') + r'/?\w+',
+        str(error.value))
+
+
+@needs_data
+def test_a_bag_of_version_2_with_the_folder_in_its_file_names_is_read():
+    messages, remarks = read(DATA / 'plotjuggler_v2_constant_imu' / 'rosbag2_test')
+    assert len(messages) == 1565
+    assert (messages.samples == [131., 132., 133., 151., 152., 153.]).all()
+    assert remarks == []
+
+
+@needs_data
+def test_two_imu_topics_are_both_named():
+    path = DATA / 'robot_localization_test1_2imu_xsens'
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == (
+        f'{path}: 2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13333 '
+        'messages), /xsens/imu_data (13334 messages)')

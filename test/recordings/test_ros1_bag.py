@@ -1,0 +1,142 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""ROS 1 bags, whole and damaged."""
+
+from collections.abc import Callable
+from pathlib import Path
+import re
+
+from bags import assert_same, block, joined, read
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording
+import pytest
+from rosbags.rosbag1 import Reader, Writer
+from rosbags.typesys import get_typestore, Stores
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+COMPRESSIONS = {'none': None, 'lz4': Writer.CompressionFormat.LZ4,
+                'bz2': Writer.CompressionFormat.BZ2}
+MESSAGES = block(3000)
+
+
+def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
+              others: Callable[[int], int] = lambda _: 0) -> Path:
+    """Write topic /imu, and `others` messages of /chatter before each, in chunks of 50 kB."""
+    path.unlink(missing_ok=True)
+    writer = Writer(path)
+    writer.chunk_threshold = 50_000
+    if COMPRESSIONS[compression] is not None:
+        writer.set_compression(COMPRESSIONS[compression])
+    with writer:
+        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=STORE)
+        chatter = writer.add_connection('/chatter', 'std_msgs/msg/String', typestore=STORE)
+        for number, (row, stamp) in enumerate(zip(
+                encode_imu_rows(messages, 'ros1'), messages.receive_ns.tolist(), strict=True)):
+            for _ in range(others(number)):
+                writer.write(chatter, stamp, b'\5\0\0\0hello')
+            writer.write(imu, stamp, row.tobytes())
+    return path
+
+
+def chunk_places(path: Path) -> list[int]:
+    with Reader(path) as reader:
+        return [info.pos for info in reader.chunk_infos]
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+@pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 5 * (n % 70 == 0)],
+                         ids=['alone', 'alternating', 'bursts'])
+def test_every_bit_of_what_rosbags_wrote_is_read(tmp_path, compression, others):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, compression, others)
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 3000)]
+        assert recording.other_topics == {'/chatter': 'std_msgs/String'}
+    after, remarks = read(path)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, 'lz4', lambda n: n % 2)
+    whole = path.read_bytes()
+    places = chunk_places(path)
+    assert len(places) > 5
+    path.write_bytes(whole[:places[4] + 100])
+    with open_recording(path) as recording:
+        [topic] = recording.topics
+    after, [remark] = read(path)
+    assert_same(block(len(after)), after)
+    assert topic.count == len(after) > 300
+    assert (remark.code, remark.message) == (
+        'truncated_recording',
+        f'{path}: the recording breaks off (was the recorder killed?): 100 bytes from byte '
+        f'{places[4]} on are not whole records and are lost; 4 whole chunks were found')
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, compression):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
+    data = bytearray(path.read_bytes())
+    places = chunk_places(path)
+    size = (places[3] - places[2]) // 4
+    data[places[2] + 200:places[2] + 200 + size] = b'\xa5' * size
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    lost = 3000 - len(after)
+    assert 20 < lost < 200
+    assert remark.code == 'damaged_recording'
+    assert re.fullmatch(
+        re.escape(f'{path}: 1 of {len(places)} chunks are damaged and were left out (the first at '
+                  f'byte {places[2]}: ') + '.+'
+        + re.escape(f'); {lost} of 3000 messages of /imu are lost'), remark.message)
+
+
+def test_reading_goes_on_at_the_next_chunk_that_the_index_names(tmp_path):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES)
+    data = bytearray(path.read_bytes())
+    places = chunk_places(path)
+    size = places[3] - places[2]
+    data[places[2]:places[3]] = b'\xff' * size
+    path.write_bytes(data)
+    after, [remark] = read(path)
+    lost = 3000 - len(after)
+    assert 20 < lost < 200
+    assert remark.message == (
+        f'{path}: 1 stretches are not records and were left out (the first: {size} bytes from '
+        f'byte {places[2]} on); {lost} of 3000 messages of /imu are lost')
+
+
+def test_other_versions_and_encrypted_bags_are_refused(tmp_path):
+    path = tmp_path / 'a.bag'
+    path.write_bytes(b'#ROSBAG V1.2\nsomething else')
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == (
+        f'{path}: ROS bag version 1.2 is not supported; convert it to 2.0 with: rosbag fix')
+
+
+def test_an_empty_bag_is_named(tmp_path):
+    path = tmp_path / 'a.bag'
+    with Writer(path):
+        pass
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == f'{path}: it holds no topics at all: the recording is empty'
+
+
+def test_frame_ids_that_change_are_kept(tmp_path):
+    path = tmp_path / 'a.bag'
+    parts = [block(40), block(3, 'another', 40), block(1, 'x', 43), block(60, first=44)]
+    with Writer(path) as writer:
+        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=STORE)
+        for part in parts:
+            for row, stamp in zip(
+                    encode_imu_rows(part, 'ros1'), part.receive_ns.tolist(), strict=True):
+                writer.write(imu, stamp, row.tobytes())
+    with open_recording(path) as recording:
+        blocks = list(recording.blocks('/imu'))
+    assert [(item.frame_id, len(item)) for item in blocks] == [
+        ('imu_link', 40), ('another', 3), ('x', 1), ('imu_link', 60)]
+    assert_same(joined(parts), joined(blocks))
