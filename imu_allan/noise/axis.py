@@ -21,6 +21,7 @@ from imu_allan.result import (
     Interval,
     Remark,
     Spectrum,
+    Spectrum,
     Tone,
 )
 import numpy as np
