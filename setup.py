@@ -48,7 +48,7 @@ setup(
             'ros-jazzy-rosgraph-msgs',
         ],
         'fleet': ['distributed'],
-        'test': ['pytest', 'hypothesis', 'allantools'],
+        'test': ['pytest', 'hypothesis', 'allantools', 'opencv-python-headless', 'pymavlink'],
         'lint': ['ruff', 'mypy', 'types-PyYAML', 'scipy-stubs'],
         'docs': ['sphinx>=7', 'myst-parser>=3', 'furo'],
     },

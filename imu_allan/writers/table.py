@@ -113,8 +113,8 @@ def _sensor_table(title: str, axes: dict[str, AxisResult]) -> 'Table':
 
     table = Table(title=title, title_justify='left', title_style='bold', box=box.SIMPLE_HEAD,
                   padding=0)
-    table.add_column('term')
-    table.add_column('unit', style='dim')
+    table.add_column('term', overflow='fold')
+    table.add_column('unit', style='dim', overflow='fold')
     for name in axes:
         # Folding keeps every digit on a narrow terminal; cropping would lose some.
         table.add_column(name[-1], justify='right', overflow='fold')

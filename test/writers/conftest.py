@@ -65,9 +65,9 @@ def axis_result(name: str, coefficients: Mapping[str, float],
     settings: dict[str, Any] = {
         'mean': 0.01 if name != 'accel_z' else 9.80665, 'band_limit_s': None, 'tones': (),
         'goodness_of_fit': GoodnessOfFit(0.4, 0.01, True)}
-    settings.update(fields)
+    settings.update({'curve': curve, **fields})
     return AxisResult(quantity=quantity.value, unit=quantity.unit, coefficients=entries,
-                      curve=curve, **settings)
+                      **settings)
 
 
 def build_result(scale: float = 1.0, **fields: Any) -> Result:

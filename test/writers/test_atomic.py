@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import os
 
-import pytest
-
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import write_atomically
+import pytest
 
 
 def test_a_file_is_made_with_the_folders_it_needs(tmp_path):
@@ -16,7 +15,7 @@ def test_a_file_is_made_with_the_folders_it_needs(tmp_path):
 def test_nothing_but_the_file_is_left_behind(tmp_path):
     for content in (b'one', b'two'):
         write_atomically(tmp_path / 'file', content)
-    assert os.listdir(tmp_path) == ['file']
+    assert [path.name for path in tmp_path.iterdir()] == ['file']
     assert (tmp_path / 'file').read_bytes() == b'two'
 
 
@@ -29,7 +28,7 @@ def test_a_failure_leaves_the_old_content_and_no_debris(tmp_path, monkeypatch):
     monkeypatch.setattr(os, 'fsync', full_disk)
     with pytest.raises(ImuAllanError, match=r'file: cannot be written \(No space left'):
         write_atomically(tmp_path / 'file', b'new')
-    assert os.listdir(tmp_path) == ['file']
+    assert [path.name for path in tmp_path.iterdir()] == ['file']
     assert (tmp_path / 'file').read_bytes() == b'old'
 
 

@@ -1,0 +1,84 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+from math import sqrt
+from pathlib import Path
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import Coefficient
+from imu_allan.writers.comparison import compare, comparison_figure, difference_table, names_of
+from imu_allan.writers.plot import render
+import pytest
+from rich.console import Console
+
+
+def one(make_result, make_axis, value, interval):
+    axis = make_axis('gyro_x', {'noise_density': 1.0})
+    coefficients = {**axis.coefficients, 'noise_density': Coefficient(
+        'N', 'rad/s/sqrt(Hz)', True, value, interval, None)}
+    return make_result(axes={'gyro_x': replace(axis, coefficients=coefficients)})
+
+
+def test_a_difference_is_in_units_of_the_interval_halves_that_face_each_other(
+        make_result, make_axis):
+    low = one(make_result, make_axis, 10.0, (9.0, 13.0))
+    high = one(make_result, make_axis, 20.0, (16.0, 21.0))
+    (up,) = compare({'low': low, 'high': high})
+    assert up.in_intervals == pytest.approx(10 / sqrt(3**2 + 4**2))
+    assert up.ratio == pytest.approx(2.0)
+    (down,) = compare({'high': high, 'low': low})
+    assert down.in_intervals == pytest.approx(-up.in_intervals)
+
+
+def test_every_result_is_compared_with_the_first(result, make_result):
+    differences = compare({'a': result, 'b': make_result(1.1), 'c': make_result(1.2)})
+    assert {d.reference for d in differences} == {'a'}
+    assert [d.other for d in differences[:4]] == ['b', 'c', 'b', 'c']
+    assert differences[0].ratio == pytest.approx(1.1)
+
+
+def test_equal_results_do_not_differ(result):
+    assert all(d.in_intervals in (0.0, None) for d in compare({'a': result, 'b': result}))
+
+
+def test_what_one_does_not_show_has_no_difference_but_both_bounds(result, make_axis):
+    axes = {'gyro_z': make_axis('gyro_z', {'noise_density': 1e-3, 'rate_random_walk': 1e-5})}
+    differences = {d.key: d for d in compare({'a': result, 'b': replace(result, axes=axes)})}
+    assert differences['rate_random_walk'].in_intervals is None
+    assert not differences['rate_random_walk'].coefficients[0].observable
+    assert 'quantization_noise' not in differences
+
+
+def test_results_with_nothing_in_common_are_refused(result):
+    gyro = replace(result, axes={'gyro_x': result.axes['gyro_x']})
+    accel = replace(result, axes={'accel_x': result.axes['accel_x']})
+    with pytest.raises(ImuAllanError, match='no axis in common'):
+        compare({'a': gyro, 'b': accel})
+    with pytest.raises(ImuAllanError, match='at least two'):
+        compare({'a': gyro})
+
+
+@pytest.mark.parametrize(('paths', 'names'), [
+    (['a.json', 'b.json'], ['a', 'b']),
+    (['mon/result.json', 'tue/result.json'], ['mon', 'tue']),
+    (['x/mon/result.json', 'y/mon/result.json'], ['x/mon', 'y/mon']),
+    (['a/r.json', 'b/s.json', 'c/r.json'], ['a/r', 'b/s', 'c/r']),
+    (['a.json', 'a.json'], ['a (1)', 'a (2)'])])
+def test_results_are_named_as_shortly_as_tells_them_apart(paths, names):
+    assert names_of([Path(path) for path in paths]) == names
+
+
+def test_the_table_has_a_row_for_each_difference(result, make_result, tmp_path):
+    differences = compare({'a': result, '[bold]\x1b[2J': make_result(2.0)})
+    with (tmp_path / 'out').open('w') as file:
+        Console(file=file, width=140).print(difference_table(differences))
+    shown = (tmp_path / 'out').read_text()
+    assert shown.count('[bold]\\x1b[2J') == len(differences)
+    assert '\x1b' not in shown
+
+
+def test_the_figure_is_drawn_for_many_results_and_missing_axes(result, make_result):
+    results = {f'run {i}': make_result(1 + i / 5) for i in range(9)}
+    gyro = {name: axis for name, axis in result.axes.items() if name != 'accel_y'}
+    results['partly $x^{$'] = replace(result, axes=gyro)
+    assert render(comparison_figure(results), 'png', 40).startswith(b'\x89PNG')

@@ -1,0 +1,213 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+import io
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import allan_variance
+from imu_allan.result import Curve, Remark, Source, Span, Timeline
+from imu_allan.writers import plot
+import matplotlib
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
+import numpy as np
+import pytest
+
+
+@pytest.mark.parametrize(('format', 'start'), [
+    ('png', b'\x89PNG'), ('svg', b'<?xml'), ('pdf', b'%PDF')])
+def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, format, start):
+    content = plot.render(plot.overview_figure(result), format, 50)
+    assert content.startswith(start)
+    assert plot.render(plot.overview_figure(result), format, 50) == content
+
+
+@pytest.mark.parametrize('theme', ['light', 'dark'])
+def test_every_sheet_is_drawn_on_light_and_on_dark_paper(result, theme):
+    paper = tuple(round(255 * part) for part in to_rgb(plot.COLOURS[theme]['paper']))
+    for figure in (plot.overview_figure(result, theme),
+                   plot.sensor_figure(result, 'accel', theme=theme)):
+        image = imread(io.BytesIO(plot.render(figure, 'png', 40)))
+        assert tuple(np.round(255 * image[0, 0, :3]).astype(int)) == paper
+
+
+def texts_of(figure):
+    texts = [text.get_text() for text in figure.texts]
+    for panel in figure.axes:
+        texts += [text.get_text() for text in panel.texts]
+        texts += [panel.get_xlabel(), panel.get_ylabel()]
+        texts += [child.get_ylabel() for child in panel.child_axes]
+    return texts
+
+
+def test_both_units_stand_beside_the_curve(result):
+    texts = texts_of(plot.overview_figure(result))
+    for label in ('Allan deviation of angular rate [rad/s]', '[°/h]',
+                  'Allan deviation of acceleration [m/s²]', '[µg]'):
+        assert label in texts
+
+
+def test_the_engineering_axis_is_the_si_axis_converted(result):
+    figure = plot.overview_figure(result)
+    plot.render(figure, 'png', 30)
+    panel = next(panel for panel in figure.axes if 'angular' in panel.get_ylabel())
+    (second,) = panel.child_axes
+    assert np.array(second.get_ylim()) / panel.get_ylim() == pytest.approx(
+        [206264.806247, 206264.806247])
+
+
+def test_each_coefficient_has_a_ring_where_it_is_read(result):
+    figure = plot.sensor_figure(result, 'gyro')
+    panel = figure.axes[0]
+    rings = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in panel.lines
+             if line.get_markerfacecolor() == 'none']
+    values = plot.coefficients_of(result.axes['gyro_x'])
+    assert len(rings) == 3
+    assert (1.0, pytest.approx(values['noise_density'])) in rings
+    assert (3.0, pytest.approx(values['rate_random_walk'])) in rings
+    floor = pytest.approx(0.66428 * values['bias_instability'], rel=1e-4)
+    assert any(height == floor for _, height in rings)
+    texts = texts_of(figure)
+    assert 'N = 2.406 °/√h\nslope −½, read at 1 s' in texts
+    assert 'K = 49.5 °/h/√h\nslope +½, read at 3 s' in texts
+    assert 'B = 24.75 °/h\nslope 0, at 0.664 B' in texts
+
+
+def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):
+    axis = make_axis('gyro_x', {'noise_density': 3e-3})
+    density = plot.model_density(axis, np.array([0.01, 1.0, 50.0]), 100.0)
+    assert density == pytest.approx([9e-6] * 3)
+
+
+def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):
+    axis = make_axis('gyro_x', {'bias_instability': 2e-4, 'rate_random_walk': 1e-5})
+    frequency = np.array([1e-3, 1e-2])
+    expected = (2e-4)**2 / (2 * np.pi * frequency) + (1e-5)**2 / (2 * np.pi * frequency)**2
+    assert plot.model_density(axis, frequency, 100.0) == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
+    values = {'noise_density': 1e-3, 'bias_instability': 2e-4, 'rate_random_walk': 1e-4}
+    axis = make_axis('gyro_x', values)
+    rate, m = 50.0, 40
+    frequency = (np.arange(400_000) + 0.5) / 400_000 * rate / 2
+    density = plot.model_density(axis, frequency, rate)
+    nu = frequency / rate
+    kernel = 2 * np.sin(np.pi * m * nu)**4 / (m * np.sin(np.pi * nu))**2
+    variance = 2 * np.sum(density * kernel) * (frequency[1] - frequency[0])
+    assert variance == pytest.approx(float(allan_variance(values, [m / rate])[0]), rel=1e-3)
+
+
+def test_a_measured_spectrum_is_drawn_where_it_is_given(result):
+    frequency = np.geomspace(1e-3, 100, 50)
+    spectra = {'gyro_x': (frequency, np.full(50, 5e-7))}
+    bare = plot.sensor_figure(result, 'gyro').axes
+    drawn = plot.sensor_figure(result, 'gyro', spectra).axes
+    more = [len(after.lines) - len(before.lines)
+            for before, after in zip(bare, drawn, strict=True)]
+    assert sorted(more) == [0] * (len(more) - 1) + [1]
+
+
+def test_tones_are_named(result):
+    assert 'tone 23.4 Hz' in texts_of(plot.sensor_figure(result, 'gyro'))
+
+
+def test_gaps_and_motion_stand_on_the_strip_at_their_time(result):
+    timeline = Timeline(100.0, 100, 10_000.0, gaps=(Span(2500.0, 100.0),),
+                        motion=(Span(5000.0, 1000.0),))
+    figure = plot.overview_figure(replace(result, timeline=timeline))
+    strip = figure.axes[-1] if not figure.axes[-1].get_ylabel() else figure.axes[-2]
+    bars = sorted((bar.get_x(), bar.get_width()) for bar in strip.patches)
+    hours = 1 / 3600
+    assert bars == [(0.0, pytest.approx(10_000 * hours)),
+                    (pytest.approx(2500 * hours), pytest.approx(100 * hours)),
+                    (pytest.approx(5000 * hours), pytest.approx(1000 * hours))]
+    assert strip.get_xlabel() == 'time [h]'
+
+
+def test_odd_results_are_drawn_too(result, make_axis):
+    nothing = Curve((), (), (), (), (), ())
+    flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
+                 (0.0, 0.0))
+    odd = replace(result, axes={
+        'gyro_x': make_axis('gyro_x', {}, curve=nothing),
+        'gyro_z': make_axis('gyro_z', {}, curve=flat)},
+        timeline=Timeline(None, 0, 0.0), source=Source('topic', None, None, None, None, None))
+    for theme in ('light', 'dark'):
+        assert plot.render(plot.overview_figure(odd, theme), 'png', 40)
+        assert plot.render(plot.sensor_figure(odd, 'gyro', theme=theme), 'png', 40)
+    assert 'constant signal:\nAllan deviation 0' in texts_of(plot.overview_figure(odd))
+    assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
+    with pytest.raises(ImuAllanError, match="no axis of the sensor 'accel'"):
+        plot.sensor_figure(odd, 'accel')
+
+
+def test_names_from_a_recording_are_text_and_not_formulas(result, recwarn):
+    nasty = '$\\frac{$ \x1b[0m \u4e2d \\undefined'
+    named = replace(result, source=Source('recording', nasty, nasty, nasty, nasty, 'header'),
+                    warnings=(Remark('x', nasty),))
+    svg = plot.render(plot.overview_figure(named), 'svg')
+    ElementTree.fromstring(svg)
+    assert not [w for w in recwarn if 'lyph' in str(w.message)]
+
+
+def brightness(colour):
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear(colour)))
+
+
+@pytest.mark.parametrize('theme', ['light', 'dark'])
+def test_every_colour_stands_out_from_its_paper(theme):
+    """WCAG 2.1: 3 to 1 for graphics, 4.5 to 1 for text."""
+    colours = plot.COLOURS[theme]
+    paper = brightness(colours['paper'])
+    for name, least in (('x', 3), ('y', 3), ('z', 3), ('ink', 4.5), ('soft', 4.5)):
+        ink = brightness(colours[name])
+        assert (max(ink, paper) + 0.05) / (min(ink, paper) + 0.05) >= least, name
+
+
+def linear(colour):
+    return np.array([c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055)**2.4
+                     for c in to_rgb(colour)])
+
+
+def cie_lab(rgb):
+    xyz = np.array([[.4124, .3576, .1805], [.2126, .7152, .0722], [.0193, .1192, .9505]]) @ \
+        np.clip(rgb, 0, 1) / [0.9505, 1, 1.089]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+# Machado, Oliveira and Fernandes 2009, severity 1.
+VISION = {
+    'protanopia': [[.152286, 1.052583, -.204868], [.114503, .786281, .099216],
+                   [-.003882, -.048116, 1.051998]],
+    'deuteranopia': [[.367322, .860646, -.227968], [.280085, .672501, .047413],
+                     [-.011820, .042940, .968881]],
+    'tritanopia': [[1.255528, -.076749, -.178779], [-.078411, .930809, .147602],
+                   [.004733, .691367, .303900]],
+    'ordinary': np.eye(3)}
+
+
+@pytest.mark.parametrize('theme', ['light', 'dark'])
+@pytest.mark.parametrize('vision', VISION)
+def test_the_axes_stay_apart_in_colour_blind_vision(theme, vision):
+    """A difference of 25 in CIE Lab is ten times what is just noticed."""
+    x, y, z = (cie_lab(np.array(VISION[vision]) @ linear(plot.COLOURS[theme][axis]))
+               for axis in 'xyz')
+    assert min(np.linalg.norm(x - y), np.linalg.norm(x - z), np.linalg.norm(y - z)) > 25
+
+
+def test_the_callers_settings_of_matplotlib_are_left_alone(result):
+    before = dict(matplotlib.rcParams)
+    plot.render(plot.overview_figure(result), 'png', 30)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_drawing_needs_no_display_and_no_pyplot():
+    script = ('import sys; from imu_allan.writers import plot; '
+              'assert "matplotlib" not in sys.modules; plot.empty_figure(1, 1); '
+              'assert "matplotlib.pyplot" not in sys.modules')
+    subprocess.run([sys.executable, '-c', script], check=True)
