@@ -93,7 +93,9 @@ def write_recording(
         shutil.rmtree(unfinished, ignore_errors=True)
         unfinished.mkdir()
     except OSError as error:
-        raise ImuAllanError(f'{printable(path)}: cannot be created ({error.strerror})') from error
+        raise ImuAllanError(
+            f'{printable(path)}: cannot be created ({error.strerror}: '
+            f'{printable(error.filename)})') from error
     try:
         file = unfinished / f'{path.name}_0.{_SUFFIXES[storage]}'
         extent = _WRITERS[storage](file, blocks, topic, compression)

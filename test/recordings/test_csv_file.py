@@ -1,0 +1,149 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""CSV recordings."""
+
+from math import pi
+from pathlib import Path
+
+from bags import read, START_NS
+from hypothesis import given, HealthCheck, settings, strategies as st
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES
+from imu_allan.recordings import open_recording
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / 'imu.csv'
+
+
+def refusal(path: Path, text: str | bytes, **options: float) -> str:
+    """Return the error that reading a file with this content gives."""
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(ImuAllanError) as error:
+        read(path, **options)
+    assert '\n' not in str(error.value)
+    return str(error.value).removeprefix(f'{path}: ')
+
+
+def test_all_columns_in_si_units(path):
+    path.write_text('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n'
+                    '0.00,1,2,3,4,5,6\n0.01,1.5,2.5,-3.5,4e-3,5.25,-6\n')
+    messages, remarks = read(path)
+    assert messages.header_ns.tolist() == messages.receive_ns.tolist() == [0, 10_000_000]
+    assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6], [1.5, 2.5, -3.5, 4e-3, 5.25, -6]]
+    assert not messages.absent.any()
+    assert remarks == []
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.permutations(['time_s', *AXES]), st.integers(0, 6))
+def test_any_subset_of_columns_in_any_order(path, columns, left_out):
+    columns = [name for name in columns if name == 'time_s'][:1] + columns[left_out:]
+    columns = list(dict.fromkeys(columns))
+    if not set(columns) & set(AXES):
+        return
+    values = {name: number + 1.0 for number, name in enumerate(['time_s', *AXES])}
+    path.write_text(','.join(columns) + '\n'
+                    + ','.join(repr(values[name]) for name in columns) + '\n')
+    messages, _ = read(path)
+    assert messages.header_ns.tolist() == [10**9]
+    for axis, name in enumerate(AXES):
+        assert np.array_equal(messages.samples[:, axis],
+                              [values[name] if name in columns else np.nan], equal_nan=True)
+    assert messages.absent.tolist() == [[
+        not any(name.startswith(sensor) for name in columns) for sensor in ('gyro', 'accel')]]
+
+
+def test_units_named_in_the_header(path):
+    path.write_text('time [ms],gyro_x [deg/s],accel_z [g],gyro_y [rad/s]\n500,180,-1,2\n')
+    messages, _ = read(path)
+    assert messages.header_ns.tolist() == [500_000_000]
+    assert messages.samples[0, [0, 1, 5]] == pytest.approx([pi, 2, -9.80665], rel=1e-15)
+
+
+def test_without_time_column_the_rate_makes_the_stamps(path):
+    path.write_text('gyro_z\n1\n2\n3\n')
+    assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 2_500_000, 5_000_000]
+    assert refusal(path, 'gyro_z\n1\n') == 'no time_s column; give the sample rate with --rate'
+
+
+def test_a_time_column_counts_before_a_rate(path):
+    path.write_text('time_s,gyro_z\n0,1\n0.5,2\n')
+    assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 500_000_000]
+
+
+def test_a_file_of_many_pieces_is_read_whole(path):
+    count = 60_000
+    time = START_NS // 10**9 + np.arange(count) / 1024
+    samples = np.random.default_rng(1).normal(size=(count, 6))
+    np.savetxt(path, np.column_stack([time, samples]), '%.17g', ',', comments='',
+               header=','.join(['time_s', *AXES]))
+    assert path.stat().st_size > 4 << 20
+    with open_recording(path) as recording:
+        positions: list[int] = []
+        blocks = list(recording.blocks('csv', positions.append))
+    assert np.concatenate([block.samples for block in blocks]).tobytes() == samples.tobytes()
+    stamps = np.concatenate([block.header_ns for block in blocks])
+    assert np.abs(stamps - START_NS - np.arange(count) * 10**9 / 1024).max() < 250
+    assert positions == sorted(positions)
+    assert positions[-1] == path.stat().st_size
+
+
+@pytest.mark.parametrize('text', [
+    'time_s,gyro_x\r\n1,5\r\n2,6\r\n', '\ufefftime_s,gyro_x\n1,5\n2,6',
+    'time_s;gyro_x\n1;5\n2;6\n',
+    'time_s\tgyro_x\n1\t5\n2\t6\n', ' time_s , "gyro_x"\n 1 , 5 \n 2 , 6 \n',
+    'time_s,gyro_x\n1,5\n\n2,6\n\n'],
+    ids=['windows', 'byte-order mark', 'semicolons', 'tabs', 'spaces', 'blank lines'])
+def test_what_spreadsheets_do_to_a_csv_is_understood(path, text):
+    path.write_text(text, newline='')
+    messages, remarks = read(path)
+    assert messages.header_ns.tolist() == [10**9, 2 * 10**9]
+    assert messages.samples[:, 0].tolist() == [5, 6]
+    assert remarks == []
+
+
+def test_lines_that_are_not_numbers_are_counted_and_empty_cells_are_not_a_number(path):
+    path.write_text('time_s,gyro_x\n1,5\nx,6\n3\n4,\nnan,7\n1e300,8\n7,9\n')
+    messages, [remark] = read(path)
+    assert messages.header_ns.tolist() == [10**9, 4 * 10**9, 7 * 10**9]
+    assert np.array_equal(messages.samples[:, 0], [5, np.nan, 9], equal_nan=True)
+    assert (remark.code, remark.message) == (
+        'malformed_messages',
+        f'{path}: 4 lines are not numbers and were left out; the first: line 3: x,6')
+
+
+def test_other_columns_are_left_out_and_named(path):
+    path.write_text('time_s,gyrox,gyro_y,temperature\n1,2,3,warm\n')
+    messages, [remark] = read(path)
+    assert messages.samples[0, 1] == 3
+    assert (remark.code, remark.message) == (
+        'ignored_columns',
+        f'{path}: columns that are no axes were left out: gyrox, temperature')
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    ('1,2,3\n4,5,6\n',
+     'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z; a '
+     'CSV recording begins with a line such as '
+     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
+    ('time_s,gyro_x\n', 'topic csv holds no readable message'),
+    ('time_s,gyro_x\n0,5;1\n', 'line 2: 0,5;1 is not a line of 2 numbers like the header says'),
+    ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
+    ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
+    ('time_s,time [s],gyro_x\n0,5,6\n', 'two time columns'),
+    (b'time_s,gyro_x\n' + b'1' * 3_000_000,
+     'a line ending at byte 2097166 is longer than 1048576 bytes; not a CSV file of samples'),
+])
+def test_what_cannot_be_used_is_refused_in_one_line(path, text, reason):
+    assert refusal(path, text) == reason
+
+
+@pytest.mark.parametrize('rate', [0.0, -1.0, float('nan'), float('inf')])
+def test_an_impossible_rate_is_refused(path, rate):
+    path.write_text('gyro_x\n1\n')
+    with pytest.raises(ImuAllanError, match=f'rate {rate}: not a positive number of Hz'):
+        open_recording(path, rate_hz=rate)

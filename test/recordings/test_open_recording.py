@@ -1,0 +1,165 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Opening by what a file is, and the choice of a topic."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+from bags import assert_same, block, IMU, read, write_db3, write_mcap
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings import choose_topic, ImuTopic, open_recording, Recording
+from mcap.writer import Writer
+import pytest
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert '\n' not in str(error.value)
+    return str(error.value).removeprefix(f'{printable(path)}: ')
+
+
+@pytest.mark.parametrize(('content', 'reason'), [
+    (b'', 'the file is empty'),
+    (b'version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n',
+     'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'),
+    (b'\x89PNG\r\n\x1a\n' + bytes(100),
+     'neither a rosbag2 directory, .mcap, .db3, ROS 1 .bag nor CSV file'),
+    (b'\x89MCAP', 'not an MCAP file'),
+])
+def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, content, reason):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(content)
+    assert refusal(path) == reason
+
+
+def test_a_missing_file_is_named(tmp_path):
+    assert refusal(tmp_path / 'none.mcap') == 'no such file or directory'
+
+
+def test_a_pipe_is_refused_without_waiting_for_it(tmp_path):
+    os.mkfifo(tmp_path / 'pipe')
+    assert refusal(tmp_path / 'pipe') == 'not a file'
+
+
+def test_a_link_that_leads_nowhere_is_named(tmp_path):
+    (tmp_path / 'link').symlink_to(tmp_path / 'link')
+    assert refusal(tmp_path / 'link') in (
+        'no such file or directory', 'Too many levels of symbolic links')
+
+
+def test_a_link_to_a_recording_is_followed(tmp_path):
+    write_mcap(tmp_path / 'a.mcap', block(10))
+    (tmp_path / 'link').symlink_to(tmp_path / 'a.mcap')
+    assert_same(block(10), read(tmp_path / 'link')[0])
+
+
+def test_content_counts_not_the_name(tmp_path):
+    assert_same(block(10), read(write_mcap(tmp_path / 'a.db3', block(10)))[0])
+    assert_same(block(10), read(write_db3(tmp_path / 'a.mcap', block(10)))[0])
+
+
+@pytest.mark.parametrize('name', ['a b.mcap', 'ä日.mcap', 'line\nbreak.mcap', '\x1b[31m.mcap'])
+def test_any_name_is_read_and_no_name_breaks_a_line(tmp_path, name):
+    path = write_mcap(tmp_path / name, block(10))
+    assert_same(block(10), read(path)[0])
+    path.write_bytes(path.read_bytes()[:-60])
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording, '/n\none')
+    text = str(error.value)
+    assert text.isprintable()
+    assert text == (f'{printable(path)}: no topic /n\\none; its Imu topics are /imu '
+                    '(10 messages)')
+
+
+def test_a_name_with_a_null_byte_is_refused():
+    with pytest.raises(ImuAllanError):
+        open_recording('a\0b')
+
+
+class Listed(Recording):
+    """A recording with given topics and nothing to read."""
+
+    def __init__(self, topics: dict[str, int | None], others: dict[str, str]) -> None:
+        super().__init__(Path('bag'))
+        self.topics = [ImuTopic(name, count) for name, count in topics.items()]
+        self.other_topics = others
+
+    def decoded(self, topic):
+        del topic
+        return iter([])
+
+    def close(self) -> None:
+        pass
+
+
+def test_the_only_topic_need_not_be_named():
+    recording = Listed({'/imu': 5}, {'/b': 'std_msgs/msg/String'})
+    assert choose_topic(recording) == '/imu'
+    assert choose_topic(recording, '/imu') == '/imu'
+    assert choose_topic(recording, 'imu') == '/imu'
+
+
+@pytest.mark.parametrize(('topics', 'others', 'topic', 'reason'), [
+    ({}, {}, None, 'it holds no topics at all: the recording is empty'),
+    ({}, {'/b': 'std_msgs/msg/String', '/a': 'x/msg/Y'}, None,
+     'no topic of type sensor_msgs/msg/Imu; it holds /a (x/msg/Y), /b (std_msgs/msg/String)'),
+    ({}, {f'/{n:02}': 'x/msg/Y' for n in range(12)}, None,
+     'no topic of type sensor_msgs/msg/Imu; it holds '
+     + ', '.join(f'/{n:02} (x/msg/Y)' for n in range(10)) + ' and 2 more'),
+    ({'/b': 3, '/a': None}, {}, None,
+     '2 Imu topics; choose one with --topic: /a, /b (3 messages)'),
+    ({'/a': 3}, {}, '/c', 'no topic /c; its Imu topics are /a (3 messages)'),
+    ({'/a': 3}, {'/c': 'x/msg/Y'}, 'c',
+     'topic /c is of type x/msg/Y, not sensor_msgs/msg/Imu'),
+    ({'/a': 0}, {}, None, 'topic /a has no messages; record it while the IMU driver runs'),
+    ({'/a': 5}, {}, '/a\x1b[2J', 'no topic /a\\x1b[2J; its Imu topics are /a (5 messages)'),
+])
+def test_a_topic_that_is_not_clear_is_one_line(topics, others, topic, reason):
+    with pytest.raises(ImuAllanError) as error:
+        choose_topic(Listed(topics, others), topic)
+    assert str(error.value) == f'bag: {reason}'
+
+
+def test_a_topic_that_holds_nothing_readable_is_told_at_its_end():
+    with pytest.raises(ImuAllanError) as error:
+        list(Listed({'/a': None}, {}).blocks('/a'))
+    assert str(error.value) == 'bag: topic /a holds no readable message'
+
+
+def test_a_type_that_contains_an_imu_is_told_apart(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema(
+            'my_msgs/msg/Stamped', 'ros2msg',
+            b'sensor_msgs/Imu imu\n' + b'=' * 80 + b'\nMSG: sensor_msgs/Imu\nfloat64 x')
+        channel = writer.register_channel('/stamped', 'cdr', schema)
+        writer.add_message(channel, 1, b'\0\1\0\0', 1)
+        encoded = writer.register_channel('/json', 'json', writer.register_schema(
+            IMU, 'jsonschema', b'{}'))
+        writer.add_message(encoded, 1, b'{}', 1)
+        writer.finish()
+    with open_recording(path) as recording:
+        with pytest.raises(ImuAllanError) as error:
+            choose_topic(recording)
+        assert str(error.value) == (
+            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
+            'encoded as json), /stamped (my_msgs/msg/Stamped); the Imu inside a message of '
+            'another type is not read: republish it as sensor_msgs/msg/Imu')
+        with pytest.raises(ImuAllanError) as error:
+            choose_topic(recording, '/stamped')
+        assert str(error.value) == (
+            f'{path}: topic /stamped is of type my_msgs/msg/Stamped, not sensor_msgs/msg/Imu; the '
+            'Imu inside a message of another type is not read: republish it as '
+            'sensor_msgs/msg/Imu')
+
+
+def test_importing_recordings_loads_no_container_library():
+    loaded = subprocess.run(
+        [sys.executable, '-c', 'import sys, imu_allan.recordings; print(*sys.modules)'],
+        check=True, capture_output=True, text=True).stdout.split()
+    assert not {'mcap', 'sqlite3', 'rosbags', 'yaml', 'zstandard', 'pint', 'scipy'} & set(loaded)

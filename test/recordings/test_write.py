@@ -1,0 +1,153 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings that imu_allan writes, read by itself and by others."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+import sqlite3
+
+from bags import assert_same, block, joined, read
+from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording
+from imu_allan.recordings.write import write_recording
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import get_typestore, Stores
+import yaml
+
+KINDS = [('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')]
+every_kind = pytest.mark.parametrize(('storage', 'compression'), KINDS)
+MESSAGES = replace(
+    block(7000), absent=np.arange(14000).reshape(7000, 2) % 3 == 0)
+
+
+def parts(messages: ImuBlock, size: int) -> Iterator[ImuBlock]:
+    for start in range(0, len(messages), size):
+        cut = slice(start, start + size)
+        yield ImuBlock(messages.header_ns[cut], messages.receive_ns[cut], messages.samples[cut],
+                       messages.absent[cut], messages.frame_id)
+
+
+@every_kind
+@pytest.mark.parametrize('size', [1, 1000, 7000])
+def test_every_bit_comes_back_from_every_container(tmp_path, storage, compression, size):
+    messages = joined(list(parts(MESSAGES, size))[:1000])
+    bag = write_recording(tmp_path / 'bag', parts(messages, size), topic='/a', storage=storage,
+                          compression=compression)
+    with open_recording(bag) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/a', len(messages))]
+    after, remarks = read(bag)
+    assert_same(messages, after)
+    assert remarks == []
+    [file] = (path for path in bag.iterdir() if path.suffix != '.yaml')
+    assert_same(messages, read(file)[0])
+
+
+@every_kind
+def test_rosbags_reads_the_same_messages(tmp_path, storage, compression):
+    bag = write_recording(tmp_path / 'bag', [block(300)], storage=storage,
+                          compression=compression)
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        assert reader.message_count == 300
+        assert reader.topics['/imu/data_raw'].msgtype == 'sensor_msgs/msg/Imu'
+        assert reader.start_time == block(300).receive_ns.min()
+        for number, (connection, stamp, raw) in enumerate(reader.messages()):
+            message = reader.deserialize(raw, connection.msgtype)
+            assert stamp == block(300).receive_ns[number]
+            assert message.linear_acceleration.y == block(300).samples[number, 4]
+            assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == (
+                block(300).header_ns[number])
+
+
+@pytest.mark.parametrize('compression', ['', 'lz4', 'zstd'])
+def test_the_mcap_library_finds_every_checksum_and_index_right(tmp_path, compression):
+    bag = write_recording(tmp_path / 'bag', [MESSAGES], compression=compression)
+    [path] = bag.glob('*.mcap')
+    with path.open('rb') as file:
+        records = StreamReader(file, validate_crcs=True).records
+        assert sum(isinstance(record, Message) for record in records) == 7000
+        file.seek(0)
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary.statistics.message_count == 7000
+        assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 1
+        stamps = [message.log_time for _, _, message in reader.iter_messages('/imu/data_raw')]
+    assert stamps == sorted(MESSAGES.receive_ns.tolist())
+
+
+def test_metadata_is_of_jazzys_version(tmp_path):
+    bag = write_recording(tmp_path / 'my bag', [block(10)])
+    information = yaml.safe_load((bag / 'metadata.yaml').read_text())[
+        'rosbag2_bagfile_information']
+    assert information['version'] == 9
+    assert information['storage_identifier'] == 'mcap'
+    assert information['relative_file_paths'] == ['my bag_0.mcap']
+    assert (bag / 'my bag_0.mcap').is_file()
+    assert information['message_count'] == 10
+
+
+@every_kind
+def test_a_recording_without_messages_is_valid(tmp_path, storage, compression):
+    bag = write_recording(tmp_path / 'bag', [], storage=storage, compression=compression)
+    with open_recording(bag) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu/data_raw', 0)]
+    with pytest.raises(ImuAllanError, match='topic /imu/data_raw has no messages'):
+        read(bag)
+
+
+@every_kind
+@pytest.mark.parametrize('failure', [RuntimeError, KeyboardInterrupt])
+def test_what_is_interrupted_leaves_nothing(tmp_path, storage, compression, failure):
+    def interrupted() -> Iterator[ImuBlock]:
+        yield block(5000)
+        raise failure
+
+    with pytest.raises(failure):
+        write_recording(tmp_path / 'bag', interrupted(), storage=storage, compression=compression)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_exists_is_not_overwritten(tmp_path):
+    bag = write_recording(tmp_path / 'bag', [block(10)])
+    with pytest.raises(ImuAllanError) as error:
+        write_recording(bag, [block(20)])
+    assert str(error.value) == f'{bag}: exists already; choose another name or remove it'
+    assert len(read(bag)[0]) == 10
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / 'file').touch()
+    with pytest.raises(ImuAllanError) as error:
+        write_recording(tmp_path / 'file' / 'bag', [block(10)])
+    assert str(error.value) == (
+        f'{tmp_path}/file/bag: cannot be created (File exists: {tmp_path}/file)')
+
+
+def test_frame_ids_that_change_are_kept(tmp_path):
+    frames = [block(100), block(50, 'another', 100), block(100, first=150)]
+    for storage, compression in KINDS:
+        bag = write_recording(tmp_path / f'{storage}{compression}', frames, storage=storage,
+                              compression=compression)
+        with open_recording(bag) as recording:
+            for before, after in zip(frames, recording.blocks('/imu/data_raw'), strict=True):
+                assert_same(before, after)
+
+
+def test_the_database_has_the_schema_of_jazzy(tmp_path):
+    bag = write_recording(tmp_path / 'bag', [block(10)], storage='sqlite3')
+    with sqlite3.connect(next(bag.glob('*.db3'))) as database:
+        assert database.execute('PRAGMA integrity_check').fetchall() == [('ok',)]
+        assert {name for [name] in database.execute('SELECT name FROM sqlite_master')} == {
+            'schema', 'metadata', 'topics', 'message_definitions', 'messages', 'timestamp_idx'}
+        assert database.execute('SELECT * FROM schema').fetchall() == [(4, 'jazzy')]
+    database.close()
+
+
+def test_a_path_given_as_text_is_taken(tmp_path):
+    assert write_recording(str(tmp_path / 'bag'), [block(1)]) == Path(tmp_path / 'bag')
