@@ -11,7 +11,7 @@ that the middleware's queue never has to hold more than moments.
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, inf
 from pathlib import Path
 import time
 import traceback
@@ -100,7 +100,7 @@ class _Run:
         self.trial = Trial(characterization) if resumed else None
         self.stamp_ns = 0
         self.fed = 0
-        self.fitted: int | None = None
+        self.fitted = 0
         self.checkpointed = 0
 
 
@@ -157,7 +157,8 @@ class CharacterizationNode(Node):
         self._jobs: list[_Job] = []
         self._saved_at: float | None = None
         now = time.monotonic()
-        self._last_take = self._last_feed = self._last_message = self._last_complaint = now
+        self._last_take = self._last_feed = self._last_message = now
+        self._last_complaint = -inf
         self._last_checkpoint = self._last_report = self._last_fit = now
         self._last_report_cpu, self._last_report_received = time.process_time(), 0
         # The clock of ROS stands still in simulated time without /clock.
@@ -487,7 +488,8 @@ class CharacterizationNode(Node):
 
     def _complain_of_silence(self) -> None:
         others = [name for name, types in self.get_topic_names_and_types()
-                  if 'sensor_msgs/msg/Imu' in types and name != self._subscription.topic]
+                  if 'sensor_msgs/msg/Imu' in types and name != self._subscription.topic
+                  and self.count_publishers(name)]
         text = f'no message on {self._subscription.topic} for {self._facts.silent_s:.0f} s'
         refused = self._subscription.incompatible_publishers()
         if refused:

@@ -22,6 +22,18 @@ if TYPE_CHECKING:
     from ros_harness import Ros
 
 
+# By default a participant that missed the first announcements waits three seconds for the next.
+_EAGER = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="eager" is_default_profile="true">
+    <rtps><builtin><discovery_config><initialAnnouncements>
+      <count>100</count><period><nanosec>50000000</nanosec></period>
+    </initialAnnouncements></discovery_config></builtin></rtps>
+  </participant>
+</profiles>
+"""
+
+
 @pytest.fixture(scope='session')
 def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]':
     """Give a context in a domain that no other test run on this computer uses."""
@@ -42,8 +54,12 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]'
     else:
         pytest.fail('no free ROS domain')
     before = dict(os.environ)
+    folder = tmp_path_factory.mktemp('ros')
+    (folder / 'eager.xml').write_text(_EAGER)
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
-                      ROS_LOG_DIR=str(tmp_path_factory.mktemp('ros_log')))
+                      ROS_LOG_DIR=str(folder),
+                      FASTDDS_DEFAULT_PROFILES_FILE=str(folder / 'eager.xml'),
+                      FASTRTPS_DEFAULT_PROFILES_FILE=str(folder / 'eager.xml'))
     context = Context()
     rclpy.init(context=context, domain_id=domain)
     yield context

@@ -3,6 +3,7 @@
 """Real nodes in processes of their own, and a node of the test's own that speaks to them."""
 
 from collections.abc import Callable, Mapping
+import contextlib
 import os
 from pathlib import Path
 import signal
@@ -11,12 +12,15 @@ import sys
 import time
 from typing import Any, TypeVar
 
+from imu_allan.cdr import encode_imu
 from imu_allan.node.drained_subscription import DrainedSubscription
+import numpy as np
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
 T = TypeVar('T')
@@ -27,7 +31,10 @@ ENTRY_POINTS = {'imu_allan_node': 'imu_allan.node.imu_allan_node',
                 'imu_simulator': 'imu_allan.node.imu_simulator'}
 LOSSLESS = {'qos_overrides./imu/data_raw.subscription.reliability': 'reliable',
             'qos_overrides./imu/data_raw.subscription.history': 'keep_all'}
-"""Parameters with which the node makes a simulator at full speed wait for it."""
+"""Parameters with which a subscriber makes a publisher that keeps all wait for it."""
+
+
+RATE_HZ = 200.0
 
 
 class Process:
@@ -93,22 +100,30 @@ class Ros:
 
     def start(self, program: str, parameters: Mapping[str, Any] | None = None,
               *, remaps: Mapping[str, str] | None = None, files: tuple[Path, ...] = (),
-              env: Mapping[str, str] | None = None, namespace: str | None = None) -> Process:
-        """Start a node."""
+              env: Mapping[str, str] | None = None, namespace: str | None = None,
+              best_effort: bool = False, prepend_path: Path | None = None) -> Process:
+        """Start a node; unless `best_effort`, every sample reaches imu_allan_node."""
         args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
         for file in files:
             args += ['--params-file', str(file)]
         given = dict(parameters or {})
         if program == 'imu_allan_node':
             given.setdefault('output_dir', str(self.folder / 'output'))
+            if not best_effort:
+                topic = (remaps or {}).get('imu/data_raw', 'imu/data_raw')
+                full = f'{namespace or self.namespace}/{topic}'
+                given |= {key.replace('/imu/data_raw', full): value
+                          for key, value in LOSSLESS.items()}
         for key, value in given.items():
-            # QoS overrides name the topic in full.
-            key = key.replace('./imu/', f'.{self.namespace}/imu/')
             args += ['-p', f'{key}:={yaml_value(value)}']
         for before, after in (remaps or {}).items():
             args += ['-r', f'{before}:={after}']
         log = self.folder / f'{program}_{len(self._processes)}.log'
-        process = Process(program, args, log, env or {})
+        environment = dict(env or {})
+        if prepend_path is not None:
+            paths = [str(prepend_path), os.environ.get('PYTHONPATH', '')]
+            environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
+        process = Process(program, args, log, environment)
         self._processes.append(process)
         return process
 
@@ -145,8 +160,15 @@ class Ros:
         """Call a service and return its response."""
         client = self.node.create_client(kind, self.name(service))
         self.until(client.service_is_ready, timeout)
-        future = client.call_async(request or kind.Request())
-        self.until(future.done, timeout)
+        end = time.monotonic() + timeout
+        while True:
+            # The service of a killed node seems ready until its lease has run out.
+            future = client.call_async(request or kind.Request())
+            with contextlib.suppress(AssertionError):
+                self.until(future.done, min(5.0, timeout))
+            if future.done() or time.monotonic() > end:
+                break
+        assert future.done(), f'{service} does not answer'
         self.node.destroy_client(client)
         return future.result()
 
@@ -158,6 +180,42 @@ class Ros:
                 process.popen.wait()
         self.executor.shutdown()
         self.node.destroy_node()
+
+
+class Driver:
+    """An IMU driver of the test's own: whatever stamps and samples are wanted."""
+
+    def __init__(self, ros: Ros, topic: str = 'imu/data_raw') -> None:
+        self.ros = ros
+        self.publisher: Publisher = ros.node.create_publisher(
+            Imu, ros.name(topic), QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0,
+                                             reliability=ReliabilityPolicy.RELIABLE))
+        self.topic = ros.name(topic)
+        self.dead: set[bytes] = set()
+        self.random = np.random.default_rng(5)
+        self.next = 0
+
+    def subscriptions(self) -> set[bytes]:
+        """Endpoints that are known on the topic, those of killed nodes among them."""
+        found = self.ros.node.get_subscriptions_info_by_topic(self.topic)
+        return {bytes(info.endpoint_gid) for info in found}
+
+    def wait_for_node(self) -> None:
+        """Wait until the subscription of a living node is matched."""
+        def matched() -> bool:
+            known = self.subscriptions()
+            return bool(known - self.dead) and (
+                self.publisher.get_subscription_count() == len(known))
+
+        self.ros.until(matched)
+
+    def publish(self, count: int, frame_id: str = 'imu', rate_hz: float = RATE_HZ) -> None:
+        """Publish samples of white noise at rest."""
+        for sample in self.random.normal(0, 0.01, (count, 6)):
+            sample[5] += 9.8
+            stamp = 1_700_000_000 * 10**9 + round(self.next / rate_hz * 1e9)
+            self.publisher.publish(encode_imu(stamp, sample, frame_id))
+            self.next += 1
 
 
 def yaml_value(value: Any) -> str:

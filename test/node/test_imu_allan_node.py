@@ -19,7 +19,7 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, SetParametersResult
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
-from ros_harness import LOSSLESS, Ros
+from ros_harness import Ros
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -40,7 +40,7 @@ def live(shared_ros: Ros) -> Ros:
     model = ros.folder / 'model.yaml'
     model.write_text(MODEL)
     ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': RATE_HZ,
-                                 'export_for': ['kalibr', 'openvins'], **LOSSLESS})
+                                 'export_for': ['kalibr', 'openvins']})
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3})
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')

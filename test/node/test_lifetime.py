@@ -1,0 +1,286 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""How the node starts, ends, and lives beside others."""
+
+import json
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.cdr import encode_imu
+import numpy as np
+import pytest
+from ros_harness import Driver, Process, RATE_HZ, Ros
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+
+NOT_FOR_THE_NODE = ('rosbags', 'mcap', 'zstandard', 'lz4', 'plotly', 'jinja2')
+
+
+@pytest.fixture(scope='module')
+def node(shared_ros: Ros) -> Process:
+    """Start a node that several tests share, without the packages that ROS does not have."""
+    missing = shared_ros.folder / 'missing'
+    missing.mkdir()
+    for name in NOT_FOR_THE_NODE:
+        (missing / f'{name}.py').write_text(
+            f'raise ModuleNotFoundError("No module named {name!r}", name={name!r})')
+    return shared_ros.start('imu_allan_node', {'publish_period': 0.5},
+                            prepend_path=missing)
+
+
+@pytest.fixture(scope='module')
+def shared_driver(shared_ros: Ros, node: Process) -> Driver:
+    assert node.running
+    driver = Driver(shared_ros)
+    driver.wait_for_node()
+    return driver
+
+
+@pytest.fixture(scope='module')
+def shared_reports(shared_ros: Ros) -> list[DiagnosticArray]:
+    return shared_ros.listen(DiagnosticArray, '/diagnostics', 10)
+
+
+@pytest.fixture
+def reports(ros: Ros) -> list[DiagnosticArray]:
+    return ros.listen(DiagnosticArray, '/diagnostics', 10)
+
+
+def status(reports: list[DiagnosticArray], ros: Ros, name: str) -> Any:
+    """Look up the last status of this test's node."""
+    return next((status for report in reversed(reports) for status in report.status
+                 if status.name == f'imu_allan: {name}'
+                 and status.hardware_id.startswith(f'{ros.namespace}/')), None)
+
+
+def number(reports: list[DiagnosticArray], ros: Ros, name: str, key: str) -> float:
+    found = status(reports, ros, name)
+    return float(next((v.value for v in found.values if v.key == key), 'nan')
+                 if found is not None else 'nan')
+
+
+def saved(ros: Ros) -> list[Path]:
+    return sorted((ros.folder / 'output').rglob('result.json'))
+
+
+def save(ros: Ros, node: str = 'imu_allan') -> Any:
+    """Save; give the document, or None as long as there is nothing to save."""
+    response = ros.call(Trigger, f'{node}/save')
+    if not response.success:
+        assert 'nothing to save' in response.message
+        return None
+    return json.loads(Path(response.message.splitlines()[0]).read_text())
+
+
+def test_signals_let_the_node_save_every_sample_once_and_exit_0(
+        ros: Ros) -> None:
+    cases = {signal.SIGINT: 'first', signal.SIGTERM: 'second'}
+    nodes = {number: ros.start('imu_allan_node', {'state_file': str(ros.folder / name)},
+                               namespace=ros.name(name)) for number, name in cases.items()}
+    for number_, name in cases.items():
+        driver = Driver(ros, f'{name}/imu/data_raw')
+        driver.wait_for_node()
+        driver.publish(2000)
+        assert driver.publisher.wait_for_all_acked()
+        # Whoever loses patience signals again.
+        for _ in range(3):
+            if nodes[number_].running:
+                nodes[number_].popen.send_signal(number_)
+            time.sleep(0.02)
+        assert nodes[number_].wait() == 0, nodes[number_].log
+        assert 'Traceback' not in nodes[number_].log
+        assert (ros.folder / name).stat().st_size > 10_000
+    assert [json.loads(path.read_text())['timeline']['samples'] for path in saved(ros)] == [
+        2000, 2000]
+
+
+def test_a_signal_before_any_sample_ends_the_node_without_files(ros: Ros) -> None:
+    node = ros.start('imu_allan_node')
+    ros.until(lambda: 'characterizing the IMU' in node.log)
+    assert node.stop(signal.SIGTERM) == 0, node.log
+    assert saved(ros) == []
+
+
+def test_an_end_that_cannot_be_saved_is_told_with_status_1(ros: Ros) -> None:
+    (ros.folder / 'file').write_text('in the way')
+    node = ros.start('imu_allan_node', {'output_dir': str(ros.folder / 'file' / 'output')})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(500)
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop(signal.SIGINT) == 1
+    assert 'cannot be written' in node.log
+    assert 'Traceback' not in node.log
+
+
+def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -> None:
+    (ros.folder / 'broken.yaml').write_text('/**:\n  ros__parameters: [')
+    reliability = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.reliability'
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({'publish_period': 0.0}, 'parameter publish_period is refused: '),
+        ({'publish_period': 5}, 'parameter publish_period: expected a number with a decimal'),
+        ({'motion': 'ignore'}, "motion: 'ignore' is not one of exclude, keep"),
+        ({'export_for': ['kalibr', 'rtabmap']}, "export_for: 'rtabmap' is not one of kalibr"),
+        ({'output_dir': ''}, 'output_dir: must not be empty'),
+        ({'state_file': '/dev/null/state'}, 'state_file /dev/null/state: cannot be written'),
+        ({reliability: 'sometimes'}, 'qos_overrides of imu/data_raw: '),
+        ({}, 'check the arguments after --ros-args and the parameter file')]
+    nodes = [ros.start('imu_allan_node', parameters, best_effort=True,
+                       files=() if parameters else (ros.folder / 'broken.yaml',))
+             for parameters, _ in cases]
+    for node, (_, line) in zip(nodes, cases, strict=True):
+        assert node.wait() == 1, line
+        # rcl complains of a file by itself, before it gives an error.
+        [own] = [text for text in node.log.splitlines() if text.startswith('imu_allan_node: ')]
+        assert line in own
+        assert 'Traceback' not in node.log
+
+
+def test_the_shipped_parameter_file_is_accepted_and_a_misspelt_name_told(ros: Ros) -> None:
+    file = Path(__file__).parents[2] / 'config' / 'imu_allan.yaml'
+    node = ros.start('imu_allan_node', {'publish_perid': 5.0}, files=(file,))
+    ros.until(lambda: 'characterizing the IMU' in node.log)
+    [line] = [line for line in node.log.splitlines() if 'ignored' in line]
+    assert 'publish_perid is ignored, did you mean publish_period?' in line
+
+
+def test_several_imus_are_several_nodes_and_remaps_are_followed(ros: Ros) -> None:
+    topics = {'left': 'camera/imu', 'right': 'imu/data_raw'}
+    drivers = {}
+    for side, topic in topics.items():
+        ros.start('imu_allan_node', namespace=ros.name(side), remaps={'imu/data_raw': topic})
+        drivers[side] = Driver(ros, f'{side}/{topic}')
+    for side, driver in drivers.items():
+        driver.wait_for_node()
+        driver.publish(1000, frame_id=f'{side}_imu')
+        assert driver.publisher.wait_for_all_acked()
+    for side, topic in topics.items():
+        document = ros.until(lambda side=side: save(ros, f'{side}/imu_allan'))
+        assert document['source']['frame_id'] == f'{side}_imu'
+        assert document['source']['topic'] == ros.name(f'{side}/{topic}')
+    assert len(saved(ros)) == 2
+
+
+def test_simulated_time_works_without_a_clock_and_with_one(
+        ros: Ros, reports: list[DiagnosticArray]) -> None:
+    ros.start('imu_allan_node', {'use_sim_time': True, 'publish_period': 0.5})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    driver.publish(1000)
+    ros.until(lambda: arrays)
+
+    def time_of_report() -> int | None:
+        own = [r for r in reports if r.status[0].hardware_id.startswith(f'{ros.namespace}/')]
+        return int(own[-1].header.stamp.sec) if own else None
+
+    ros.until(lambda: time_of_report() == 0)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    ros.until(lambda: clock.publish(Clock(clock=Time(sec=1234))) or time_of_report() == 1234)
+    ros.node.destroy_publisher(clock)
+
+
+def test_lost_messages_are_counted_by_their_numbers(
+        ros: Ros, reports: list[DiagnosticArray]) -> None:
+    depth = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.depth'
+    ros.start('imu_allan_node', {depth: 50}, best_effort=True)
+    driver = Driver(ros)
+    driver.wait_for_node()
+    # Best effort: the first have to be repeated until one comes through.
+    ros.until(lambda: driver.publish(1) or number(reports, ros, 'reception', 'received') > 0)
+    first = driver.next
+    driver.publish(2000)
+    ros.until(lambda: driver.publish(1) or number(reports, ros, 'reception', 'lost') > 1000)
+    last = driver.next
+
+    def accounted_for() -> bool:
+        driver.publish(1)
+        received, lost = (number(reports, ros, 'reception', key) for key in ('received', 'lost'))
+        assert received + lost <= driver.next
+        return received + lost >= last - first
+
+    ros.until(accounted_for)
+    assert 'were lost on the way' in status(reports, ros, 'reception').message
+
+
+def test_a_pause_passes_samples_over_and_counts_as_a_gap(
+        shared_ros: Ros, shared_driver: Driver, shared_reports: list[DiagnosticArray]) -> None:
+    ros, driver, reports = shared_ros, shared_driver, shared_reports
+
+    def received(count: int) -> None:
+        ros.until(lambda: number(reports, ros, 'reception', 'received') == count)
+
+    driver.publish(600)
+    received(600)
+    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True)).success
+    driver.publish(400)
+    received(1000)
+    assert number(reports, ros, 'reception', 'passed_over') == 400
+    assert 'paused' in status(reports, ros, 'reception').message
+    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=False)).success
+    driver.publish(600)
+    received(1600)
+    timeline = save(ros)['timeline']
+    assert timeline['samples'] == 1200
+    assert timeline['missing'] == 400
+    [gap] = timeline['gaps']
+    assert gap['duration_s'] == pytest.approx(400 / RATE_HZ, rel=1e-6)
+
+
+def test_messages_that_are_no_imu_are_counted_and_survived(
+        shared_ros: Ros, shared_driver: Driver, shared_reports: list[DiagnosticArray]) -> None:
+    ros, driver, reports = shared_ros, shared_driver, shared_reports
+    assert ros.call(Trigger, 'imu_allan/reset').success
+    driver.publish(300)
+    good = encode_imu(1, np.zeros(6), 'imu')
+    for length in (8, 100, len(good) - 9):
+        driver.publisher.publish(good[:length])
+    driver.publish(300)
+    ros.until(lambda: number(reports, ros, 'timeline', 'samples') == 600)
+    assert number(reports, ros, 'reception', 'malformed') == 3
+    assert save(ros)['timeline']['samples'] == 600
+
+
+def test_silence_is_told_with_the_topics_that_there_are(
+        shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
+    other = Driver(shared_ros, 'camera/imu')
+    shared_ros.node.destroy_publisher(shared_driver.publisher)
+    silence = f'no message on {shared_driver.topic} for'
+    shared_ros.until(lambda: silence in node.log, 60)
+    [line] = [line for line in node.log.splitlines() if silence in line]
+    assert f'Imu topics here: {other.topic}; choose one with' in line
+
+
+def test_the_shared_node_never_failed_and_ends_well(node: Process) -> None:
+    assert node.stop() == 0
+    assert 'Traceback' not in node.log
+
+
+@pytest.mark.parametrize('program', ['imu_allan_node', 'imu_simulator'])
+def test_without_ros_one_line_says_how_to_install_it(tmp_path: Path, program: str) -> None:
+    (tmp_path / 'rclpy.py').write_text(
+        'raise ModuleNotFoundError("No module named \'rclpy\'", name="rclpy")')
+    start = (f'import sys; sys.path.insert(0, {str(tmp_path)!r}); '
+             f'from imu_allan.node.{program} import main; sys.exit(main())')
+    done = subprocess.run([sys.executable, '-c', start], capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f'{program}: needs ROS 2')
+    assert "pip install 'imu_allan[ros]'" in done.stderr
+    assert done.stderr.count('\n') == 1
+
+
+def test_the_node_imports_neither_bag_readers_nor_plotting() -> None:
+    names = (*NOT_FOR_THE_NODE, 'matplotlib', 'rich')
+    start = ('import sys; import imu_allan.node.characterization_node; '
+             'import imu_allan.node.simulator_node; '
+             f'print([name for name in {names} if name in sys.modules])')
+    done = subprocess.run([sys.executable, '-c', start], capture_output=True, text=True,
+                          check=True)
+    assert done.stdout.strip() == '[]'

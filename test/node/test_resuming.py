@@ -1,0 +1,230 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A run goes on after a crash or a reboot; what it cannot go on with is kept and told."""
+
+import hashlib
+import json
+from pathlib import Path
+import random
+import signal
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.characterization import Characterization
+from imu_allan.node.checkpoint import decode_state, encode_state
+from imu_allan.node.resuming import pack, Setup, TRIAL_S
+from imu_allan.noise.model import parse_model
+from imu_allan.simulator import simulated_blocks
+from imu_allan.timeline import TimelineOptions
+import numpy as np
+import pytest
+from ros_harness import Driver, Process, RATE_HZ, Ros
+from std_srvs.srv import Trigger
+
+KILLABLE = {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+"""A killed process would leave its shared memory behind."""
+PERIOD_S = 1.0
+SAMPLES = 2000
+
+
+@pytest.fixture
+def checkpoint(ros: Ros) -> Path:
+    """Write a state file as a node that was killed leaves it."""
+    topic = ros.name('imu/data_raw')
+    run = Characterization(kind='topic', topic=topic)
+    model = parse_model('gyro: {noise_density: 0.01 deg/s/sqrt(Hz)}\n'
+                        'accel: {noise_density: 100 ug/sqrt(Hz)}')
+    for block in simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=1_600_000_000 * 10**9,
+                                  frame_id='imu'):
+        run.update(block)
+    path = ros.folder / 'state'
+    path.write_bytes(encode_state(pack(run, Setup(topic, TimelineOptions()))))
+    return path
+
+
+def start(ros: Ros, **parameters: Any) -> Process:
+    return ros.start('imu_allan_node', {
+        'state_file': str(ros.folder / 'state'), 'checkpoint_period': PERIOD_S, **parameters},
+        env=KILLABLE)
+
+
+def kill(driver: Driver, node: Process) -> None:
+    node.popen.kill()
+    node.popen.wait()
+    # DDS forgets a killed node only when its lease runs out.
+    driver.dead |= driver.subscriptions()
+
+
+def kept_aside(ros: Ros) -> list[Path]:
+    return sorted(path for path in ros.folder.glob('state.*') if path.suffix != '.lock')
+
+
+def samples_at_the_end(ros: Ros, node: Process) -> int:
+    assert node.stop() == 0, node.log
+    [path] = (ros.folder / 'output').rglob('result.json')
+    return int(json.loads(path.read_text())['timeline']['samples'])
+
+
+def test_a_node_goes_on_where_the_last_one_was_killed(ros: Ros, checkpoint: Path) -> None:
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    node, driver = start(ros), Driver(ros)
+    driver.wait_for_node()
+    array = ros.until(lambda: arrays)[0]
+    assert len(array.status) == 6, 'the result so far is published before any new sample'
+    assert 'resumed 10 s of data' in node.log
+    driver.publish(500)
+    time.sleep(2.5)
+    driver.publish(500)
+    assert driver.publisher.wait_for_all_acked()
+    assert samples_at_the_end(ros, node) == SAMPLES + 1000
+    assert kept_aside(ros) == []
+    assert checkpoint.exists()
+
+
+@pytest.mark.parametrize(('reason', 'how', 'explanation'), [
+    ('frame_id', {'frame_id': 'other'}, 'it is of frame_id imu, the messages now have other'),
+    ('rate', {'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz')])
+def test_another_imu_begins_a_new_run_with_its_first_sample(
+        ros: Ros, checkpoint: Path, reason: str, how: dict[str, Any], explanation: str) -> None:
+    before = checkpoint.read_bytes()
+    node, driver = start(ros), Driver(ros)
+    driver.wait_for_node()
+    driver.publish(200, **how)
+    time.sleep(2.5)
+    driver.publish(200, **how)
+    ros.until(lambda: f'kept as state.{reason}.' in node.log)
+    assert explanation in node.log
+    [aside] = kept_aside(ros)
+    assert aside.read_bytes() == before
+    assert driver.publisher.wait_for_all_acked()
+    assert samples_at_the_end(ros, node) == 400
+
+
+def test_a_few_samples_at_the_end_of_a_trial_do_not_harm_the_run(
+        ros: Ros, checkpoint: Path) -> None:
+    before = checkpoint.read_bytes()
+    node, driver = start(ros), Driver(ros)
+    driver.wait_for_node()
+    driver.publish(10, frame_id='other')
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop() == 0
+    assert checkpoint.read_bytes() == before
+
+
+def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None:
+    whole = encode_state({'a': np.zeros(9)})
+    payload = b'from the future'
+    files = {
+        'damaged': [whole[:-1] + b'x', whole[:100], b'', whole],
+        'foreign': [b'a photo of my robot'],
+        'newer': [b'imu_allan.state/99\n' + hashlib.sha256(payload).digest() + payload]}
+    nodes = []
+    for reason, contents in files.items():
+        for number, content in enumerate(contents):
+            folder = ros.folder / f'{reason}{number}'
+            folder.mkdir()
+            (folder / 'state').write_bytes(content)
+            node = ros.start('imu_allan_node', {'state_file': str(folder / 'state')})
+            nodes.append((node, folder, reason, content))
+    for node, folder, reason, content in nodes:
+        ros.until(lambda node=node: 'kept as' in node.log)
+        [aside] = folder.glob('state.*Z')
+        assert aside.name.startswith(f'state.{reason}.')
+        assert aside.read_bytes() == content
+        assert f'kept as {aside.name}' in node.log
+        assert 'Traceback' not in node.log
+        node.popen.terminate()
+
+
+def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: Path) -> None:
+    node = start(ros, gap_tolerance=9)
+    ros.until(lambda: 'kept as state.settings.' in node.log)
+    assert 'gap_tolerance 5, now 9' in node.log
+    node.popen.kill()
+    node.popen.wait()
+    [aside] = kept_aside(ros)
+    aside.rename(checkpoint)
+    node = ros.start('imu_allan_node', {'state_file': str(checkpoint)},
+                     remaps={'imu/data_raw': 'other/imu'}, env=KILLABLE)
+    ros.until(lambda: 'kept as state.topic.' in node.log)
+
+
+def test_two_nodes_cannot_share_a_state_file(ros: Ros) -> None:
+    first = start(ros)
+    ros.until(lambda: 'characterizing' in first.log)
+    second = start(ros)
+    assert second.wait() == 1
+    assert second.log.startswith('imu_allan_node: state_file')
+    assert 'in use by another node' in second.log
+    assert second.log.count('\n') == 1
+
+
+def test_reset_empties_the_state_file_at_once(ros: Ros, checkpoint: Path) -> None:
+    node = start(ros)
+    assert ros.call(Trigger, 'imu_allan/reset').success
+    node.popen.kill()
+    node.popen.wait()
+    state = {key: array for key, array in decode_state(checkpoint.read_bytes()).items()
+             if key != 'node'}
+    assert Characterization.from_state(state).summary().messages == 0
+    assert kept_aside(ros) == []
+
+
+def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
+    folder = ros.folder / 'disk'
+    node = ros.start('imu_allan_node', {'state_file': str(folder / 'state'),
+                                        'checkpoint_period': PERIOD_S})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    (folder / 'state.lock').unlink()
+    folder.rmdir()
+    folder.write_text('in the way')
+    driver.publish(500)
+    ros.until(lambda: 'cannot be written' in node.log)
+    assert ros.call(Trigger, 'imu_allan/save').success
+    assert node.stop() == 1
+
+
+def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
+    """Kill the node again and again while samples come in real time."""
+    chance = random.Random(kills)
+    driver = Driver(ros)
+    state_file = ros.folder / 'state'
+    kept = 0
+    for turn in range(kills):
+        node = start(ros)
+        driver.wait_for_node()
+        before, began = driver.next, time.monotonic()
+        lives = chance.uniform(0.0, seconds)
+        while time.monotonic() - began < lives:
+            driver.publish(round(RATE_HZ * (time.monotonic() - began)) - driver.next + before)
+            time.sleep(0.02)
+        lived = time.monotonic() - began
+        kill(driver, node)
+        # The robot stood still for a second without a node.
+        driver.next += 200
+        now = 0
+        if state_file.exists():
+            state = {key: array for key, array in decode_state(state_file.read_bytes()).items()
+                     if key != 'node'}
+            now = Characterization.from_state(state).summary().messages
+        assert now >= kept, turn
+        if turn == 0 or lived > TRIAL_S + 2 * PERIOD_S:
+            assert now - kept >= (lived - PERIOD_S) * RATE_HZ, turn
+        kept = now
+    node = start(ros)
+    ros.until(lambda: 'resumed' in node.log)
+    assert kept_aside(ros) == []
+    assert list(ros.folder.glob('.state*')) == []
+    assert node.stop(signal.SIGTERM) == 0
+
+
+def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
+        ros: Ros) -> None:
+    survive_kills(ros, 2, 6.0)
+
+
+@pytest.mark.slow
+def test_fifty_kills_at_random_moments_leave_a_whole_state(ros: Ros) -> None:
+    survive_kills(ros, 50, 8.0)
