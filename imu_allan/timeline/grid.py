@@ -32,6 +32,8 @@ _FIRM_PHASE = exp(-0.5 * (2 * pi * _COUNTING_SPREAD) ** 2)
 _SMOOTHING = 31
 _BURST_WINDOW = 128
 _RATE_BLOCK = 256
+_FEWEST_RECEIVED = 0.5
+_MOSTLY_IN_BURSTS = 0.55
 
 
 @dataclass(frozen=True)
@@ -81,22 +83,24 @@ def measure_pace(stamps: Stamps) -> Pace | None:
     time = (stamps - stamps[0]).astype(np.float64)
     if n < 8:
         return Pace(float(np.median(np.diff(time))))
+    overall = _median_interval(time, max(n // 4, 1))
+    # Bursts fit the grid of every interval that divides their distance.
+    if np.mean(np.diff(time) < 0.5 * overall) > _MOSTLY_IN_BURSTS:
+        return Pace(overall, spread=1.0, counting=True)
     best: Pace | None = None
     for apart in (1, 2, 4, 8, 16, 32, 64):
-        if apart * 2 >= n:
-            break
-        interval = float(np.median(time[apart:] - time[:-apart])) / apart
-        if interval <= 0:
+        interval = _median_interval(time, apart) if apart * 2 < n else 0.0
+        if not _FEWEST_RECEIVED * overall < interval < 1.1 * overall:
             continue
         pace = _refine(time, interval)
         if best is None or pace.spread < 0.9 * best.spread - 0.005:
             best = pace
     if best is None:
-        return Pace(float(time[-1]) / (n - 1), spread=1.0, counting=True)
+        return Pace(overall or float(time[-1]) / (n - 1), spread=1.0, counting=True)
     even = _even_line(time)
     if best.spread > _COUNTING_SPREAD or (
             even is not None and _looks_lossy(time, best.interval_ns)):
-        return even or Pace(_burst_interval(time), spread=best.spread, counting=True)
+        return even or Pace(overall, spread=best.spread, counting=True)
     return best
 
 
@@ -131,8 +135,8 @@ def _looks_lossy(time: Floats, interval: float) -> bool:
     return int(np.count_nonzero(steps > 1)) >= 8
 
 
-def _burst_interval(time: Floats) -> float:
-    apart = min(_GROUP, len(time) // 2)
+def _median_interval(time: Floats, apart: int) -> float:
+    """Interval by the median distance of messages `apart`."""
     return float(np.median(time[apart:] - time[:-apart])) / apart
 
 
@@ -157,7 +161,7 @@ def _group_phases(phase: Floats) -> tuple[Floats, Floats]:
     return turn, np.abs(mean)
 
 
-def count_steps(places: Floats, pace: Pace, new_run: bool = False) -> Ints:
+def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
     """
     Distance on the grid of every message from the one before.
 
@@ -167,6 +171,8 @@ def count_steps(places: Floats, pace: Pace, new_run: bool = False) -> Ints:
         Rising stamps in intervals; 0 is the grid place of the last sample placed before.
     pace : Pace
         As measured lately.
+    late : float
+        How far the last stamp before lies behind its place, in intervals.
     new_run : bool
         Whether the phase is that of a single message, the first: then it may be late itself.
 
@@ -177,7 +183,7 @@ def count_steps(places: Floats, pace: Pace, new_run: bool = False) -> Ints:
 
     """
     steps = np.empty_like(places)
-    steps[0] = places[0]
+    steps[0] = places[0] - late
     np.subtract(places[1:], places[:-1], out=steps[1:])
     if not pace.counting:
         whole = np.rint(steps)
@@ -299,10 +305,11 @@ def rate_changes(places: Floats, counting: bool, other_rate: bool) -> list[tuple
     -------
     list of (int, bool)
         First message of each stretch, and whether it is at another rate. Less than two blocks of
-        256 messages are no stretch of their own.
+        256 messages (1024 where they are counted) are no stretch of their own.
 
     """
-    starts = list(range(0, max(len(places) - _RATE_BLOCK, 0) + 1, _RATE_BLOCK))
+    block = 4 * _RATE_BLOCK if counting else _RATE_BLOCK
+    starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
     off = [not _on_rate(places[first:last], 0.1 if counting else 0.02)
            for first, last in zip(starts, ends, strict=True)]
@@ -322,7 +329,7 @@ def rate_changes(places: Floats, counting: bool, other_rate: bool) -> list[tuple
 
 def _on_rate(places: Floats, tolerance: float) -> bool:
     """Whether messages some number apart are mostly as many intervals apart."""
-    for apart in (1, 2, 4, 16, 64):
+    for apart in (1, 2, 4, 16, 64, 256):
         if len(places) <= apart:
             break
         distance = float(np.median(places[apart:] - places[:-apart])) / apart

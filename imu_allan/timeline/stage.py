@@ -312,7 +312,7 @@ class TimelineStage:
         steps = stamps[1:] - stamps[:-1]
         least, most = (1 - EVEN_JITTER) * interval, (1 + EVEN_JITTER) * interval
         return bool(
-            first > 0 and least < first + facts.late_ns < most
+            least < first < most
             and (not len(steps) or (least < steps.min() and steps.max() < most))
             and abs(int(stamps[c - 1]) - facts.last_ns - c * interval) < 4 * interval
             and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST)
@@ -556,6 +556,7 @@ class TimelineStage:
             changes = rate_changes(self._places(messages)[:c], facts.counting, facts.other_rate)
             if len(changes) > 1 or changes[0][1]:
                 return self._split_by_rate(messages, changes)
+            facts.other_rate = False
         return self._put(messages, steps)
 
     def _split_by_rate(self, messages: _Messages,
@@ -568,9 +569,7 @@ class TimelineStage:
             if other_rate:
                 self._leave_out(part)
                 continue
-            if facts.other_rate:
-                facts.fresh_run = True
-                facts.other_rate = False
+            facts.other_rate = False
             blocks += self._put(part, self._steps(part))
         return blocks
 
@@ -600,9 +599,10 @@ class TimelineStage:
 
     def _steps(self, messages: _Messages) -> Ints:
         facts = self._facts
-        return count_steps(self._places(messages),
-                           Pace(facts.interval_ns or 1.0, facts.spread, facts.counting),
-                           new_run=facts.fresh_run or facts.last_ns is None)
+        interval = facts.interval_ns or 1.0
+        new_run = facts.fresh_run or facts.last_ns is None
+        return count_steps(self._places(messages), Pace(interval, facts.spread, facts.counting),
+                           late=0.0 if new_run else facts.late_ns / interval, new_run=new_run)
 
     def _rate_doubtful(self, messages: _Messages, steps: Ints) -> bool:
         c = messages.consumed

@@ -1,20 +1,523 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+from hypothesis import given, settings, strategies as st
 from imu_allan.block import ImuBlock
-from imu_allan.timeline import TimelineStage
+from imu_allan.errors import ImuAllanError
+from imu_allan.timeline import TimelineOptions, TimelineStage
+from imu_messages import codes, cut, pick, rows_by_place, run, START_NS, still
 import numpy as np
+import pytest
+
+
+def faulty(seed: int, count: int = 12_000) -> ImuBlock:
+    """Give messages with every fault at once: drops, repeats, swaps, NaN, a gap, a knock."""
+    rng = np.random.default_rng(seed)
+    block = still(count, seed=seed, late=rng.exponential(0.1, count))
+    block.samples[rng.integers(0, count, 5), rng.integers(0, 6, 5)] = np.nan
+    block.samples[count // 3:count // 3 + 5] += 0.5
+    rows = np.sort(np.concatenate([np.arange(count), rng.integers(0, count, 20)]))
+    rows = rows[(rng.random(len(rows)) > 0.01) & ((rows < count // 2) | (rows > count // 2 + 70))]
+    for place in rng.integers(1, len(rows), 5):
+        rows[[place - 1, place]] = rows[[place, place - 1]]
+    return pick(block, rows)
 
 
 def test_clean_messages_come_out_as_they_went_in():
-    rng = np.random.default_rng(1)
-    header = np.arange(10_000) * 10_000_000 + 1_700_000_000_000_000_000
-    samples = rng.normal(size=(10_000, 6)) + [0, 0, 0, 0, 0, 9.81]
+    block = still(10_000)
+    summary, even = run(block)
+    places, rows = rows_by_place(even)
+    assert np.array_equal(places, np.arange(10_000))
+    assert np.array_equal(rows, block.samples)
+    assert [b.new_run for b in even] == [True] + [False] * (len(even) - 1)
+    timeline = summary.timeline
+    assert timeline.sample_rate_hz == 100.0
+    assert timeline.duration_s == 100.0
+    assert (timeline.samples, timeline.missing, timeline.duplicates, timeline.out_of_order,
+            timeline.rejected) == (10_000, 0, 0, 0, 0)
+    assert (timeline.gaps, timeline.motion, summary.remarks) == ((), (), ())
+    assert (summary.clock, summary.frame_id) == ('header', 'imu_link')
+    assert summary.start_time == '2023-11-14T22:13:20Z'
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 50), edges=st.lists(st.integers(0, 12_100), max_size=40))
+def test_outcome_does_not_depend_on_how_messages_were_split(seed, edges):
+    block = faulty(seed)
+    whole, whole_even = run(block)
+    split, split_even = run(cut(block, edges))
+    assert split == whole
+    for one, other in zip(split_even, whole_even, strict=True):
+        assert np.array_equal(one.samples, other.samples)
+        assert (one.first_index, one.bridged, one.new_run) == (
+            other.first_index, other.bridged, other.new_run)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 20), at=st.integers(0, 12_000))
+def test_a_saved_timeline_goes_on_as_if_it_had_not_been_saved(seed, at):
+    block = faulty(seed)
+    summary, even = run(block)
     stage = TimelineStage()
-    blocks = stage.push(ImuBlock(header, header, samples, np.zeros((10_000, 2), bool), 'imu'))
+    parts = [part for part in cut(block, [at]) if len(part)]
+    blocks = stage.push(parts[0])
+    state = stage.to_state()
+    assert all(array.dtype != object for array in state.values())
+    stage = TimelineStage.from_state(state)
+    for part in parts[1:]:
+        blocks += stage.push(part)
     blocks += stage.flush()
-    assert np.array_equal(np.concatenate([b.samples for b in blocks]), samples)
-    assert [b.first_index for b in blocks] == [0, *np.cumsum([len(b) for b in blocks])[:-1]]
+    assert stage.summary() == summary
+    for one, other in zip(blocks, even, strict=True):
+        assert np.array_equal(one.samples, other.samples)
+        assert (one.first_index, one.bridged) == (other.first_index, other.bridged)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 20), at=st.integers(1, 12_000))
+def test_a_flushed_copy_tells_what_the_stream_would_and_leaves_it_alone(seed, at):
+    block = faulty(seed)
+    stage = TimelineStage()
+    first, *rest = cut(block, [at])
+    blocks = stage.push(first)
+    copy = stage.copy()
+    so_far = blocks + copy.flush()
+    expected_summary, expected = run(first)
+    assert stage.summary() == copy.summary() == expected_summary
+    assert np.array_equal(rows_by_place(so_far)[1], rows_by_place(expected)[1])
+    for part in rest:
+        blocks += stage.push(part)
+    blocks += stage.flush()
+    summary, even = run(block)
+    assert stage.summary() == summary
+    assert np.array_equal(rows_by_place(blocks)[1], rows_by_place(even)[1])
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.data())
+def test_messages_are_all_accounted_for_and_places_rise(data):
+    count = 6_000
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    block = still(count, seed=1)
+    rows = np.arange(count)
+    for _ in range(data.draw(st.integers(0, 6))):
+        at = data.draw(st.integers(0, len(rows) - 2))
+        fault = data.draw(st.sampled_from(['drop', 'gap', 'repeat', 'swap', 'loop', 'nan']))
+        if fault == 'drop':
+            rows = np.delete(rows, slice(at, at + data.draw(st.integers(1, 8))))
+        elif fault == 'gap':
+            rows = np.delete(rows, slice(at, at + data.draw(st.integers(10, 2000))))
+        elif fault == 'repeat':
+            rows = np.insert(rows, at, rows[at])
+        elif fault == 'swap':
+            rows[[at, at + 1]] = rows[[at + 1, at]]
+        elif fault == 'loop':
+            rows = np.concatenate([rows[:at], rows[max(at - 500, 0):]])
+        else:
+            block.samples[rng.integers(0, count), rng.integers(0, 6)] = np.inf
+        if len(rows) < 1000:
+            break
+    messages = pick(block, rows)
+    summary, even = run(messages, motion='keep')
+    timeline = summary.timeline
+    assert summary.messages == len(messages)
+    assert (timeline.samples + timeline.duplicates + timeline.out_of_order
+            + timeline.rejected) == len(messages)
+    places, given_rows = rows_by_place(even)
+    assert np.all(np.diff(places) >= 1)
+    assert len(places) == timeline.samples + summary.bridged
+    assert sum(one.bridged for one in even) == summary.bridged
+    assert np.isfinite(given_rows).all()
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, 100.0, 1000.0])
+@pytest.mark.parametrize('jitter', [0.0, 0.02, 0.15])
+def test_one_percent_random_drops_are_counted_exactly(rate_hz, jitter):
+    rng = np.random.default_rng(7)
+    count = 60_000
+    block = still(count, rate_hz, late=rng.exponential(jitter, count) if jitter else None)
+    keep = rng.random(count) >= 0.01
+    keep[[0, -1]] = True
+    summary, even = run(pick(block, np.flatnonzero(keep)))
+    assert summary.timeline.missing == summary.bridged == np.count_nonzero(~keep)
+    assert summary.timeline.samples == np.count_nonzero(keep)
+    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-5)
+    assert summary.timeline.gaps == summary.timeline.motion == ()
+    assert len(rows_by_place(even)[0]) == count
+
+
+def test_a_bridged_gap_holds_the_mean_of_its_neighbours():
+    block = still(1000)
+    summary, even = run(pick(block, np.delete(np.arange(1000), [500, 501, 502])), motion='keep')
+    assert summary.bridged == 3
+    _, rows = rows_by_place(even)
+    around = np.concatenate([block.samples[492:500], block.samples[503:511]])
+    assert rows[500:503] == pytest.approx(np.tile(around.mean(axis=0), (3, 1)), rel=1e-12)
+    assert np.array_equal(np.delete(rows, [500, 501, 502], axis=0),
+                          np.delete(block.samples, [500, 501, 502], axis=0))
+
+
+@pytest.mark.parametrize('tolerance', [0, 1, 5, 20])
+def test_gaps_up_to_the_tolerance_are_bridged_and_longer_ones_listed(tolerance):
+    block = still(5000)
+    gaps = {1000: 1, 2000: 5, 3000: 6, 4000: 21}
+    rows = np.delete(np.arange(5000),
+                     np.concatenate([np.arange(at, at + n) for at, n in gaps.items()]))
+    summary, even = run(pick(block, rows), gap_tolerance=tolerance)
+    longer = {at: n for at, n in gaps.items() if n > tolerance}
+    assert summary.timeline.missing == 33
+    assert summary.bridged == 33 - sum(longer.values())
+    assert [(gap.start_s, gap.duration_s) for gap in summary.timeline.gaps] == [
+        pytest.approx((at / 100, n / 100), abs=1e-6) for at, n in longer.items()]
+    places, _ = rows_by_place(even)
+    assert np.array_equal(places, np.setdiff1d(
+        np.arange(5000), np.concatenate([[-1], *(np.arange(at, at + n)
+                                                 for at, n in longer.items())])))
+    assert sum(one.new_run for one in even) == 1
+
+
+def test_three_long_gaps_are_listed_with_start_and_duration():
+    rows = np.arange(60_000)
+    for at in (10_000, 30_000, 50_000):
+        rows = rows[(rows < at) | (rows >= at + 1000)]
+    summary, _ = run(pick(still(60_000), rows))
+    assert [(gap.start_s, gap.duration_s) for gap in summary.timeline.gaps] == [
+        pytest.approx((at, 10.0), abs=1e-6) for at in (100.0, 300.0, 500.0)]
+    assert summary.timeline.missing == 3000
+    assert summary.timeline.duration_s == pytest.approx(600.0)
+
+
+def test_repeated_messages_are_counted_and_left_out():
+    rows = np.sort(np.concatenate([np.arange(20_000), np.arange(500, 20_000, 400)]))
+    block = still(20_000)
+    summary, even = run(pick(block, rows))
+    assert summary.timeline.duplicates == summary.header_repeats == 49
+    assert summary.timeline.samples == 20_000
+    assert np.array_equal(rows_by_place(even)[1], block.samples)
+
+
+def test_backward_stamps_are_counted_and_left_out():
+    rows = np.arange(20_000)
+    for at in range(700, 20_000, 800):
+        rows[[at, at + 1]] = rows[[at + 1, at]]
+    summary, _ = run(pick(still(20_000), rows))
+    swaps = len(range(700, 20_000, 800))
+    assert summary.timeline.out_of_order == summary.header_backward == swaps
+    assert summary.timeline.missing == summary.bridged == swaps
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf, 1e300])
+def test_unusable_values_are_rejected_and_bridged(value):
+    block = still(10_000)
+    block.samples[[100, 5000, 5001, 9000], [0, 3, 5, 2]] = value
+    summary, even = run(block)
+    assert summary.timeline.rejected == summary.timeline.missing == 4
+    assert np.isfinite(rows_by_place(even)[1]).all()
+
+
+def test_messages_that_declare_a_field_absent_now_and_then_are_rejected():
+    block = still(10_000)
+    block.absent[[10, 4000, 7000], [0, 1, 1]] = True
+    summary, _ = run(block)
+    assert summary.timeline.rejected == 3
+    assert summary.present == (True,) * 6
+
+
+def test_a_field_declared_absent_throughout_is_nan_and_not_present():
+    block = still(10_000)
+    block.absent[:, 1] = True
+    summary, even = run(block)
+    assert summary.present == (True, True, True, False, False, False)
+    _, rows = rows_by_place(even)
+    assert np.isnan(rows[:, 3:]).all()
+    assert np.array_equal(rows[:, :3], block.samples[:, :3])
+    assert summary.timeline.rejected == 0
+    assert 'gravity' not in codes(summary)
+
+
+def test_an_axis_that_is_nan_throughout_is_left_out_and_told():
+    block = still(10_000)
+    block.samples[:, 2] = np.nan
+    summary, even = run(block)
+    assert summary.present == (True, True, False, True, True, True)
+    assert summary.timeline.samples == 10_000
+    assert np.isnan(rows_by_place(even)[1][:, 2]).all()
+    assert 'axis_not_finite' in codes(summary)
+
+
+def test_messages_without_any_field_are_refused():
+    block = still(1000)
+    block.absent[:] = True
+    with pytest.raises(ImuAllanError, match='neither angular velocity nor linear acceleration'):
+        run(block)
+
+
+def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted():
+    one, other = still(2000), still(2000, seed=1, frame_id='base_link')
+    blocks = []
+    for at in range(2000):
+        blocks += [pick(one, [at]), pick(other, [at])]
+    summary, even = run(blocks)
+    assert np.array_equal(rows_by_place(even)[1], one.samples)
+    assert (summary.timeline.samples, summary.timeline.rejected) == (2000, 2000)
+    told = next(r.message for r in summary.remarks if r.code == 'several_frames')
+    assert "'imu_link'" in told
+    assert "'base_link' (2000 messages)" in told
+
+
+def test_any_number_of_frame_ids_keeps_memory_and_remark_bounded():
+    summary, _ = run([still(200), *(replace(still(1), frame_id=f'frame_{i}')
+                                    for i in range(1000))])
+    told = next(r.message for r in summary.remarks if r.code == 'several_frames')
+    assert len(told) < 600
+    assert summary.timeline.rejected == 1000
+
+
+@pytest.mark.parametrize(('step_s', 'code'), [(3600.0, 'clock_jumps'), (-3600.0, 'clock_jumps')])
+def test_a_clock_step_begins_a_new_run_and_no_gap(step_s, code):
+    block = still(12_000)
+    block.header_ns[7000:] += int(step_s * 1e9)
+    summary, even = run(block)
+    assert code in codes(summary)
+    assert summary.clock_jumps == 1
+    assert summary.timeline.gaps == ()
+    assert (summary.timeline.samples, summary.timeline.missing) == (12_000, 0)
+    assert summary.timeline.duration_s == pytest.approx(120.0, abs=0.1)
+    assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
+    starts = [one.first_index for one in even if one.new_run]
+    assert starts == [0, 7000]
+
+
+def test_a_bag_played_in_a_loop_begins_a_new_run_each_time():
+    block = still(3000)
+    looped = pick(block, np.tile(np.arange(3000), 4))
+    received = looped.receive_ns[0] + np.arange(12_000) * 10_000_000
+    summary, even = run(replace(looped, receive_ns=received))
+    assert summary.clock_jumps == 3
+    assert sum(one.new_run for one in even) == 4
+    assert summary.timeline.samples == 12_000
+    assert summary.timeline.duration_s == pytest.approx(120.0, abs=0.1)
+
+
+def test_a_break_of_reception_that_both_clocks_see_is_a_gap():
+    block = still(12_000)
+    block.header_ns[7000:] += 3_600_000_000_000
+    block.receive_ns[7000:] += 3_600_000_000_000
+    summary, even = run(block)
+    assert summary.clock_jumps == 0
+    (gap,) = summary.timeline.gaps
+    assert (gap.start_s, gap.duration_s) == pytest.approx((70.0, 3600.0), abs=1e-3)
+    assert sum(one.new_run for one in even) == 1
+
+
+def test_one_stray_stamp_in_the_future_is_left_out():
+    block = still(12_000)
+    block.header_ns[[3000, 9000]] += 10**17
+    summary, even = run(block)
+    assert summary.timeline.out_of_order == summary.timeline.missing == 2
+    assert sum(one.new_run for one in even) == 1
+
+
+def test_zero_stamps_amid_good_ones_are_left_out():
+    block = still(12_000)
+    block.header_ns[[3000, 9000]] = 0
+    summary, _ = run(block)
+    assert summary.timeline.out_of_order == summary.timeline.missing == 2
+
+
+@pytest.mark.parametrize(('spoil', 'flaw'), [
+    (lambda stamps: stamps * 0, 'zero'),
+    (lambda stamps: stamps * 0 + 5, 'constant'),
+    (lambda stamps: stamps // 10**9 * 10**9, 'whole seconds'),
+    (lambda stamps: stamps // 10**8 * 10**8, 'coarse'),
+])
+def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw):
+    block = still(10_000)
+    summary, even = run(replace(block, header_ns=spoil(block.header_ns)))
+    assert summary.clock == 'receive'
+    told = next(r.message for r in summary.remarks if r.code == 'receive_clock')
+    assert flaw in told
+    assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
+    assert np.array_equal(rows_by_place(even)[1], block.samples)
+    assert summary.start_time is not None
+    assert summary.start_time.startswith('2023-11-14T22:13:20')
+
+
+def test_header_stamps_that_stop_hand_over_to_receive_stamps():
+    block = still(20_000)
+    block.header_ns[12_000:] = block.header_ns[12_000]
+    summary, even = run(block)
+    assert 'clock_changed' in codes(summary)
+    assert summary.clock == 'receive'
+    assert summary.timeline.samples + summary.timeline.duplicates == 20_000
+    assert summary.timeline.duplicates < 410
+    assert summary.timeline.duration_s == pytest.approx(200.0, abs=0.1)
+    assert sum(one.new_run for one in even) == 2
+
+
+def test_the_user_chooses_the_clock():
+    block = still(10_000)
+    receive = block.receive_ns[0] + (block.receive_ns - block.receive_ns[0]) * 2
+    summary, _ = run(replace(block, receive_ns=receive), clock='receive')
+    assert summary.clock == 'receive'
+    assert summary.timeline.sample_rate_hz == pytest.approx(50.0)
+    with pytest.raises(ImuAllanError, match='header stamps are zero'):
+        run(replace(block, header_ns=block.header_ns * 0), clock='header')
+
+
+def test_without_any_usable_stamps_a_stated_rate_counts_samples():
+    block = still(10_000)
+    block = replace(block, header_ns=block.header_ns * 0, receive_ns=block.receive_ns * 0)
+    with pytest.raises(ImuAllanError, match='state the sample rate'):
+        run(block)
+    summary, even = run(block, rate_hz=250.0)
+    assert summary.clock is None
+    assert summary.timeline.sample_rate_hz == 250.0
+    assert summary.timeline.duration_s == pytest.approx(40.0)
+    assert summary.measured_rate_hz is None
+    assert 'counted_samples' in codes(summary)
+    assert np.array_equal(rows_by_place(even)[1], block.samples)
+
+
+def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():
+    block = still(5000)
+    with pytest.raises(ImuAllanError, match=r'stated rate is 200 Hz.* at 100 Hz'):
+        run(block, rate_hz=200.0)
+    summary, _ = run(block, rate_hz=200.0, force_rate=True)
+    assert summary.timeline.sample_rate_hz == 200.0
+    assert summary.measured_rate_hz == 100.0
+    summary, _ = run(block, rate_hz=101.0)
+    assert summary.timeline.sample_rate_hz == 101.0
+
+
+def test_a_refused_stream_stays_refused():
+    stage = TimelineStage(TimelineOptions(rate_hz=200.0))
+    for part in cut(still(10_000), [5000]):
+        with pytest.raises(ImuAllanError, match='stated rate'):
+            stage.push(part)
+
+
+@pytest.mark.parametrize('other_hz', [200.0, 110.0, 50.0])
+def test_a_rate_change_half_way_is_told_and_the_other_rate_left_out(other_hz):
+    first, then = still(30_000), still(20_000, other_hz, seed=1)
+    shift = int(first.header_ns[-1] - START_NS + 1e9 / other_hz)
+    then = replace(then, header_ns=then.header_ns + shift, receive_ns=then.receive_ns + shift)
+    summary, even = run([first, then])
+    assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-3)
+    told = next(r.message for r in summary.remarks if r.code == 'rate_changed')
+    assert f'from 100 to {other_hz:g} Hz' in told
+    assert '--start' in told
+    assert summary.at_other_rate == pytest.approx(20_000, abs=300)
+    assert len(rows_by_place(even)[0]) == pytest.approx(30_000, abs=300)
+
+
+def test_samples_at_the_first_rate_are_used_again_when_it_returns():
+    first, slow, last = still(10_000), still(6000, 20.0, seed=1), still(10_000, seed=2)
+    end = first.header_ns[-1] - START_NS
+    slow = replace(slow, header_ns=slow.header_ns + end + 50_000_000,
+                   receive_ns=slow.receive_ns + end + 50_000_000)
+    end = slow.header_ns[-1] - START_NS
+    last = replace(last, header_ns=last.header_ns + end + 10_000_000,
+                   receive_ns=last.receive_ns + end + 10_000_000)
+    summary, even = run([first, slow, last])
+    assert summary.timeline.samples == pytest.approx(20_000, abs=500)
+    assert max(np.diff(rows_by_place(even)[0])) == pytest.approx(30_000, abs=500)
+    (gap,) = summary.timeline.gaps
+    assert gap.start_s == pytest.approx(100.0, abs=5.0)
+    assert summary.timeline.duration_s == pytest.approx(500.0, abs=1.0)
+
+
+def test_a_break_begins_a_new_run_at_the_next_sample():
+    one, other = still(6000), still(6000, seed=1)
+    stage = TimelineStage()
+    blocks = stage.push(one)
+    state = stage.to_state()
+    stage = TimelineStage.from_state(state)
+    stage.break_run()
+    pause = 120_000_000_000 + 60_000_000_000
+    blocks += stage.push(replace(other, header_ns=other.header_ns + pause,
+                                 receive_ns=other.receive_ns + pause))
+    blocks += stage.flush()
+    places, rows = rows_by_place(blocks)
+    assert np.array_equal(places, np.arange(12_000))
+    assert np.array_equal(rows, np.concatenate([one.samples, other.samples]))
+    assert [b.first_index for b in blocks if b.new_run] == [0, 6000]
     summary = stage.summary()
-    assert summary.timeline.sample_rate_hz == 100.0
-    assert (summary.timeline.samples, summary.timeline.missing) == (10_000, 0)
+    assert summary.timeline.sample_rate_hz == pytest.approx(100.0)
+    (gap,) = summary.timeline.gaps
+    assert (gap.start_s, gap.duration_s) == pytest.approx((60.0, 120.0), abs=0.02)
+
+
+@pytest.mark.parametrize(('gravity', 'hint'), [(0.0, 'removed'), (1.0, 'units of g'), (5.0, '')])
+def test_gravity_far_from_its_value_is_told(gravity, hint):
+    block = still(2000)
+    block.samples[:, 5] += gravity - 9.81
+    summary, _ = run(block)
+    told = next(r.message for r in summary.remarks if r.code == 'gravity')
+    assert hint in told
+
+
+def test_a_slightly_tilted_real_sensor_says_nothing_about_gravity():
+    block = still(2000)
+    block.samples[:, 3] += 1.0
+    block.samples[:, 5] += 0.1
+    summary, _ = run(block)
     assert summary.remarks == ()
+
+
+def test_a_stream_of_gaps_lists_a_bounded_number_of_them():
+    rows = np.arange(40_000)
+    summary, _ = run(pick(still(40_000), rows[rows % 20 < 10]), motion='keep')
+    assert summary.gaps == 1999
+    assert len(summary.timeline.gaps) == 1000
+    assert 'gaps_not_listed' in codes(summary)
+    assert summary.timeline.missing == 19_990
+
+
+def test_many_missing_samples_are_told():
+    rng = np.random.default_rng(0)
+    summary, _ = run(pick(still(20_000), np.flatnonzero(rng.random(20_000) > 0.1)))
+    assert 'many_missing' in codes(summary)
+
+
+@pytest.mark.parametrize('count', [0, 1, 2, 3, 7, 50, 300])
+def test_short_streams_give_all_their_samples(count):
+    block = still(count)
+    summary, even = run(block)
+    assert sum(map(len, even)) == summary.timeline.samples == count
+    if count > 1:
+        assert summary.timeline.sample_rate_hz == pytest.approx(100.0)
+    if count == 1:
+        assert summary.timeline.sample_rate_hz is None
+
+
+@pytest.mark.parametrize('damage', [
+    lambda state: state.pop('facts'),
+    lambda state: state.update(facts=np.array('{}')),
+    lambda state: state.update(facts=np.array('no json')),
+    lambda state: state.update(header_ns=state['header_ns'][:-1]),
+    lambda state: state.update(samples=np.zeros(5)),
+    lambda state: state.update(motion=np.array('[]')),
+    lambda state: state.update(motion_rows=state['motion_rows'][:-1]),
+])
+def test_a_damaged_state_is_refused(damage):
+    stage = TimelineStage()
+    stage.push(still(5000))
+    state = stage.to_state()
+    damage(state)
+    with pytest.raises(ImuAllanError, match='damaged'):
+        TimelineStage.from_state(state)
+
+
+def test_state_stays_small_once_the_baseline_is_settled():
+    stage = TimelineStage()
+    for part in cut(still(60_000, 1000.0), range(0, 60_000, 500)):
+        stage.push(part)
+    stage.push(still(1))
+    large = sum(array.nbytes for array in stage.to_state().values())
+    stage = TimelineStage()
+    for part in cut(still(200_000, 1000.0), range(0, 200_000, 500)):
+        stage.push(part)
+    small = sum(array.nbytes for array in stage.to_state().values())
+    assert small < 700_000 < large

@@ -1,0 +1,68 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of an IMU at rest, to which tests add the faults of real drivers."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
+import numpy as np
+from numpy.typing import NDArray
+
+START_NS = 1_700_000_000_000_000_000
+SIGMA = 0.01
+
+
+def still(count: int, rate_hz: float = 100.0, *, seed: int = 0, frame_id: str = 'imu_link',
+          late: NDArray[np.float64] | None = None) -> ImuBlock:
+    """
+    Give even messages of white noise and gravity, received 0.3 ms after they were stamped.
+
+    `late` delays the header stamps, in sample intervals; a message never overtakes the one before.
+    """
+    places = np.arange(count, dtype=np.float64)
+    if late is not None:
+        places = np.maximum.accumulate(places + late - 0.01 * places) + 0.01 * places
+    header = START_NS + np.rint(places * 1e9 / rate_hz).astype(np.int64)
+    samples = np.random.default_rng(seed).normal(size=(count, 6)) * SIGMA
+    samples[:, 5] += 9.81
+    return ImuBlock(header, header + 300_000, samples, np.zeros((count, 2), dtype=bool), frame_id)
+
+
+def pick(block: ImuBlock, rows: NDArray[np.generic] | Sequence[int]) -> ImuBlock:
+    """Give the messages at `rows`, in that order: leaves out, repeats and swaps."""
+    return replace(block, header_ns=block.header_ns[rows], receive_ns=block.receive_ns[rows],
+                   samples=block.samples[rows], absent=block.absent[rows])
+
+
+def cut(block: ImuBlock, edges: Iterable[int]) -> list[ImuBlock]:
+    """Give the messages in blocks that end at `edges`."""
+    inner = sorted({edge for edge in edges if 0 < edge < len(block)})
+    ends = [0, *inner, len(block)]
+    return [pick(block, np.arange(first, last))
+            for first, last in pairwise(ends)]
+
+
+def run(blocks: ImuBlock | Iterable[ImuBlock], **options: object
+        ) -> tuple[TimelineSummary, list[EvenBlock]]:
+    """Push everything through a new timeline."""
+    stage = TimelineStage(TimelineOptions(**options))  # type: ignore[arg-type]
+    even: list[EvenBlock] = []
+    for block in [blocks] if isinstance(blocks, ImuBlock) else blocks:
+        even += stage.push(block)
+    even += stage.flush()
+    return stage.summary(), even
+
+
+def codes(summary: TimelineSummary) -> set[str]:
+    """Give the codes of the remarks."""
+    return {remark.code for remark in summary.remarks}
+
+
+def rows_by_place(blocks: Iterable[EvenBlock]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Give the grid places of all rows, and the rows."""
+    blocks = [block for block in blocks if len(block)]
+    return (np.concatenate([block.first_index + np.arange(len(block)) for block in blocks]),
+            np.concatenate([block.samples for block in blocks]))

@@ -1,0 +1,150 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+from hypothesis import given, settings, strategies as st
+from imu_allan.timeline.grid import count_steps, measure_pace, Pace, rate_changes
+from imu_messages import codes, pick, run, START_NS, still
+import numpy as np
+import pytest
+
+
+def paired(count: int, rate_hz: float) -> np.ndarray:
+    """Give stamps of a USB device that hands over two samples at a time, 23 Hz by the median."""
+    interval = 1e9 / rate_hz
+    stamps = np.arange(count) * interval
+    stamps[::2] += 0.74 * interval
+    return START_NS + np.rint(stamps).astype(np.int64)
+
+
+def bursts(count: int, rate_hz: float, length: int) -> np.ndarray:
+    """Give stamps of messages that arrive `length` at a time, 20 us apart."""
+    places = np.arange(count)
+    last = places // length * length + length - 1
+    return START_NS + np.rint(last * 1e9 / rate_hz).astype(np.int64) + places % length * 20_000
+
+
+def test_pairs_from_a_40_hz_sensor_are_40_hz_and_nothing_is_missing():
+    block = still(20_000, 40.0)
+    stamps = paired(20_000, 40.0)
+    assert 1e9 / np.median(np.diff(stamps)) == pytest.approx(23, abs=1) or (
+        1e9 / np.median(np.diff(stamps)) > 100)
+    for spoilt in (replace(block, header_ns=stamps),
+                   replace(block, header_ns=block.header_ns * 0, receive_ns=stamps)):
+        summary, _ = run(spoilt)
+        assert summary.timeline.sample_rate_hz == pytest.approx(40.0, rel=1e-4)
+        assert (summary.timeline.samples, summary.timeline.missing) == (20_000, 0)
+
+
+@pytest.mark.parametrize('resolution_s', [0.01, 0.05, 0.1])
+def test_a_sensor_whose_intervals_are_mostly_100_ms_but_9862_mhz_in_the_mean(resolution_s):
+    ticks = np.ceil(np.arange(8000) / 9.862 / resolution_s - 1e-9)
+    stamps = START_NS + np.rint(ticks * resolution_s * 1e9).astype(np.int64)
+    assert np.mean(np.isclose(np.diff(stamps), 1e8)) > 0.5
+    summary, _ = run(replace(still(8000), header_ns=stamps))
+    assert summary.timeline.sample_rate_hz == pytest.approx(9.862, rel=1e-4)
+    assert summary.timeline.missing == 0
+    assert summary.clock == 'header'
+
+
+def test_a_slow_sensor_that_is_late_now_and_then_has_its_mean_rate():
+    rng = np.random.default_rng(2)
+    intervals = np.where(rng.random(20_000) < 0.86, 0.100, 0.110)
+    stamps = START_NS + np.rint(np.cumsum(intervals) * 1e9).astype(np.int64)
+    summary, _ = run(replace(still(20_000), header_ns=stamps))
+    assert summary.timeline.sample_rate_hz == pytest.approx(1 / intervals.mean(), rel=1e-4)
+    assert summary.timeline.missing == 0
+
+
+@pytest.mark.parametrize('length', [2, 4, 10, 25])
+def test_bursts_neither_invent_nor_lose_samples(length):
+    block = still(30_000, 400.0)
+    stamps = bursts(30_000, 400.0, length)
+    summary, _ = run(replace(block, header_ns=stamps * 0, receive_ns=stamps))
+    assert summary.timeline.sample_rate_hz == pytest.approx(400.0, rel=2e-3)
+    assert (summary.timeline.samples, summary.timeline.missing) == (30_000, 0)
+
+
+def test_equal_receive_stamps_are_a_burst_and_no_duplicates():
+    block = still(20_000)
+    together = np.repeat(block.receive_ns[3::4], 4)
+    summary, _ = run(replace(block, header_ns=block.header_ns * 0, receive_ns=together))
+    assert summary.receive_repeats == 15_000
+    assert summary.timeline.duplicates == summary.timeline.missing == 0
+    assert summary.timeline.samples == 20_000
+
+
+def test_a_stall_of_the_host_with_a_burst_behind_it_loses_nothing():
+    late = np.zeros(30_000)
+    for at in range(1000, 30_000, 1777):
+        late[at:at + 40] = 40 - np.arange(40)
+    summary, _ = run(still(30_000, 200.0, late=late))
+    assert (summary.timeline.samples, summary.timeline.missing) == (30_000, 0)
+    assert summary.timeline.sample_rate_hz == pytest.approx(200.0, rel=1e-4)
+
+
+@pytest.mark.parametrize('ppm', [500, -500])
+def test_a_drifting_clock_neither_invents_nor_loses_samples(ppm):
+    rng = np.random.default_rng(3)
+    places = np.arange(200_000)
+    drift = ppm * 1e-6 * 40_000 * np.sin(places / 40_000)
+    block = still(200_000, 1000.0, late=drift + 2 * abs(ppm) * 1e-6 * 40_000
+                  + rng.exponential(0.1, 200_000))
+    keep = rng.random(200_000) > 0.01
+    keep[[0, -1]] = True
+    summary, _ = run(pick(block, np.flatnonzero(keep)))
+    assert summary.timeline.missing == np.count_nonzero(~keep)
+    assert summary.timeline.samples == np.count_nonzero(keep)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), rate_hz=st.floats(5.0, 5000.0), jitter=st.sampled_from([0.0, 0.02, 0.1]))
+def test_lost_samples_are_counted_exactly_at_any_rate(data, rate_hz, jitter):
+    count = data.draw(st.integers(300, 5000))
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    places = np.arange(count)
+    block = still(count, rate_hz, late=rng.uniform(0, jitter, count))
+    lost = set()
+    for _ in range(data.draw(st.integers(0, 12))):
+        at = data.draw(st.integers(30, count - 30))
+        lost |= set(range(at, min(at + data.draw(st.integers(1, 9)), count - 20)))
+    summary, _ = run(pick(block, np.setdiff1d(places, list(lost))), motion='keep')
+    assert summary.timeline.missing == len(lost)
+    assert summary.timeline.samples == count - len(lost)
+    assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-3)
+    assert 'rate_changed' not in codes(summary)
+
+
+def test_the_interval_is_measured_whatever_share_of_samples_is_lost():
+    rng = np.random.default_rng(4)
+    for share in (0.0, 0.05, 0.2, 0.4):
+        stamps = START_NS + np.flatnonzero(rng.random(8000) >= share) * 2_500_000
+        pace = measure_pace(stamps)
+        assert pace is not None
+        assert pace.interval_ns == pytest.approx(2_500_000, rel=1e-5)
+        assert not pace.counting
+
+
+def test_too_few_stamps_have_no_pace():
+    assert measure_pace(np.array([5])) is None
+    pace = measure_pace(np.array([0, 10]))
+    assert pace is not None
+    assert pace.interval_ns == 10
+
+
+def test_steps_are_whole_and_at_least_one():
+    pace = Pace(1.0, 0.1)
+    places = np.array([1.0, 2.02, 2.97, 6.0, 7.01, 1007.4, 1008.4])
+    assert count_steps(places, pace).tolist() == [1, 1, 1, 3, 1, 1000, 1]
+
+
+def test_rate_changes_are_found_to_the_message():
+    places = np.cumsum(np.concatenate([np.ones(1000), np.full(1500, 0.5), np.ones(1500)]))
+    assert rate_changes(places, False, False) == [
+        (0, False), (pytest.approx(1000, abs=1), True), (pytest.approx(2500, abs=1), False)]
+
+
+def test_random_loss_is_no_change_of_rate():
+    rng = np.random.default_rng(5)
+    places = np.flatnonzero(rng.random(8000) > 0.3).astype(float)
+    assert rate_changes(places, False, False) == [(0, False)]
