@@ -1,0 +1,152 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+from pathlib import Path
+import signal
+
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import blocks_from_messages
+from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.noise.model import load_model
+from imu_allan.simulator import SimulatedImu
+import numpy as np
+import pytest
+from ros_harness import Ros
+from std_srvs.srv import Trigger
+
+MODEL = Path(__file__).parents[2] / 'config' / 'consumer_mems.yaml'
+
+
+class Recording:
+    """What a subscription has received so far."""
+
+    def __init__(self, subscription: DrainedSubscription) -> None:
+        self._subscription = subscription
+        self._blocks: list[ImuBlock] = []
+
+    def __len__(self) -> int:
+        batch = self._subscription.take()
+        self._blocks += blocks_from_messages(batch.messages, batch.receive_ns)
+        return sum(map(len, self._blocks))
+
+    @property
+    def samples(self) -> np.ndarray:
+        return np.concatenate([block.samples for block in self._blocks])
+
+    @property
+    def header_ns(self) -> np.ndarray:
+        return np.concatenate([block.header_ns for block in self._blocks])
+
+    @property
+    def receive_ns(self) -> np.ndarray:
+        return np.concatenate([block.receive_ns for block in self._blocks])
+
+    @property
+    def frame_id(self) -> str:
+        [frame_id] = {block.frame_id for block in self._blocks}
+        return frame_id
+
+
+@pytest.fixture
+def recording(ros: Ros) -> Recording:
+    return Recording(ros.recorder())
+
+
+def test_at_full_speed_every_sample_of_the_model_arrives_and_the_simulator_ends(
+        ros: Ros, recording: Recording) -> None:
+    truths = ros.listen(DiagnosticArray, 'imu_simulator/truth')
+    simulator = ros.start('imu_simulator', {
+        'model': str(MODEL), 'rate': 400.0, 'duration': 50.0, 'speed': 0.0, 'seed': 7,
+        'start_time': 1000.0, 'frame_id': 'some_imu'})
+    ros.until(lambda: len(recording) == 20_000)
+    assert simulator.wait() == 0
+    np.testing.assert_array_equal(recording.header_ns - 1000 * 10**9,
+                                  np.rint(np.arange(20_000) / 400.0 * 1e9).astype(np.int64))
+    model = load_model(MODEL)
+    np.testing.assert_array_equal(recording.samples,
+                                  SimulatedImu(model, 400.0, 7).draw(20_000))
+    assert recording.frame_id == 'some_imu'
+    [truth] = truths
+    values = {entry.key: entry.value for entry in truth.status[0].values}
+    assert truth.status[0].name == 'imu_simulator: gyro_x'
+    assert float(values['noise_density/value']) == model.axes['gyro_x']['noise_density']
+    assert values['noise_density/unit'] == 'rad/s/sqrt(Hz)'
+
+
+def test_in_real_time_samples_leave_at_their_own_time(ros: Ros, recording: Recording) -> None:
+    simulator = ros.start('imu_simulator', {
+        'model': 'tactical_mems', 'rate': 100.0, 'duration': 2.0, 'wait_for_subscriptions': 1})
+    ros.until(lambda: len(recording) == 200)
+    assert simulator.wait() == 0
+    late_s = (recording.receive_ns - recording.header_ns) * 1e-9
+    late_s -= np.median(late_s)
+    # A busy computer may hold single samples up, but not let them drift.
+    assert np.quantile(np.abs(late_s), 0.8) < 0.05
+    assert (recording.receive_ns[-1] - recording.receive_ns[0]) * 1e-9 == pytest.approx(
+        1.99, abs=0.5)
+
+
+def test_twice_as_fast_takes_half_the_time(ros: Ros, recording: Recording) -> None:
+    simulator = ros.start('imu_simulator', {
+        'model': 'consumer_mems', 'rate': 100.0, 'duration': 4.0, 'speed': 2.0,
+        'wait_for_subscriptions': 1})
+    ros.until(lambda: len(recording) == 400)
+    assert simulator.wait() == 0
+    assert (recording.header_ns[-1] - recording.header_ns[0]) * 1e-9 == pytest.approx(3.99)
+    assert (recording.receive_ns[-1] - recording.receive_ns[0]) * 1e-9 == pytest.approx(
+        2.0, abs=0.5)
+
+
+def test_samples_are_dropped_and_the_imu_knocked_on_request(
+        ros: Ros, recording: Recording) -> None:
+    simulator = ros.start('imu_simulator', {
+        'model': str(MODEL), 'rate': 200.0, 'drop_samples': 30, 'knock_size': 5.0,
+        'wait_for_subscriptions': 1})
+    ros.until(lambda: len(recording) > 50)
+    assert ros.call(Trigger, 'imu_simulator/drop').success
+    here = len(recording)
+    ros.until(lambda: len(recording) > here + 100)
+    assert ros.call(Trigger, 'imu_simulator/knock').success
+    here = len(recording)
+    ros.until(lambda: len(recording) > here + 100)
+    assert simulator.stop(signal.SIGTERM) == 0
+    steps = np.diff(recording.header_ns) / 5e6
+    assert np.flatnonzero(np.rint(steps) != 1).size == 1
+    assert steps.max() == pytest.approx(31, abs=1e-3)
+    forward = np.abs(recording.samples[:, 3])
+    assert forward.max() == pytest.approx(5.0, rel=0.2)
+    loud = np.flatnonzero(forward > 0.5)
+    assert loud[-1] - loud[0] < 0.6 * 200
+
+
+@pytest.mark.parametrize(('parameters', 'line'), [
+    ({'model': 'no_such_imu'}, 'parameter model: no_such_imu: no such file'),
+    ({'rate': -1.0}, 'parameter rate is refused')])
+def test_a_wrong_parameter_is_one_line_and_status_1(
+        ros: Ros, parameters: dict[str, object], line: str) -> None:
+    simulator = ros.start('imu_simulator', parameters)
+    assert simulator.wait() == 1
+    assert simulator.log.startswith('imu_simulator: ')
+    assert line in simulator.log
+    assert simulator.log.count('\n') == 1
+
+
+def test_the_simulator_waits_for_a_slow_subscriber(ros: Ros) -> None:
+    subscription = ros.recorder()
+    simulator = ros.start('imu_simulator', {'rate': 1000.0, 'duration': 30.0, 'speed': 0.0})
+    ros.until(lambda: 'publishing' in simulator.log)
+    counts = []
+    lost = 0
+    while sum(counts) < 30_000:
+        # Longer than the writer waits for the reader before it gives up on a sample.
+        for _ in range(5):
+            ros.executor.spin_once(timeout_sec=0.05)
+        batch = subscription.take()
+        counts.append(len(batch.messages))
+        lost += batch.lost
+        assert simulator.running or simulator.popen.returncode == 0
+    assert simulator.wait() == 0
+    assert sum(counts) == 30_000
+    assert lost == 0
+    assert max(counts) < 20_000
