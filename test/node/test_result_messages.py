@@ -1,0 +1,206 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+
+from collections.abc import Mapping
+import math
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
+from imu_allan.node.result_messages import (
+    coefficients_message,
+    curve_message,
+    result_messages,
+    spoken_duration,
+    vector_message,
+)
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    Curve,
+    GoodnessOfFit,
+    Remark,
+    Result,
+    Source,
+    Span,
+    Timeline,
+    Tone,
+)
+from imu_allan.timeline import TimelineSummary
+import numpy as np
+import pytest
+
+STAMP = Time(sec=12, nanosec=34)
+
+
+def axis_result(name: str, values: Mapping[str, float], octaves: int = 10,
+                **fields: Any) -> AxisResult:
+    """Build an axis whose terms are observable where `values` has them."""
+    quantity = AXES[name]
+    coefficients = {
+        key: Coefficient(term.symbol, term.unit(quantity), True, values[key],
+                         (values[key] * 0.9, values[key] * 1.1), None) if key in values else
+        Coefficient(term.symbol, term.unit(quantity), False, None, None, 1e-7,
+                    observable_in_s=waits.get(key))
+        for waits in [fields.pop('waits', {})] for key, term in TERMS.items()}
+    tau = tuple(0.01 * 2.0**i for i in range(octaves))
+    adev = tuple(values.get('noise_density', 1.0) / math.sqrt(t) for t in tau)
+    curve = Curve(tau, adev, tau, ((0, 1),) * octaves, ((0, 1),) * octaves, adev)
+    settings: dict[str, Any] = {'mean': 0.1, 'band_limit_s': None, 'tones': (),
+                                'goodness_of_fit': GoodnessOfFit(0.5, 0.01, True), **fields}
+    return AxisResult(quantity.value, quantity.unit, coefficients=coefficients, curve=curve,
+                      **settings)
+
+
+def result_of(axes: Mapping[str, AxisResult]) -> Result:
+    return Result('0', Source('topic', None, '/imu/data_raw', 'imu', None, 'header'),
+                  Timeline(100.0, 1000, 10.0), axes)
+
+
+ALL = {'noise_density': 1e-3, 'rate_random_walk': 1e-5}
+
+
+def entries(status: DiagnosticStatus) -> dict[str, str]:
+    return {entry.key: entry.value for entry in status.values}
+
+
+def test_numbers_are_written_to_the_last_digit() -> None:
+    value = 0.1 + 0.2
+    result = result_of({'gyro_x': axis_result('gyro_x', {'noise_density': value})})
+    [status] = coefficients_message(result, 'imu_allan', STAMP).status
+    assert float(entries(status)['noise_density/value']) == value
+    assert entries(status)['noise_density/ci95_low'] == repr(value * 0.9)
+
+
+@pytest.mark.parametrize(('values', 'fields', 'level', 'words'), [
+    (ALL, {}, DiagnosticStatus.OK, 'are observable'),
+    ({'noise_density': 1e-3}, {'waits': {'rate_random_walk': 7200.0}}, DiagnosticStatus.WARN,
+     'rate random walk not observable yet, expected in 2.0 h'),
+    ({'rate_random_walk': 1e-3}, {}, DiagnosticStatus.WARN, 'noise density not observable yet'),
+    (ALL, {'goodness_of_fit': GoodnessOfFit(0.0, 0.4, False)}, DiagnosticStatus.WARN,
+     'no noise model fits')])
+def test_the_level_of_an_axis_says_whether_a_filter_can_be_configured(
+        values: Mapping[str, float], fields: dict[str, Any], level: bytes, words: str) -> None:
+    result = result_of({'accel_y': axis_result('accel_y', values, **dict(fields))})
+    [status] = coefficients_message(result, 'imu_allan', STAMP).status
+    assert status.level == level
+    assert words in status.message
+
+
+def test_tones_and_band_limit_are_among_the_values() -> None:
+    axis = axis_result('gyro_z', ALL, tones=(Tone(50.0, 1e-3),), band_limit_s=0.02)
+    [status] = coefficients_message(result_of({'gyro_z': axis}), 'imu_allan', STAMP).status
+    assert entries(status)['tones/0/frequency_hz'] == '50.0'
+    assert entries(status)['band_limit_s'] == '0.02'
+
+
+def test_an_axis_that_is_absent_is_nan_beside_the_others() -> None:
+    result = result_of({'gyro_x': axis_result('gyro_x', ALL)})
+    vector = vector_message(result, 'gyro', 'noise_density', STAMP)
+    assert vector.vector.x == 1e-3
+    assert math.isnan(vector.vector.y)
+    assert math.isnan(vector_message(result, 'accel', 'noise_density', STAMP).vector.z)
+    assert vector.header.stamp == STAMP
+    rows = np.array(curve_message(result, 'gyro').data).reshape(4, 25)
+    assert np.isfinite(rows[:2, :10]).all()
+    assert np.isnan(rows[2:]).all()
+    assert np.isnan(curve_message(result, 'accel').data).all()
+
+
+def test_a_curve_of_more_octaves_keeps_its_longest_averaging_times() -> None:
+    axis = axis_result('accel_x', ALL, octaves=28)
+    rows = np.array(curve_message(result_of({'accel_x': axis}), 'accel').data).reshape(4, 25)
+    np.testing.assert_array_equal(rows[0], axis.curve.tau_s[3:])
+    np.testing.assert_array_equal(rows[1], axis.curve.adev[3:])
+
+
+def test_a_result_without_axes_empties_every_topic() -> None:
+    messages = result_messages(result_of({}), 'imu_allan', STAMP)
+    assert list(messages.coefficients.status) == []
+    assert len(messages.vectors) == 6
+    assert len(messages.curves) == 2
+    assert all(math.isnan(vector.vector.x) for vector in messages.vectors.values())
+
+
+@pytest.mark.parametrize(('seconds', 'text'), [
+    (59.6, '60 s'), (119.0, '119 s'), (120.0, '2.0 min'), (7199.0, '120.0 min'),
+    (7200.0, '2.0 h'), (200_000.0, '2.3 d')])
+def test_a_duration_is_spoken_in_its_own_unit(seconds: float, text: str) -> None:
+    assert spoken_duration(seconds) == text
+
+
+def facts(**changes: Any) -> Facts:
+    settings: dict[str, Any] = {'topic': '/imu/data_raw', 'queue': 10_000, 'expected_rate': 0.0,
+                                'state_file': '', 'publishers': 1, 'received_hz': 100.0}
+    return Facts(**{**settings, **changes})
+
+
+def summary(**changes: Any) -> TimelineSummary:
+    timeline = changes.pop('timeline', Timeline(100.0, 1000, 10.0))
+    settings: dict[str, Any] = {'clock': 'header', 'frame_id': 'imu', 'start_time': None,
+                                'remarks': (), 'present': (True,) * 6,
+                                'measured_rate_hz': 100.0, 'jitter_s': 1e-5}
+    return TimelineSummary(timeline=timeline, **{**settings, **changes})
+
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+@pytest.mark.parametrize(('part', 'facts_', 'summary_', 'level', 'words'), [
+    ('reception', facts(), summary(), OK, 'receiving 100 messages per second'),
+    ('reception', facts(publishers=0), summary(), ERROR, 'nothing publishes /imu/data_raw'),
+    ('reception', facts(silent_s=7.0), summary(), ERROR, 'no message for 7 s'),
+    ('reception', facts(publishers=2), summary(), WARN, '2 nodes publish'),
+    ('reception', facts(lost=12), summary(), WARN, '12 messages were lost'),
+    ('reception', facts(malformed=3), summary(), WARN, '3 messages could not be decoded'),
+    ('reception', facts(paused=True), summary(), WARN, 'paused'),
+    ('timeline', facts(), summary(), OK, '1000 samples at 100 Hz'),
+    ('timeline', facts(), summary(moving=True), WARN, 'the IMU moves'),
+    ('timeline', facts(), summary(mostly_motion=True), WARN, 'moving most of the time'),
+    ('timeline', facts(expected_rate=200.0), summary(), WARN, 'measured 100 Hz, expected 200'),
+    ('timeline', facts(expected_rate=101.0), summary(), OK, '1000 samples'),
+    ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
+    ('timeline', facts(), summary(remarks=(Remark('gravity', 'in units of g?'),)), WARN,
+     'in units of g?'),
+    ('timeline', facts(), summary(clock_jumps=2), WARN, '2 clock jumps'),
+    ('timeline', facts(), summary(timeline=Timeline(
+        100.0, 1000, 12.0, missing=200, duplicates=4, gaps=(Span(3.0, 2.0),))), WARN,
+     '200 samples missing, 4 duplicates'),
+    ('estimation', facts(), summary(), OK, 'no result yet'),
+    ('estimation', facts(fit_error='broken'), summary(), ERROR, 'broken'),
+    ('storage', facts(), summary(), OK, 'no state file'),
+    ('storage', facts(state_file='/s', resumed='resumed 3 d of data'), summary(), OK, 'resumed'),
+    ('storage', facts(checkpoint_error='No space left'), summary(), ERROR, 'No space left'),
+    ('storage', facts(save_error='No space left'), summary(), ERROR, 'No space left')])
+def test_the_verdict_of_a_status_names_what_is_wrong(
+        part: str, facts_: Facts, summary_: TimelineSummary, level: bytes, words: str) -> None:
+    array = diagnostics_message('imu_allan', STAMP, facts_, summary_, None)
+    [status] = [s for s in array.status if s.name == f'imu_allan: {part}']
+    assert status.level == level
+    assert words in status.message
+    assert status.hardware_id == '/imu/data_raw'
+
+
+def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:
+    result = result_of({
+        'gyro_x': axis_result('gyro_x', {'noise_density': 1e-3},
+                              waits={'rate_random_walk': 5000.0, 'bias_instability': 900.0}),
+        'gyro_y': axis_result('gyro_y', ALL, waits={'bias_instability': 1200.0})})
+    assert waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
+    array = diagnostics_message('imu_allan', STAMP, facts(), summary(), result)
+    [status] = [s for s in array.status if s.name == 'imu_allan: estimation']
+    assert status.message == 'bias instability of gyro_x expected to be observable in 15.0 min'
+    assert entries(status)['next_observable_in_s'] == '900.0'
+    assert entries(status)['observable/rate_random_walk'] == '1'
+    assert entries(status)['observable/noise_density'] == '2'
+
+
+def test_gaps_are_counted_with_the_longest() -> None:
+    timeline = Timeline(100.0, 1000, 20.0, missing=700,
+                        gaps=(Span(1.0, 2.0), Span(5.0, 5.0)))
+    array = diagnostics_message('imu_allan', STAMP, facts(), summary(timeline=timeline), None)
+    [status] = [s for s in array.status if s.name == 'imu_allan: timeline']
+    assert entries(status)['gaps'] == '2'
+    assert entries(status)['longest_gap_s'] == '5.0'
