@@ -30,7 +30,9 @@ _LONG_STEP = 10.0
 _COUNTING_SPREAD = 0.27
 _FIRM_PHASE = exp(-0.5 * (2 * pi * _COUNTING_SPREAD) ** 2)
 _SMOOTHING = 31
+_FEW = 5
 _BURST_WINDOW = 128
+_MOST_JUMPS = 64
 _RATE_BLOCK = 256
 _FEWEST_RECEIVED = 0.5
 _MOSTLY_IN_BURSTS = 0.55
@@ -208,9 +210,10 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     centres = np.minimum(np.arange(len(turn)) * _GROUP + _GROUP / 2, len(phase))
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
     raw = np.rint(phase - slow).astype(np.int64)
-    smooth = _median_of_three(raw)
+    before = _level(raw[:_FEW]) if new_run else 0
+    smooth = _median_of_three(raw, before)
     if np.any(smooth[1:] < smooth[:-1]):
-        smooth = _running_median(raw, smooth)
+        smooth = _running_median(raw, before, smooth)
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
     return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
 
@@ -220,7 +223,10 @@ def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
     missing = np.zeros(len(phase), dtype=np.int64)
     spread = 1.4826 * float(np.median(np.abs(phase - np.median(phase))))
     smallest = max(3.0, 6 * spread)
-    for at in np.flatnonzero(steps > smallest):
+    candidates = np.flatnonzero(steps > smallest)
+    if len(candidates) > _MOST_JUMPS:
+        candidates = np.sort(candidates[np.argsort(steps[candidates])[-_MOST_JUMPS:]])
+    for at in candidates:
         before = phase[max(at - _BURST_WINDOW, 0):at]
         after = phase[at:at + _BURST_WINDOW]
         level = float(np.median(before)) if len(before) else 0.0
@@ -230,26 +236,29 @@ def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
     return missing
 
 
-def _padded(values: Ints, half: int) -> Ints:
-    """Put zeros before the first, and the level of the last ones behind."""
-    level = np.sort(values[-_SMOOTHING:])[min(len(values), _SMOOTHING) // 2]
-    return np.concatenate([np.zeros(half, dtype=np.int64), values, np.full(half, level)])
+def _level(values: Ints) -> int:
+    return int(np.sort(values)[len(values) // 2])
 
 
-def _median_of_three(values: Ints) -> Ints:
+def _padded(values: Ints, before: int, half: int) -> Ints:
+    """Put the level `before` in front, and that of the last values behind."""
+    return np.concatenate([np.full(half, before), values, np.full(half, _level(values[-_FEW:]))])
+
+
+def _median_of_three(values: Ints, before: int) -> Ints:
     """Median of each value and its two neighbours."""
-    padded = _padded(values, 1)
+    padded = _padded(values, before, 1)
     low, middle, high = padded[:-2], padded[1:-1], padded[2:]
     median: Ints = np.maximum(np.minimum(low, middle),
                               np.minimum(np.maximum(low, middle), high))
     return median
 
 
-def _running_median(values: Ints, smooth: Ints) -> Ints:
+def _running_median(values: Ints, before: int, smooth: Ints) -> Ints:
     """Median of 31 neighbours; `smooth`, that of three, is as good where it stands still."""
     half = _SMOOTHING // 2
-    padded = _padded(values, half)
-    changes = np.flatnonzero(np.diff(smooth, prepend=0, append=padded[-1]))
+    padded = _padded(values, before, half)
+    changes = np.flatnonzero(np.diff(smooth, prepend=before, append=padded[-1]))
     near = np.zeros(len(values) + 1, dtype=np.int64)
     np.add.at(near, np.maximum(changes - _SMOOTHING, 0), 1)
     np.add.at(near, np.minimum(changes + _SMOOTHING, len(values)), -1)
