@@ -83,6 +83,10 @@ class CompressedRecording(Recording):
         if written < declared:
             # The library ends a frame that is cut short without a word.
             reason = reason or f'{declared - written} of {declared} bytes are missing'
+        if written == 0:
+            raise ImuAllanError(
+                f'{printable(self.path)}: a damaged compressed file ({reason or "empty"}); '
+                'nothing can be read of it')
         if reason:
             self.remark(
                 'truncated_recording',

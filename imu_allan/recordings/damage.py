@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from imu_allan.errors import printable
 from imu_allan.recordings.recording import Recording
 
+_UNWRITTEN = 'what was not yet written is missing'
+
 
 @dataclass
 class Part:
@@ -57,11 +59,18 @@ class Damage:
     def ending(self, at: int, left: int, in_chunk: bool) -> None:
         """Note where the file breaks off."""
         if left == 0:
-            self.end = 'what was not yet written is missing'
+            self.end = _UNWRITTEN
         elif in_chunk:
             self.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
         else:
             self.end = f'{left} bytes from byte {at} on are not whole records and are lost'
+
+    def summary(self) -> str:
+        """Tell what is wrong, in short; nothing where nothing is."""
+        if self.broken_chunks:
+            return (f'{self.broken_chunks} of {self.chunks} chunks are damaged '
+                    f'(the first {self.first_broken})')
+        return self.first_hole if self.holes else self.end if self.end != _UNWRITTEN else ''
 
     def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
         """Add remarks to `recording`; `lost` of `expected` messages were not read."""

@@ -17,7 +17,6 @@ MCAP format specification, https://mcap.dev/spec
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -175,7 +174,7 @@ class McapRecording(Recording):
                     self._counts = statistics.channel_message_counts
             elif opcode == Opcode.CHUNK_INDEX:
                 index = _parsed(ChunkIndex.read, body)
-                if index is not None:
+                if index is not None and index.chunk_start_offset < self.size_bytes:
                     self._chunk_starts.append(index.chunk_start_offset)
             else:
                 self._describe(opcode, body)
@@ -190,14 +189,19 @@ class McapRecording(Recording):
         are decompressed that hold a channel not described yet.
         """
         counts: Counter[int] = Counter()
-        for chunk in self._walk(file, Damage()):
-            for number, count in chunk.counts.items():
-                counts[number] += count
-            if not chunk.is_chunk or not chunk.counts or chunk.counts.keys() - self._channels:
-                with suppress(DamagedData):
-                    for _ in _windows(file, chunk, frozenset(), self._describe):
+        damage = Damage()
+        for part in self._walk(file, damage):
+            counts.update(part.counts)
+            if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
+                try:
+                    for _ in _windows(file, part, frozenset(), self._describe):
                         pass
+                except DamagedData as error:
+                    damage.chunk(part.start, str(error))
         self._counts = dict(counts)
+        if not self._channels and (reason := damage.summary()):
+            raise ImuAllanError(
+                f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
     def _describe(self, opcode: int, body: bytes) -> None:
         """Remember a schema or channel record."""
@@ -316,8 +320,13 @@ def _windows(
     if stored > rest - 8 - text:
         raise DamagedData(f'{stored} bytes declared in a record of {part.length}')
     if max(size, stored) > _LARGEST_CHUNK:
+        start = file.tell()
+        if crc:
+            # Twice through it: what is wrong must be known before any of it is used.
+            _verify(decompressing(compression, Bounded(file, stored)), size, crc)
+        file.seek(start)
         source = decompressing(compression, Bounded(file, stored))
-        yield from _stream(source, size, wanted, describe, crc)
+        yield from _stream(source, size, wanted, describe)
         return
     data = decompress(compression, file.read(stored), size)
     if crc and crc32(data) != crc:
@@ -338,18 +347,26 @@ def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
     return np.concatenate(places)
 
 
+def _verify(source: Readable, size: int, crc: int) -> None:
+    """Read `size` bytes; raises DamagedData where they are fewer or differ from the checksum."""
+    checksum = 0
+    while size:
+        data = _window(source, size)
+        checksum = crc32(data, checksum)
+        size -= len(data)
+    if checksum != crc:
+        raise DamagedData('its checksum does not match')
+
+
 def _stream(
     source: Readable, size: int, wanted: frozenset[int] | set[int],
-    describe: Callable[[int, bytes], None], crc: int = 0,
+    describe: Callable[[int, bytes], None],
 ) -> Iterator[list[Piece]]:
     """Gather from `size` bytes of records, a window at a time."""
-    kept, left, checksum = b'', size, 0
+    kept, left = b'', size
     while left:
-        window = source.read(min(_WINDOW, left))
-        if not window:
-            raise DamagedData(f'it ends {left} bytes early')
+        window = _window(source, left)
         left -= len(window)
-        checksum = crc32(window, checksum) if crc else 0
         window = kept + window
         pieces, consumed = gather(window, wanted, describe)
         yield pieces
@@ -358,21 +375,23 @@ def _stream(
             _, length = _FRAME.unpack_from(kept)
             missing = _FRAME.size + length - len(kept)
             if missing <= 0 or missing > left:
-                raise DamagedData(f'{len(kept) + left} bytes at its end are not whole records')
+                break
             if missing > _WINDOW:
                 # Too large for an Imu message: an image or a point cloud.
-                while missing:
-                    skipped = source.read(min(_WINDOW, missing))
-                    if not skipped:
-                        raise DamagedData(f'it ends {left} bytes early')
-                    checksum = crc32(skipped, checksum) if crc else 0
-                    missing -= len(skipped)
-                    left -= len(skipped)
                 kept = b''
+                left -= missing
+                while missing:
+                    missing -= len(_window(source, missing))
     if kept:
-        raise DamagedData(f'{len(kept)} bytes at its end are not whole records')
-    if checksum != crc:
-        raise DamagedData('its checksum does not match')
+        raise DamagedData(f'{len(kept) + left} bytes at its end are not whole records')
+
+
+def _window(source: Readable, most: int) -> bytes:
+    """Read the next bytes; raises DamagedData where there are none."""
+    data = source.read(min(_WINDOW, most))
+    if not data:
+        raise DamagedData(f'it ends {most} bytes early')
+    return data
 
 
 def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | None:

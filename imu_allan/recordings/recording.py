@@ -88,11 +88,16 @@ class Recording(ABC):
         """
         choose_topic(self, topic)
         empty = True
-        for block, position in read_ahead(larger_blocks(self.decoded(topic))):
-            empty = False
-            if progress is not None:
-                progress(position)
-            yield block
+        try:
+            for block, position in read_ahead(larger_blocks(self.decoded(topic))):
+                empty = False
+                if progress is not None:
+                    progress(position)
+                yield block
+        except OSError as error:
+            raise ImuAllanError(
+                f'{printable(self.path)}: reading failed '
+                f'({printable(error.strerror or error)})') from error
         if empty:
             raise ImuAllanError(
                 f'{printable(self.path)}: topic {printable(topic)} holds no readable message')

@@ -114,13 +114,18 @@ class Ros1Recording(Recording):
         with suppress(ReaderError):
             at = bag_header.header.get_uint64('index_pos')
             counts: Counter[int] = Counter()
-            while at and (record := _record(file, at, self.size_bytes)) is not None:
+            while 0 < at < self.size_bytes:
+                record = _record(file, at, self.size_bytes)
+                if record is None:
+                    return False
                 op = record.header.get_uint8('op')
                 if op == RecordType.CONNECTION:
                     self._describe(record.header, file.read(
                         min(record.length, _LARGEST_DEFINITION)))
                 elif op == RecordType.CHUNK_INFO:
-                    self._chunk_starts.append(record.header.get_uint64('chunk_pos'))
+                    place = record.header.get_uint64('chunk_pos')
+                    if place < self.size_bytes:
+                        self._chunk_starts.append(place)
                     pairs = np.frombuffer(file.read(record.length // 8 * 8), '<u4').reshape(-1, 2)
                     for number, count in pairs.tolist():
                         counts[number] += count
@@ -134,13 +139,19 @@ class Ros1Recording(Recording):
     def _scan(self, file: BinaryIO) -> None:
         """Learn the connections from the chunks themselves, for want of an index."""
         counts: Counter[int] = Counter()
-        for part in self._walk(file, Damage()):
+        damage = Damage()
+        for part in self._walk(file, damage):
             counts.update(part.counts)
             if not part.counts or part.counts.keys() - self._connections:
-                with suppress(DamagedData):
+                try:
                     for _ in self._gather(_chunk_data(file, part), None):
                         pass
+                except DamagedData as error:
+                    damage.chunk(part.start, str(error))
         self._counts = dict(counts)
+        if not self._connections and (reason := damage.summary()):
+            raise ImuAllanError(
+                f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
     def _describe(self, header: Header, data: bytes) -> None:
         """Remember a connection record."""

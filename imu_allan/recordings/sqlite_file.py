@@ -30,6 +30,8 @@ _DECODE = 1 << 13
 """Messages decoded at a time."""
 _LONGEST_STEP = 1 << 40
 """Rows that are passed over at most in search of a page that is not damaged."""
+_MOST_PLACES = 1000
+"""Damaged places behind which reading goes on."""
 _SPARED_DISK = 1 << 28
 """Bytes of the temporary folder's disk that are never filled."""
 _COUNTED_BYTES = 1 << 26
@@ -249,23 +251,29 @@ class SqliteRecording(Recording):
             cursor = database.execute(f'SELECT {columns} {source} ORDER BY id', numbers)
             while fetched := cursor.fetchmany(_FETCH):
                 messages += len(fetched)
+                if messages > self.size_bytes:
+                    raise sqlite3.DatabaseError('more rows than bytes')
                 yield fetched
             return
         except sqlite3.Error as error:
             reason = error
         last = -2**63
-        if messages:
-            [[last]] = database.execute(
-                f'SELECT id {source} ORDER BY id LIMIT 1 OFFSET ?', (*numbers, messages - 1))
+        with suppress(sqlite3.Error):
+            for [number] in database.execute(
+                    f'SELECT id {source} ORDER BY id LIMIT 1 OFFSET ?',
+                    (*numbers, max(messages, 1) - 1)):
+                last = number if messages else number - 1
         query = f'SELECT {columns}, id {source} AND id > ? ORDER BY id'
         places = step = 0
-        while step < _LONGEST_STEP:
+        while step < _LONGEST_STEP and places < _MOST_PLACES:
             # One by one, since a fetch that fails takes the rows before the damage along.
             rows: list[tuple[int, bytes]] = []
             try:
                 for stamp, data, number in database.execute(query, (*numbers, last + step)):
-                    last, step = number, 0
-                    rows.append((stamp, data))
+                    # Damaged pages may lead back to rows that were read already.
+                    if number > last:
+                        last, step = number, 0
+                        rows.append((stamp, data))
                     if len(rows) == _FETCH:
                         yield rows
                         messages += len(rows)

@@ -288,12 +288,15 @@ def test_malformed_messages_are_counted(tmp_path):
         'first: 8 bytes are too few for a sensor_msgs/Imu message (312 at least)')
 
 
-def test_a_file_cut_within_its_first_chunk_holds_no_topic(tmp_path):
+def test_a_file_cut_within_its_first_chunk_is_told_apart_from_an_empty_one(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
-    path.write_bytes(path.read_bytes()[:200])
-    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
-        choose_topic(recording)
-    assert str(error.value) == f'{path}: it holds no topics at all: the recording is empty'
+    start, _ = chunk_places(path)[0]
+    path.write_bytes(path.read_bytes()[:start + 200])
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == (
+        f'{path}: damaged, no topic can be found in it: the chunk at byte {start}, of which 200 '
+        'bytes are there, is lost')
 
 
 @pytest.mark.parametrize('compression', COMPRESSIONS)
@@ -305,8 +308,7 @@ def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression):
     path.write_bytes(data)
     after, [remark] = read(path)
     assert 'chunks are damaged and were left out' in remark.message
-    # What the oversized chunk holds is still its own data; it ends early.
-    assert 800 < len(after) <= 1000
+    assert 800 < len(after) < 1000
     struct.pack_into('<Q', data, start + 1, 2**63 - 1)
     path.write_bytes(data)
     after, remarks = read(path)
