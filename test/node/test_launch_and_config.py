@@ -1,0 +1,117 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Launch files, Foxglove layout and security policy agree with the nodes."""
+
+import ast
+import importlib.util
+import json
+from pathlib import Path
+import re
+from typing import Any
+from xml.etree import ElementTree
+
+from imu_allan.node.characterization_node import SETTINGS
+from imu_allan.node.simulator_node import SETTINGS as SIMULATOR_SETTINGS
+import pytest
+from ros_harness import Driver, Ros
+import yaml
+
+ROOT = Path(__file__).parents[2]
+LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+
+
+@pytest.fixture(scope='module')
+def running(shared_ros: Ros) -> Ros:
+    shared_ros.start('imu_allan_node', {'use_sim_time': True})
+    Driver(shared_ros).wait_for_node()
+    node = ('imu_allan', shared_ros.namespace)
+    shared_ros.until(lambda: node in shared_ros.node.get_node_names_and_namespaces())
+    # The service that is made last.
+    shared_ros.until(lambda: shared_ros.name('imu_allan/pause') in dict(
+        shared_ros.node.get_service_names_and_types_by_node(*node)))
+    return shared_ros
+
+
+def without_namespace(ros: Ros, names: set[str]) -> set[str]:
+    return {name.removeprefix(f'{ros.namespace}/') for name in names}
+
+
+def arguments(file: Path) -> set[str]:
+    """Names that a launch file declares as its arguments."""
+    return {call.args[0].value for call in ast.walk(ast.parse(file.read_text()))
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)
+            and call.func.id == 'DeclareLaunchArgument'
+            and isinstance(call.args[0], ast.Constant)}
+
+
+def test_the_launch_files_declare_their_arguments() -> None:
+    assert {file.name: arguments(file) for file in LAUNCH_FILES} == {
+        'imu_allan.launch.py': {'namespace', 'params_file', 'imu_topic', 'use_sim_time'},
+        'demo.launch.py': {'model', 'rate', 'speed', 'duration'}}
+
+
+@pytest.mark.parametrize('file', LAUNCH_FILES, ids=lambda file: file.name)
+def test_a_launch_file_describes_its_nodes(file: Path) -> None:
+    pytest.importorskip('launch_ros', reason='launch has no wheels: needs a ROS installation')
+    spec = importlib.util.spec_from_file_location('launch_file', file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    entities = module.generate_launch_description().entities
+    assert {type(entity).__name__ for entity in entities} == {'DeclareLaunchArgument', 'Node'}
+
+
+def test_the_parameter_file_has_every_parameter_at_its_default() -> None:
+    document = yaml.safe_load((ROOT / 'config' / 'imu_allan.yaml').read_text())
+    expected = {setting.name: list(setting.default) if isinstance(setting.default, tuple)
+                else setting.default for setting in SETTINGS}
+    assert document == {'/**': {'ros__parameters': expected}}
+
+
+def test_the_demo_sets_parameters_that_the_nodes_have() -> None:
+    names = arguments(ROOT / 'launch' / 'demo.launch.py')
+    assert names <= {setting.name for setting in SIMULATOR_SETTINGS}
+
+
+def test_every_topic_in_the_foxglove_layout_is_published(running: Ros) -> None:
+    text = (ROOT / 'config' / 'imu_allan_foxglove_layout.json').read_text()
+    topics = set(re.findall(r'"(/[a-z_/]+)', text))
+    published = {name.replace(running.namespace, '') for name, _ in
+                 running.node.get_publisher_names_and_types_by_node('imu_allan',
+                                                                    running.namespace)}
+    assert topics <= published
+    assert len(topics) >= 7
+
+
+def test_the_foxglove_layout_plots_each_axis_over_its_averaging_times() -> None:
+    layout = json.loads((ROOT / 'config' / 'imu_allan_foxglove_layout.json').read_text())
+    panels = layout['configById']
+
+    def shown(part: Any) -> list[str]:
+        return [part] if isinstance(part, str) else shown(part['first']) + shown(part['second'])
+
+    assert sorted(shown(layout['layout'])) == sorted(panels)
+    for sensor in ('gyro', 'accel'):
+        panel = panels[f'Plot!{sensor}_curve']
+        topic = f'/imu_allan/{sensor}/allan_deviation'
+        assert panel['xAxisPath']['value'] == f'{topic}.data[0:24].@log10'
+        assert [path['value'] for path in panel['paths']] == [
+            f'{topic}.data[{first}:{first + 24}].@log10' for first in (25, 50, 75)]
+
+
+def test_the_security_policy_allows_what_the_node_uses_and_no_more(running: Ros) -> None:
+    node, namespace = running.node, running.namespace
+    used = {
+        ('topic', 'publish'): node.get_publisher_names_and_types_by_node('imu_allan', namespace),
+        ('topic', 'subscribe'): node.get_subscriber_names_and_types_by_node('imu_allan',
+                                                                            namespace),
+        ('service', 'reply'): node.get_service_names_and_types_by_node('imu_allan', namespace)}
+    tree = ElementTree.parse(ROOT / 'config' / 'imu_allan.policy.xml')
+    [profile] = tree.iter('profile')
+    assert profile.attrib == {'ns': '/', 'node': 'imu_allan'}
+    for (kind, right), endpoints in used.items():
+        allowed = {entry.text or '' for group in profile.findall(f'{kind}s')
+                   if group.get(right) == 'ALLOW' for entry in group}
+        names = without_namespace(running, {name for name, _ in endpoints})
+        assert names == allowed, (kind, right)
