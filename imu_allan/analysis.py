@@ -11,6 +11,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings.read_ahead import read_ahead
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
@@ -54,11 +55,7 @@ def analyze(path: str | Path, topic: str | None = None, *,
         blocks: Iterable[ImuBlock] = recording.blocks(name, progress)
         if start_s > 0 or duration_s is not None:
             blocks = between(blocks, start_s, duration_s)
-        for block in blocks:
-            try:
-                stream.update(block)
-            except ImuAllanError as error:
-                raise ImuAllanError(f'{path}, topic {name}: {error}') from error
+        stream.take(blocks, read_ahead)
         result = stream.result(recording.remarks)
     if not result.axes:
         raise ImuAllanError(f'{path}: topic {name} holds no usable sample'

@@ -21,7 +21,6 @@ from imu_allan.result import (
     Interval,
     Remark,
     Spectrum,
-    Spectrum,
     Tone,
 )
 import numpy as np

@@ -18,12 +18,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.cells import RUN_SHIFT
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.pyramid import OVERLAP
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
@@ -183,5 +183,5 @@ def interval(avar: ArrayLike, dof: ArrayLike, level: float) -> tuple[Array, Arra
     """
     avar, dof = np.asarray(avar, dtype=np.float64), np.asarray(dof, dtype=np.float64)
     tail = (1 - level) / 2
-    return (np.sqrt(avar * dof / chi2.isf(tail, dof)),
-            np.sqrt(avar * dof / chi2.ppf(tail, dof)))
+    return (np.sqrt(avar * dof / chi_square.upper(tail, dof)),
+            np.sqrt(avar * dof / chi_square.lower(tail, dof)))

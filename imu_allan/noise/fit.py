@@ -19,6 +19,7 @@ likelihood ratio, and its law at a boundary.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.likelihood import (
     FLICKER,
     Groups,
@@ -31,8 +32,6 @@ from imu_allan.noise.likelihood import (
 from imu_allan.noise.spectrum import gauss_markov
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
@@ -209,8 +208,8 @@ def _residuals(groups: Groups, solution: Solution) -> tuple[float, float, float]
     normal = (np.cbrt(power / dof) - (1 - 2 / (9 * dof))) / np.sqrt(2 / (9 * dof))
     free = max(len(dof) - int((solution.theta > 0).sum()), 1)
     total = float(normal @ normal)
-    p_value = float(chi2.sf(total, free))
-    high, low = chi2.isf(_CHANCE, dof) / dof, chi2.ppf(_CHANCE, dof) / dof
+    p_value = float(chi_square.survival(total, free))
+    high, low = chi_square.upper(_CHANCE, dof) / dof, chi_square.lower(_CHANCE, dof) / dof
     misfit = float(max(np.max(power / dof - high), np.max(low - power / dof), 0.0))
     dispersion = 1.0 if p_value > _SMALLEST_P else total / free
     return p_value, misfit, dispersion
@@ -260,6 +259,8 @@ def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, 
 
     A correlation time of a few samples is not considered: that is what a low-pass looks like.
     """
+    from scipy.optimize import minimize_scalar  # seldom needed, and slow to import
+
     longest = 1 / (2 * np.pi * float(groups.frequency[0]))
     if longest < 2 * _SHORTEST_CORRELATION * dt:
         return None

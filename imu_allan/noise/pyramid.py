@@ -3,9 +3,11 @@
 """
 Sums of squared second differences of phase at octave cluster sizes, in constant memory.
 
-The phase is the running sum of samples. Stage 0 sees every phase point and takes the cluster
-sizes 1, 2, 4 and 8 at full overlap; stage L sees every 2^L-th point and takes the cluster size
-8 2^L with eight-fold overlap, which keeps 98 to 100 % of the equivalent degrees of freedom.
+A second difference of phase over clusters of m samples is the difference of two neighbouring sums
+of m samples, and a sum over 2 m is that of two sums over m. Stage 0 slides such sums over every
+sample and takes the cluster sizes 1, 2, 4 and 8 at full overlap; stage L sees sums of 2^L samples
+side by side and takes the cluster size 8 2^L with eight-fold overlap, which keeps 98 to 100 % of
+the equivalent degrees of freedom.
 
 References
 ----------
@@ -21,7 +23,7 @@ Array = NDArray[np.float64]
 
 OVERLAP_OCTAVE = 3
 OVERLAP = 2**OVERLAP_OCTAVE
-_CARRY = 2 * OVERLAP
+_TAIL = 2 * OVERLAP - 1
 _MAX_STAGES = 48
 
 
@@ -47,14 +49,16 @@ class Pyramid:
     def __init__(self, axes: int) -> None:
         self.sums: Array = np.zeros((OVERLAP_OCTAVE + 1, axes))
         self.counts: NDArray[np.int64] = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
-        self._carry: list[Array] = [np.zeros((axes, 1))]
-        self._next: list[int] = [1]
+        # By stage: the last values it saw, and one that waits for its partner.
+        self._tails: list[Array] = [np.zeros((axes, 0))]
+        self._odd: list[Array] = [np.zeros((axes, 0))]
+        self._work: Array = np.empty((4, axes, 0))
 
     def start_stretch(self) -> None:
-        """Forget the phase: no difference is taken across this point."""
-        axes = self.sums.shape[1]
-        self._carry = [np.zeros((axes, 1)) for _ in self._carry]
-        self._next = [1] * len(self._next)
+        """Forget the last samples: no difference is taken across this point."""
+        nothing = np.zeros((self.sums.shape[1], 0))
+        self._tails = [nothing] * len(self._tails)
+        self._odd = [nothing] * len(self._odd)
 
     def absorb(self, rows: Array) -> None:
         """
@@ -65,69 +69,78 @@ class Pyramid:
         rows : ndarray, shape (axes, n)
 
         """
-        points = np.cumsum(rows, axis=1)
-        points += self._carry[0][:, -1:]
-        stage = 0
-        while points.shape[1]:
-            if stage == len(self._carry):
-                # A stage starts with the point at phase zero, where the stretch began.
-                self._carry.append(np.zeros((rows.shape[0], 1)))
-                self._next.append(1)
-                self.sums = np.concatenate((self.sums, np.zeros((1, rows.shape[0]))))
-                self.counts = np.append(self.counts, 0)
-            carry, first = self._carry[stage], self._next[stage]
-            known = carry.shape[1]
-            track = np.concatenate((carry, points), axis=1)
-            octaves = range(OVERLAP_OCTAVE + 1) if stage == 0 else (OVERLAP_OCTAVE,)
-            for octave in octaves:
+        values, stage = rows, 0
+        while values.shape[1] and stage < _MAX_STAGES:
+            if stage == len(self._tails):
+                self._grow(stage + 1)
+            known, n = self._tails[stage].shape[1], values.shape[1]
+            room = self._room(known + n)
+            track = room[0][:, :known + n]
+            track[:, :known], track[:, known:] = self._tails[stage], values
+            window = track
+            for octave in range(OVERLAP_OCTAVE + 1):
                 m = 2**octave
-                begin = max(known, 2 * m) - 2 * m
-                count = track.shape[1] - 2 * m - begin
-                if count <= 0:
-                    continue
-                d = track[:, begin + m:begin + m + count] * -2.0
-                d += track[:, begin:begin + count]
-                d += track[:, begin + 2 * m:]
-                self.sums[octave + stage] += np.einsum('ij,ij->i', d, d)
-                self.counts[octave + stage] += count
-            self._carry[stage] = track[:, -_CARRY:].copy()
-            self._next[stage] = first + points.shape[1]
+                left = window.shape[1] - m
+                if left <= 0:
+                    break
+                if octave == OVERLAP_OCTAVE or stage == 0:
+                    # Differences that end at a value already seen have been counted.
+                    new = min(n, left)
+                    d = np.subtract(window[:, left + m - new:], window[:, left - new:left],
+                                    out=room[1][:, :new])
+                    self.sums[octave + stage] += np.einsum('ij,ij->i', d, d)
+                    self.counts[octave + stage] += new
+                if octave < OVERLAP_OCTAVE:
+                    window = np.add(window[:, m:], window[:, :left],
+                                    out=room[2 + octave % 2][:, :left])
+            self._tails[stage] = track[:, -_TAIL:].copy()
+            waiting = np.concatenate((self._odd[stage], values), axis=1)
+            pairs = waiting.shape[1] // 2 * 2
+            self._odd[stage] = waiting[:, pairs:].copy()
+            values = waiting[:, :pairs:2] + waiting[:, 1:pairs:2]
             stage += 1
-            if stage == _MAX_STAGES:
-                break
-            points = points[:, first % 2::2]
+
+    def _room(self, length: int) -> Array:
+        """Return working memory for four arrays of `length` columns."""
+        if self._work.shape[2] < length:
+            self._work = np.empty((4, self.sums.shape[1], length))
+        return self._work
+
+    def _grow(self, stages: int) -> None:
+        """Make room for more stages."""
+        axes, more = self.sums.shape[1], stages - len(self._tails)
+        self._tails += [np.zeros((axes, 0))] * more
+        self._odd += [np.zeros((axes, 0))] * more
+        self.sums = np.concatenate((self.sums, np.zeros((more, axes))))
+        self.counts = np.append(self.counts, np.zeros(more, dtype=np.int64))
 
     def copy(self) -> 'Pyramid':
         """Return an independent copy."""
         twin = Pyramid.__new__(Pyramid)
         twin.sums, twin.counts = self.sums.copy(), self.counts.copy()
-        twin._carry, twin._next = list(self._carry), list(self._next)
+        twin._tails, twin._odd = list(self._tails), list(self._odd)
+        twin._work = self._work[:, :, :0]
         return twin
 
     def merge(self, other: 'Pyramid') -> None:
         """Add the sums of another record of the same axes."""
-        octaves = max(len(self.counts), len(other.counts))
-        for pyramid in (self, other):
-            grow = octaves - len(pyramid.counts)
-            axes = pyramid.sums.shape[1]
-            pyramid.sums = np.concatenate((pyramid.sums, np.zeros((grow, axes))))
-            pyramid.counts = np.append(pyramid.counts, np.zeros(grow, dtype=np.int64))
-            pyramid._carry += [np.zeros((axes, 1)) for _ in range(grow)]
-            pyramid._next += [1] * grow
-        self.sums += other.sums
-        self.counts += other.counts
+        self._grow(max(len(self._tails), len(other._tails)))
+        octaves = len(other.counts)
+        self.sums[:octaves] += other.sums
+        self.counts[:octaves] += other.counts
         self.start_stretch()
 
     def to_state(self) -> dict[str, NDArray[np.generic]]:
         """Return the state as plain arrays."""
-        stages, axes = len(self._carry), self.sums.shape[1]
-        carry = np.zeros((stages, axes, _CARRY))
-        for padded, points in zip(carry, self._carry, strict=True):
-            padded[:, :points.shape[1]] = points
+        stages, axes = len(self._tails), self.sums.shape[1]
+        tails = np.zeros((stages, axes, _TAIL + 1))
+        for padded, tail, odd in zip(tails, self._tails, self._odd, strict=True):
+            padded[:, :tail.shape[1]] = tail
+            padded[:, _TAIL:_TAIL + odd.shape[1]] = odd
         return {
-            'sums': self.sums, 'counts': self.counts, 'carry': carry,
-            'carry_length': np.array([points.shape[1] for points in self._carry]),
-            'next': np.array(self._next),
+            'sums': self.sums, 'counts': self.counts, 'tails': tails,
+            'lengths': np.array([(tail.shape[1], odd.shape[1])
+                                 for tail, odd in zip(self._tails, self._odd, strict=True)]),
         }
 
     @classmethod
@@ -144,14 +157,16 @@ class Pyramid:
         self = cls.__new__(cls)
         self.sums = np.array(state['sums'], dtype=np.float64)
         self.counts = np.array(state['counts'], dtype=np.int64)
-        carry = np.array(state['carry'], dtype=np.float64)
-        lengths = np.array(state['carry_length'], dtype=np.int64)
-        self._next = [int(i) for i in np.array(state['next'], dtype=np.int64)]
-        stages = len(self._next)
-        if (self.sums.ndim != 2 or carry.shape != (stages, self.sums.shape[1], _CARRY)
-                or lengths.shape != (stages,) or np.any((lengths < 1) | (lengths > _CARRY))
+        tails = np.array(state['tails'], dtype=np.float64)
+        lengths = np.array(state['lengths'], dtype=np.int64)
+        stages = len(lengths)
+        if (self.sums.ndim != 2 or tails.shape != (stages, self.sums.shape[1], _TAIL + 1)
+                or lengths.shape != (stages, 2) or np.any((lengths < 0) | (lengths > (_TAIL, 1)))
                 or self.counts.shape != (stages + OVERLAP_OCTAVE,)
                 or len(self.sums) != len(self.counts)):
             raise ValueError('arrays of the pyramid do not fit together')
-        self._carry = [points[:, :n].copy() for points, n in zip(carry, lengths, strict=True)]
+        self._tails = [tail[:, :n].copy() for tail, n in zip(tails, lengths[:, 0], strict=True)]
+        self._odd = [tail[:, _TAIL:_TAIL + n].copy()
+                     for tail, n in zip(tails, lengths[:, 1], strict=True)]
+        self._work = np.empty((4, self.sums.shape[1], 0))
         return self

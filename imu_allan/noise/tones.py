@@ -11,13 +11,12 @@ more than chance allows, seen at three resolutions: a quantizer's idle tone is a
 from dataclasses import dataclass
 from itertools import pairwise
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.likelihood import about_ramp, Bins, Solution
 from imu_allan.noise.periodogram import Piece
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
-from scipy.stats import chi2
+from scipy.ndimage import maximum_filter1d, median_filter
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,6 +32,7 @@ _SCALES = (1, 32, 8)
 _LOWEST_INDEX = 32
 _MOST = 32
 _MANY = 8
+_BROAD = 64
 _LOBE_MARGIN = 2.0
 _LOBE_MARGIN_OF_ONE = 4.0
 
@@ -94,7 +94,10 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
         spans += [(frequency[a] - width, frequency[b - 1] + width)
                   for a, b in zip(edges[::2], edges[1::2], strict=True)]
         for part, excess in found:
-            centre = float(excess @ frequency[part] / excess.sum())
+            # The side lobes are lopsided, near half the sample rate most of all.
+            top = int(np.argmax(excess))
+            middle = slice(max(top - 2, 0), top + 3) if len(excess) < _BROAD else slice(None)
+            centre = float(np.average(frequency[part][middle], weights=excess[middle]))
             if piece.step == 1 or not _folded(centre, lines, 1 / (piece.step * dt), 3 * width):
                 lines.append(Line(centre, float(np.sqrt(2 * excess.sum() / piece.length))))
     # Shorter blocks of the same stage see the same lines, only less sharply.
@@ -162,8 +165,8 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
     known = np.isfinite(cells).sum(axis=1)
     mean = np.nansum(cells, axis=1) / np.maximum(known, 1)
     empty = known < (scale + 1) // 2
-    middle = chi2.ppf(0.5, dof) / dof
-    chance = chi2.isf(_FALSE_ALARM / count, dof) / dof
+    middle = float(chi_square.lower(0.5, dof)) / dof
+    chance = float(chi_square.upper(_FALSE_ALARM / count, dof)) / dof
     least = _LEAST_RISE if scale == 1 else _LEAST_BROAD_RISE
     hit = np.zeros(count, dtype=bool)
     floor = mean
@@ -199,11 +202,8 @@ def _higher_side(level: Array, neighbourhood: int) -> Array:
 
 
 def _peaks(level: Array) -> list[slice]:
-    """Parts of a cluster, one for every line that stands out in it, cut at the lowest points."""
-    padded = np.log(np.maximum(np.concatenate(([0.0], level, [0.0])), 1e-6 * level.max()))
-    tops = find_peaks(padded, prominence=np.log(2), distance=3)[0] - 1
-    if len(tops) < 2:
-        return [slice(0, len(level))]
+    """Cut a cluster into parts, one for every local maximum, at the lowest points between."""
+    tops = np.flatnonzero((level == maximum_filter1d(level, 7, mode='constant')) & (level > 0))
     cuts = [int(a + np.argmin(level[a:b])) for a, b in pairwise(tops)]
     return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 

@@ -1,0 +1,15 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise import chi_square
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+
+@pytest.mark.parametrize('dof', [0.7, 1.0, 3.0, 250.0, 1e6])
+def test_agrees_with_scipy_stats(dof):
+    for p in (1e-8, 0.025, 0.5, 0.975):
+        np.testing.assert_allclose(chi_square.upper(p, dof), chi2.isf(p, dof), rtol=1e-9)
+        np.testing.assert_allclose(chi_square.lower(p, dof), chi2.ppf(p, dof), rtol=1e-9)
+    np.testing.assert_allclose(chi_square.survival(1.3 * dof, dof), chi2.sf(1.3 * dof, dof),
+                               rtol=1e-9)
