@@ -9,22 +9,14 @@ from typing import TYPE_CHECKING
 
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.plot import (
-    FORMATS,
-    overview_figure,
-    render,
-    sensor_figure,
-    sensors_of,
-    Spectra,
-)
+from imu_allan.writers.plot import FORMATS, overview_figure, render, sensor_figure, sensors_of
 from imu_allan.writers.result_file import save_curves, save_result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def save_folder(result: Result, folder: str | os.PathLike[str],
-                spectra: Spectra | None = None) -> list[Path]:
+def save_folder(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
     """
     Write ``result.json``, ``curve.csv``, ``allan_deviation.png`` and ``report.html``.
 
@@ -34,8 +26,6 @@ def save_folder(result: Result, folder: str | os.PathLike[str],
         What to write.
     folder : path
         Made where it is missing.
-    spectra : mapping of axis name to (frequency_hz, psd), optional
-        Measured spectra for the report's plots.
 
     Returns
     -------
@@ -52,11 +42,11 @@ def save_folder(result: Result, folder: str | os.PathLike[str],
     paths = [Path(folder) / 'result.json', Path(folder) / 'curve.csv']
     save_result(result, paths[0])
     save_curves(result, paths[1])
-    return paths + save_report(result, folder, (), spectra, overview_formats=('png',))
+    return paths + save_report(result, folder, (), overview_formats=('png',))
 
 
 def save_report(result: Result, folder: str | os.PathLike[str],
-                formats: Sequence[str] = FORMATS, spectra: Spectra | None = None,
+                formats: Sequence[str] = FORMATS,
                 overview_formats: Sequence[str] | None = None) -> list[Path]:
     """
     Write ``report.html``, ``allan_deviation.FORMAT`` and a sheet a sensor, ``gyro.FORMAT``.
@@ -69,8 +59,6 @@ def save_report(result: Result, folder: str | os.PathLike[str],
         Made where it is missing.
     formats : sequence of 'png', 'svg', 'pdf'
         Of the plots.
-    spectra : mapping of axis name to (frequency_hz, psd), optional
-        Measured spectra.
     overview_formats : sequence of 'png', 'svg', 'pdf', optional
         Of the overview, where other than `formats`.
 
@@ -89,13 +77,13 @@ def save_report(result: Result, folder: str | os.PathLike[str],
 
     folder = Path(folder)
     paths = [folder / 'report.html']
-    write_atomically(paths[0], report_html(result, spectra).encode())
+    write_atomically(paths[0], report_html(result).encode())
     wanted = formats if overview_formats is None else overview_formats
     if wanted:
         paths += _save_plot(overview_figure(result), folder / 'allan_deviation', wanted)
     if formats:
         for sensor in sensors_of(result):
-            paths += _save_plot(sensor_figure(result, sensor, spectra), folder / sensor, formats)
+            paths += _save_plot(sensor_figure(result, sensor), folder / sensor, formats)
     return paths
 
 

@@ -17,9 +17,9 @@ import warnings
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise import spectrum
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Term, TERMS
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, Term, TERMS
 from imu_allan.noise.units import engineering, typeset
-from imu_allan.result import AxisResult, Result, Timeline
+from imu_allan.result import AxisResult, GaussMarkov, Result, Timeline
 from imu_allan.writers.table import duration, number
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-Spectra = Mapping[str, tuple[Array, Array]]
 Theme = Literal['light', 'dark']
 
 FORMATS = ('png', 'svg', 'pdf')
@@ -89,8 +88,7 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
         return figure
 
 
-def sensor_figure(result: Result, sensor: str, spectra: Spectra | None = None,
-                  theme: Theme = 'light') -> 'Figure':
+def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figure':
     """
     Draw everything about one sensor: per axis the Allan deviation above, the spectrum below.
 
@@ -103,9 +101,6 @@ def sensor_figure(result: Result, sensor: str, spectra: Spectra | None = None,
         What to draw.
     sensor : 'gyro' or 'accel'
         Which of the two.
-    spectra : mapping of axis name to (frequency_hz, psd), optional
-        Measured two-sided power spectral densities in squared sample units per Hz; without them
-        the model's spectrum and the tones are drawn.
     theme : 'light' or 'dark'
         Dark ink on white paper, or the reverse.
 
@@ -134,8 +129,9 @@ def sensor_figure(result: Result, sensor: str, spectra: Spectra | None = None,
             draw_terms(allan, axis, theme)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
-            draw_density(density, axis, result.timeline, colour, theme, (spectra or {}).get(name))
-            _frame_density(density, sensor, **ends)
+            draw_density(density, axis, result.timeline, colour, theme)
+            frame_density(density, sensor, **ends)
+            density.set_ylim(*_density_limits(axes.values(), result.timeline))
             first = [first[0] or allan, first[1] or density]
         draw_timeline(figure.add_axes((0.062, 0.055, 0.873, 0.022)), result.timeline, theme)
         return figure
@@ -211,6 +207,12 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
     tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
     shown = coefficients_of(axis) if truth is None else dict(truth)
     low, high = panel.get_ylim()
+    places = dict(_LABEL_PLACES)
+    if {'quantization_noise', 'noise_density'} <= set(shown):
+        # Their rings are neighbours: Q, the steeper, gets the room above the curve.
+        places.update(quantization_noise=(18, 26), noise_density=(-14, -24))
+    if axis.gauss_markov is not None and truth is None:
+        _draw_gauss_markov(panel, axis, axis.gauss_markov, tau, theme)
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
@@ -223,24 +225,50 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
         label = f'{term.symbol} = {number(converted)} {typeset(unit)}\n'
         at = _reading_point(term, shown, tau)
         height = float(term.adev(value, at))
-        if tau[0] <= at <= tau[-1] and low < height < high:
+        ringed = tau[0] <= at <= tau[-1] and low < height < high
+        if ringed:
             label += f'slope {_SLOPES[term.slope]}, '
             label += f'read at {READ_AT[key]}' if term.read_at else f'at {FLICKER_FLOOR:.3f} B'
             panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
-                       markeredgecolor=ink, markeredgewidth=1.2, zorder=6)
+                       markeredgecolor=ink, markeredgewidth=1.2, zorder=8)
         else:
             label += f'slope {_SLOPES[term.slope]}'
-            at, height = float(tau[inside][-1]), float(line[inside][-1])
+            place = int(inside.sum()) * 2 // 5
+            at, height = float(tau[inside][place]), float(line[inside][place])
         share = float(np.log(at / tau[0]) / np.log(tau[-1] / tau[0]))
-        right, up = _LABEL_PLACES[key]
+        turned = share > (0.6 if ringed else 0.8)
+        right, up = places[key] if ringed else (16, -10)
         panel.annotate(
-            label, (at, height), xytext=(-abs(right) if share > 0.6 else right, up),
+            label, (at, height), xytext=(-abs(right) if turned else right, up),
             textcoords='offset points', fontsize=7.5, color=ink, va='center', zorder=7,
-            ha='right' if right < 0 or share > 0.6 else 'left',
+            ha='right' if right < 0 or turned else 'left',
             bbox={'boxstyle': 'round,pad=0.15', 'facecolor': paper, 'edgecolor': 'none',
                   'alpha': 0.85},
             arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,
                         'shrinkB': 4})
+
+
+def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, tau: Array,
+                       theme: Theme) -> None:
+    """Draw the bump of a correlated process and name it at its top."""
+    line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau))
+    low, high = panel.get_ylim()
+    inside = (line > low) & (line < high)
+    if not inside.any():
+        return
+    panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
+               linestyle=(0, (6, 1)), zorder=2.5)
+    sigma, unit = engineering(process.sigma, axis.unit)
+    top = int(np.argmax(np.where(inside, line, 0.0)))
+    panel.annotate(
+        f'Gauss-Markov, {number(sigma)} {typeset(unit)}\n'
+        f'correlated over {duration(process.correlation_time_s)}', (tau[top], line[top]),
+        xytext=(-14, 24), textcoords='offset points', fontsize=7.5, ha='right', va='center',
+        color=COLOURS[theme]['ink'], zorder=7,
+        bbox={'boxstyle': 'round,pad=0.15', 'edgecolor': 'none', 'alpha': 0.85,
+              'facecolor': COLOURS[theme]['paper']},
+        arrowprops={'arrowstyle': '-', 'color': COLOURS[theme]['ink'], 'linewidth': 0.6,
+                    'shrinkA': 0, 'shrinkB': 2})
 
 
 READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
@@ -251,7 +279,7 @@ _LABEL_PLACES = {'quantization_noise': (-12, -22), 'noise_density': (18, 26),
 
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str,
-                 theme: Theme = 'light', measured: tuple[Array, Array] | None = None) -> None:
+                 theme: Theme = 'light') -> None:
     """
     Draw the two-sided power spectral density: measured where given, the model's, and the tones.
 
@@ -267,22 +295,21 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
         Colour of the axis.
     theme : 'light' or 'dark'
         Colours of the paper.
-    measured : (frequency_hz, psd), optional
-        Arrays of shape (n,).
 
     """
     rate = timeline.sample_rate_hz
     if rate is None or timeline.duration_s <= 0:
         return
-    if measured is not None:
-        frequency, power = (np.asarray(part, dtype=np.float64) for part in measured)
-        seen = (frequency > 0) & (power > 0)
-        panel.plot(frequency[seen], power[seen], color=colour, linewidth=0.5, alpha=0.55, zorder=2)
+    if axis.spectrum is not None:
+        frequency, power = np.array(axis.spectrum.frequency_hz), np.array(axis.spectrum.psd)
+        seen = power > 0
+        panel.plot(frequency[seen], power[seen], color=colour, linewidth=1.0, alpha=0.75,
+                   drawstyle='steps-mid', zorder=2)
     frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 300)
     model = model_density(axis, frequency, rate)
     fitted = model > 0
     panel.plot(frequency[fitted], model[fitted],
-               color=COLOURS[theme]['ink'] if measured is not None else colour,
+               color=COLOURS[theme]['ink'] if axis.spectrum is not None else colour,
                linewidth=1.3, zorder=3)
     soft = COLOURS[theme]['soft']
     for key, value in coefficients_of(axis).items():
@@ -390,6 +417,8 @@ def _reading_point(term: Term, shown: Mapping[str, float], tau: Array) -> float:
         return term.read_at
     total = sum((TERMS[key].adev(value, tau) ** 2 for key, value in shown.items()),
                 np.zeros(tau.shape))
+    if np.ptp(total) == 0:
+        return float(np.sqrt(tau[0] * tau[-1]))
     return float(tau[np.argmin(total)])
 
 
@@ -466,7 +495,26 @@ def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
     _two_units(panel, unit, 1, f'Allan deviation of {_SAMPLE_NAMES[sensor]}', left, right)
 
 
-def _frame_density(panel: 'Axes', sensor: str, *, left: bool, right: bool) -> None:
+def _density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:
+    """Lowest and highest density to show: not every dip of a single bin of a periodogram."""
+    low, high = inf, 0.0
+    for axis in axes:
+        if timeline.sample_rate_hz is not None and timeline.duration_s > 0:
+            rate = timeline.sample_rate_hz
+            ends = np.array([min(1 / timeline.duration_s, rate / 4), rate / 2])
+            model = model_density(axis, ends, rate)
+            if (model > 0).all():
+                low, high = min(low, float(model.min())), max(high, float(model.max()))
+        if axis.spectrum is not None:
+            measured = np.array([value for value in axis.spectrum.psd if value > 0])
+            if len(measured):
+                low = min(low, float(np.quantile(measured, 0.1)))
+                high = max(high, float(measured.max()))
+    return (low / 6, high * 3) if high > 0 else (0.1, 10.0)
+
+
+def frame_density(panel: 'Axes', sensor: str, *, left: bool, right: bool) -> None:
+    """Set scales and labels of a spectrum panel; SI left, engineering right."""
     panel.set_xscale('log')
     panel.set_yscale('log')
     panel.grid(True, which='major')

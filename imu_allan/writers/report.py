@@ -30,7 +30,6 @@ from imu_allan.writers.plot import (
     COLOURS,
     model_density,
     sensors_of,
-    Spectra,
 )
 from imu_allan.writers.table import duration, number
 import numpy as np
@@ -48,7 +47,7 @@ _CONSUMER_TITLES = {
 _LONGEST_LIST = 500
 
 
-def report_html(result: Result, spectra: Spectra | None = None) -> str:
+def report_html(result: Result) -> str:
     """
     Return the report of one result.
 
@@ -56,8 +55,6 @@ def report_html(result: Result, spectra: Spectra | None = None) -> str:
     ----------
     result : Result
         What to report.
-    spectra : mapping of axis name to (frequency_hz, psd), optional
-        Measured two-sided power spectral densities to draw beside the model's.
 
     Returns
     -------
@@ -68,7 +65,7 @@ def report_html(result: Result, spectra: Spectra | None = None) -> str:
     source = result.source
     names = [name for name in (source.path, source.topic) if name]
     charts = [chart for sensor in sensors_of(result)
-              for chart in (_allan_chart(result, sensor), _density_chart(result, sensor, spectra))]
+              for chart in (_allan_chart(result, sensor), _density_chart(result, sensor))]
     return _page(
         'report.html.j2', charts,
         title=' '.join(printable(name) for name in names) or 'samples',
@@ -348,16 +345,14 @@ def _term_traces(axis: AxisResult, group: str) -> list[dict[str, Any]]:
     return traces
 
 
-def _density_chart(result: Result, sensor: str, spectra: Spectra | None) -> dict[str, Any]:
+def _density_chart(result: Result, sensor: str) -> dict[str, Any]:
     axes = axes_of(result, sensor)
     rate, length = result.timeline.sample_rate_hz, result.timeline.duration_s
     traces: list[dict[str, Any]] = []
     for name, axis in axes.items():
-        if spectra and name in spectra:
-            frequency, power = (np.asarray(part, dtype=np.float64) for part in spectra[name])
-            seen = (frequency > 0) & (power > 0)
+        if axis.spectrum is not None:
             traces.append({'kind': 'measured', 'group': name[-1], 'name': f'{name[-1]} measured',
-                           'x': frequency[seen].tolist(), 'y': power[seen].tolist()})
+                           'x': axis.spectrum.frequency_hz, 'y': axis.spectrum.psd})
         if rate is not None and length > 0:
             frequency = np.geomspace(min(1 / length, rate / 4), rate / 2, 200)
             density = model_density(axis, frequency, rate)

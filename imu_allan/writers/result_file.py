@@ -122,5 +122,9 @@ def _check_axis(axis: AxisResult, name: str, where: str) -> None:
     for field in ('adev', 'edf', 'ci68', 'ci95', 'model_adev'):
         if len(getattr(curve, field)) != len(curve.tau_s):
             raise ImuAllanError(f'{where}.curve.{field}: not as long as tau_s')
+    if axis.spectrum is not None and (
+            len(axis.spectrum.psd) != len(axis.spectrum.frequency_hz)
+            or any(frequency <= 0 for frequency in axis.spectrum.frequency_hz)):
+        raise ImuAllanError(f'{where}.spectrum: expected frequencies above zero and as many psd')
     if any(tau <= 0 for tau in curve.tau_s) or any(value < 0 for value in curve.adev):
         raise ImuAllanError(f'{where}.curve: expected tau_s above zero and adev of zero or above')

@@ -175,6 +175,11 @@ def _notes(result: Result) -> 'list[RenderableType]':
             named = ', '.join(f'{tone.frequency_hz:.4g} Hz' for tone in axis.tones[:6])
             more = f' and {len(axis.tones) - 6} more' if len(axis.tones) > 6 else ''
             notes.append(Text(f'{name}: tones left out of the fit at {named}{more}'))
+        if axis.gauss_markov is not None:
+            sigma, unit = engineering(axis.gauss_markov.sigma, axis.unit)
+            notes.append(Text(f'{name}: a Gauss-Markov process of {number(sigma)} {unit} with a '
+                              'correlation time of '
+                              f'{duration(axis.gauss_markov.correlation_time_s)}'))
         if not axis.goodness_of_fit.acceptable:
             notes.append(Text(f'{name}: no model of the five terms fits this axis well; '
                               'take its coefficients with care', style='yellow'))
