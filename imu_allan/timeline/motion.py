@@ -44,6 +44,7 @@ _PERSISTENT = 128
 _PERSISTENT_SHARE = 0.25
 _SIGMAS = 8.0
 _LEAST_EXCESS = 0.35
+_DITHER = 0.75
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 _PLAUSIBLE_SIGMAS = 10.0
 _ADOPTED_RATIO = 3.0
@@ -112,7 +113,7 @@ class Baseline:
         """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
         excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
                             _LEAST_EXCESS * self.loudness)
-        stepping = np.cbrt(2 * self._steps() ** 2)
+        stepping = np.cbrt(_DITHER * self._steps() ** 2)
         loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
         return loudest
 
@@ -537,6 +538,9 @@ class MotionDetector:
         short = stretch.given == 0 and stretch.held < self._size
         shorter = self._size / stretch.held if short else 1.0
         beyond = self._implausible(stretch, first)[:last - first]
+        awake = np.any(loudness[:, :6][:, np.isinf(self._baseline.resolution)] > 0, axis=1)
+        if awake.any():
+            self._refine_resolution(stretch, np.flatnonzero(awake) + first)
         moving = beyond | self._unlike_rest(loudness, wander, shorter)
         if moving.any() and self._refine_resolution(stretch, np.flatnonzero(moving) + first):
             moving = beyond | self._unlike_rest(loudness, wander, shorter)

@@ -26,6 +26,7 @@ _GRAVITY = 9.80665
 _GRAVITY_TOLERANCE = 0.5
 _MANY_MISSING = 0.05
 _MOSTLY = 0.5
+_LONG_MOTION_S = 10.0
 _EPOCH_CLOCK_NS = 20 * 365 * 86400 * SECOND
 """Stamps below count from a boot, not from 1970."""
 
@@ -233,8 +234,11 @@ def summarize(facts: Facts, options: TimelineOptions, motion: MotionSummary,
 
 
 def _mostly_motion(motion: MotionSummary) -> bool:
-    return (motion.excluded > _MOSTLY * motion.seen
-            and motion.struck > 0.5 * _MOSTLY * motion.seen)
+    # Margins cut most of a few seconds about a single knock: that is no moving recording.
+    return motion.seen > 0 and (motion.excluded == motion.seen or (
+        motion.excluded_s > _LONG_MOTION_S
+        and motion.excluded > _MOSTLY * motion.seen
+        and motion.struck > 0.5 * _MOSTLY * motion.seen))
 
 
 def _remarks(facts: Facts, options: TimelineOptions, motion: MotionSummary) -> dict[str, str]:

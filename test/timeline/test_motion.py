@@ -1,0 +1,290 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+
+from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.noise.simulate import NoiseStream
+from imu_allan.timeline.motion import EvenPiece, MotionDetector, MotionSummary
+from imu_messages import codes, rows_by_place, run, SIGMA, still
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+RATES = [100.0, 1000.0, 4000.0]
+N = 0.0045 * np.pi / 180
+B = 0.0014 * np.pi / 180
+K = 6.5e-5 * np.pi / 180
+
+Axis = Callable[[int, np.ndarray], np.ndarray]
+
+
+def covered(spans, start_s: float, duration_s: float) -> bool:
+    return any(span.start_s <= start_s + 1e-6
+               and span.start_s + span.duration_s >= start_s + duration_s - 1e-6
+               for span in spans)
+
+
+def times(block: ImuBlock) -> np.ndarray:
+    return (block.header_ns - block.header_ns[0]) / 1e9
+
+
+@pytest.mark.parametrize('rate_hz', RATES)
+@pytest.mark.parametrize('axes', [slice(0, 6), slice(1, 2)])
+def test_knocks_of_twenty_sigma_over_50_ms_are_cut_out_and_listed(rate_hz, axes):
+    rng = np.random.default_rng(3)
+    block = still(int(240 * rate_hz), rate_hz)
+    knocks = (20.3, 100.0, 150.13, 200.37, 239.0)
+    time = times(block)
+    for at in knocks:
+        hit = (time >= at) & (time < at + 0.05)
+        block.samples[hit, axes] += 20 * SIGMA * rng.normal(
+            size=(np.count_nonzero(hit), len(range(6)[axes])))
+    summary, even = run(block)
+    assert summary.motions == len(summary.timeline.motion) == len(knocks)
+    for at in knocks:
+        assert covered(summary.timeline.motion, at - 0.3, min(0.65, 240 - at + 0.3))
+    assert summary.excluded_s < 4 * len(knocks)
+    assert not summary.mostly_motion
+    places, rows = rows_by_place(even)
+    assert len(places) == pytest.approx(len(block) - summary.excluded_s * rate_hz)
+    assert np.abs(rows - [0, 0, 0, 0, 0, 9.81]).max() < 7 * SIGMA
+    assert np.array_equal(rows, block.samples[places])
+    assert 'motion' in codes(summary)
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, *RATES])
+def test_an_imu_that_is_picked_up_turned_and_put_back_is_cut_out(rate_hz):
+    block = still(int(240 * rate_hz), rate_hz)
+    time = times(block)
+    angle = np.interp(time, [150, 152, 158, 160], [0.0, 0.8, 0.8, 0.0])
+    block.samples[:, 0] += np.gradient(angle, 1 / rate_hz)
+    block.samples[:, 4] += 9.81 * np.sin(angle)
+    block.samples[:, 5] += 9.81 * (np.cos(angle) - 1)
+    summary, even = run(block)
+    assert covered(summary.timeline.motion, 149.5, 3.0)
+    assert covered(summary.timeline.motion, 157.5, 3.0)
+    assert summary.excluded_s < 25
+    _, rows = rows_by_place(even)
+    assert np.abs(rows[:, 0]).max() < 7 * SIGMA
+
+
+@pytest.mark.parametrize('rate_hz', RATES)
+def test_steps_of_somebody_walking_by_are_cut_out(rate_hz):
+    block = still(int(120 * rate_hz), rate_hz)
+    time = times(block)
+    for at in (70.0, 71.5, 73.0):
+        step = (time >= at) & (time < at + 0.7)
+        block.samples[step, 3:] += 4 * SIGMA * np.sin(2 * np.pi * 22 * time[step])[:, None]
+    summary, _ = run(block)
+    assert covered(summary.timeline.motion, 70.0, 3.7)
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, *RATES])
+@pytest.mark.parametrize('moving_s', [5.0, 25.0, 45.0])
+def test_a_recording_that_begins_with_motion_is_cut_at_its_start(rate_hz, moving_s):
+    block = still(int(300 * rate_hz), rate_hz)
+    time = times(block)
+    early = time < moving_s
+    block.samples[early] += 0.3 * np.sin(2 * np.pi * 1.3 * time[early])[:, None]
+    summary, even = run(block)
+    assert covered(summary.timeline.motion, 0.0, moving_s)
+    assert summary.excluded_s < moving_s + 10
+    places, _ = rows_by_place(even)
+    assert even[0].new_run
+    assert places[0] >= moving_s * rate_hz
+
+
+def test_kept_motion_stays():
+    block = still(12_000)
+    block.samples[6000:6100] += 1.0
+    summary, even = run(block, motion='keep')
+    assert summary.timeline.motion == ()
+    assert np.array_equal(rows_by_place(even)[1], block.samples)
+
+
+def test_a_recording_in_motion_throughout_is_mostly_motion():
+    block = still(30_000)
+    rng = np.random.default_rng(0)
+    road = sosfilt(butter(2, 1 / 50, output='sos'), rng.normal(size=(30_000, 6)), axis=0)
+    block.samples[:] += road * [2, 2, 4, 20, 20, 20]
+    summary, _ = run(block)
+    assert summary.mostly_motion
+    assert 'mostly_motion' in codes(summary)
+
+
+def test_one_knock_in_a_short_recording_is_not_mostly_motion():
+    block = still(600)
+    block.samples[300:305] += 0.5
+    summary, _ = run(block)
+    assert summary.motions == 1
+    assert not summary.mostly_motion
+
+
+def test_a_knock_on_an_axis_that_is_constant_otherwise_is_cut_out():
+    block = still(20_000)
+    block.samples[:, 2] = 0.125
+    block.samples[15_000:15_005, 2] += [0.3, -0.21, 0.17, -0.09, 0.04]
+    summary, _ = run(block)
+    assert covered(summary.timeline.motion, 149.9, 0.2)
+    assert summary.motions == 1
+
+
+def test_a_fan_that_goes_on_running_is_told_and_kept_after_a_while():
+    block = still(120_000)
+    block.samples[60_000:] += np.random.default_rng(1).normal(size=(60_000, 6)) * 3.5 * SIGMA
+    summary, even = run(block)
+    assert not summary.mostly_motion
+    assert summary.excluded_s < 200
+    assert 'noise_level_changed' in codes(summary)
+    assert rows_by_place(even)[0][-1] == 119_999
+
+
+def test_an_engine_that_goes_on_running_is_motion_as_long_as_it_runs():
+    block = still(60_000)
+    block.samples[30_000:] += np.random.default_rng(1).normal(size=(30_000, 6)) * 30 * SIGMA
+    summary, _ = run(block)
+    assert covered(summary.timeline.motion, 300.0, 300.0)
+
+
+def test_spans_beyond_the_list_are_counted():
+    block = still(600_000, 1000.0)
+    block.samples[::3600, 3] += 1.0
+    detector = MotionDetector(0.001)
+    for first in range(0, len(block), 4000):
+        detector.push(EvenPiece(block.samples[first:first + 4000], first, first / 1000,
+                                first == 0, np.empty(0, dtype=np.int64)))
+    detector.flush()
+    assert detector.summary.count >= 100
+    assert detector.summary.excluded_s < 600
+
+
+def detect(axes: list[Axis], rate_hz: float, hours: float) -> tuple[MotionSummary, int]:
+    """Draw six axes, let the detector see them; give what it cut out and what came out."""
+    detector = MotionDetector(1 / rate_hz)
+    count, given = int(hours * 3600 * rate_hz), 0
+    for first in range(0, count, 403_200):
+        size = min(403_200, count - first)
+        time = (first + np.arange(size)) / rate_hz
+        rows = np.column_stack([axis(size, time) for axis in axes])
+        for at in range(0, size, 4032):
+            blocks = detector.push(EvenPiece(
+                rows[at:at + 4032], first + at, (first + at) / rate_hz, first + at == 0,
+                np.empty(0, dtype=np.int64)))
+            given += sum(map(len, blocks))
+    given += sum(map(len, detector.flush()))
+    return detector.summary, given
+
+
+def noise_at_rest(kind: str, rate_hz: float, seed: int) -> list[Axis]:
+    """Give six axes at rest, of `kind`."""
+    streams = iter(range(100 * seed, 100 * seed + 100))
+
+    def noise(**coefficients: object) -> Axis:
+        stream = NoiseStream(coefficients, rate_hz, next(streams))
+        return lambda count, _: stream.draw(count)
+
+    def total(*parts: Axis) -> Axis:
+        return lambda count, time: sum(part(count, time) for part in parts)
+
+    def low_passed(source: Axis, cutoff_hz: float) -> Axis:
+        filter_ = butter(2, cutoff_hz, fs=rate_hz, output='sos')
+        memory = [np.zeros((len(filter_), 2))]
+
+        def draw(count: int, time: np.ndarray) -> np.ndarray:
+            filtered, memory[0] = sosfilt(filter_, source(count, time), zi=memory[0])
+            return filtered
+        return draw
+
+    def quantized(source: Axis, step: float) -> Axis:
+        return lambda count, time: np.round(source(count, time) / step) * step
+
+    def tone(frequency_hz: float, amplitude: float) -> Axis:
+        return lambda _, time: amplitude * np.sin(2 * np.pi * frequency_hz * time)
+
+    def warm_up(change: float, seconds: float) -> Axis:
+        return lambda _, time: change * (1 - np.exp(-time / seconds))
+
+    usual = partial(noise, noise_density=N, bias_instability=B)
+    sigma = N * rate_hz ** 0.5
+    if kind == 'terms':
+        return [noise(noise_density=N), usual(rate_random_walk=K),
+                noise(noise_density=N, bias_instability=10 * B, rate_random_walk=100 * K),
+                noise(quantization_noise=0.1 * N, noise_density=N / 100),
+                noise(rate_random_walk=K), noise(bias_instability=B)]
+    if kind == 'drift':
+        return [total(noise(noise_density=N), lambda _, time: 1e-6 * time, warm_up(0.01, 600)),
+                total(noise(noise_density=N / 1000), warm_up(0.01, 600)),
+                noise(noise_density=N / 10,
+                      gauss_markov={'sigma': 1e-3, 'correlation_time_s': 30.0}),
+                noise(noise_density=N / 100,
+                      gauss_markov={'sigma': 1e-4, 'correlation_time_s': 1.0}),
+                noise(noise_density=N / 100,
+                      gauss_markov={'sigma': 1e-4, 'correlation_time_s': 0.2}),
+                total(usual(), tone(0.01, 5 * sigma))]
+    if kind == 'outputs':
+        return [low_passed(usual(), 0.2 * rate_hz), low_passed(usual(), 1.0),
+                quantized(usual(rate_random_walk=K), 3 * sigma),
+                quantized(usual(rate_random_walk=30 * K), 10 * sigma),
+                quantized(noise(rate_random_walk=K), 5 * N),
+                lambda count, _: np.full(count, 9.81)]
+    return [total(usual(), tone(0.07 * rate_hz, 20 * sigma)),
+            total(usual(), tone(7.0, 20 * sigma), tone(7.05, 10 * sigma)),
+            total(usual(), tone(0.3, 10 * sigma)), total(usual(), tone(0.467, 3 * sigma)),
+            total(usual(), tone(8.0, 20 * sigma), tone(8.01, 20 * sigma)),
+            quantized(total(usual(), tone(0.001, 5 * sigma)), 2 * sigma)]
+
+
+KINDS = ['terms', 'drift', 'outputs', 'tones']
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_noise_drift_and_steady_vibration_are_no_motion(kind):
+    summary, given = detect(noise_at_rest(kind, 100.0, 1), 100.0, 1.0)
+    assert summary.count == 0
+    assert given == 360_000
+    assert summary.changes == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize(('rate_hz', 'hours'), [(20.0, 24.0), (100.0, 24.0), (1000.0, 4.0)])
+def test_a_day_of_noise_has_no_motion(kind, rate_hz, hours):
+    summary, _ = detect(noise_at_rest(kind, rate_hz, 2), rate_hz, hours)
+    assert summary.count == 0
+
+
+def test_absent_axes_do_not_hinder_the_others():
+    block = still(20_000)
+    block.absent[:, 0] = True
+    block.samples[12_000:12_005, 4] += 0.5
+    summary, even = run(block)
+    assert covered(summary.timeline.motion, 120.0, 0.05)
+    assert summary.motions == 1
+    assert np.isnan(rows_by_place(even)[1][:, :3]).all()
+
+
+def test_bridged_rows_within_motion_are_not_counted_in_the_blocks_given():
+    block = still(20_000)
+    block.samples[10_000:10_005] += 0.5
+    lost = [5000, 10_010, 15_000]
+    rows = np.delete(np.arange(20_000), lost)
+    summary, even = run(replace(
+        block, header_ns=block.header_ns[rows], receive_ns=block.receive_ns[rows],
+        samples=block.samples[rows], absent=block.absent[rows]))
+    assert summary.bridged == 3
+    assert sum(one.bridged for one in even) == 2
+
+
+def test_blocks_after_motion_begin_beyond_the_end_of_the_block_before():
+    block = still(20_000)
+    block.samples[10_000:10_005] += 0.5
+    _, even = run(block)
+    ends: list[EvenBlock] = [one for one in even if len(one)]
+    jumps = [later.first_index - one.first_index - len(one)
+             for one, later in pairwise(ends)]
+    assert sorted(jumps)[-1] > 0
+    assert np.count_nonzero(jumps) == 1
+    assert sum(one.new_run for one in even) == 1
