@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import allan_variance
-from imu_allan.result import Curve, Remark, Source, Span, Timeline
+from imu_allan.result import Curve, Remark, Source, Span, Spectrum, Timeline
 from imu_allan.writers import plot
 import matplotlib
 from matplotlib.colors import to_rgb
@@ -102,10 +102,10 @@ def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
 
 
 def test_a_measured_spectrum_is_drawn_where_it_is_given(result):
-    frequency = np.geomspace(1e-3, 100, 50)
-    spectra = {'gyro_x': (frequency, np.full(50, 5e-7))}
+    measured = replace(result.axes['gyro_x'], spectrum=Spectrum((0.1, 1.0), (5e-7, 4e-7)))
     bare = plot.sensor_figure(result, 'gyro').axes
-    drawn = plot.sensor_figure(result, 'gyro', spectra).axes
+    drawn = plot.sensor_figure(
+        replace(result, axes={**result.axes, 'gyro_x': measured}), 'gyro').axes
     more = [len(after.lines) - len(before.lines)
             for before, after in zip(bare, drawn, strict=True)]
     assert sorted(more) == [0] * (len(more) - 1) + [1]

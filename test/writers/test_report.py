@@ -11,10 +11,9 @@ import re
 import time
 
 from browser import CHROMIUM, DRIVER, running_browser
-from imu_allan.result import GaussMarkov, GoodnessOfFit, Remark, Source, Timeline
+from imu_allan.result import GaussMarkov, GoodnessOfFit, Remark, Source, Spectrum, Timeline
 from imu_allan.writers.filters import export
 from imu_allan.writers.report import comparison_html, report_html
-import numpy as np
 import pytest
 
 needs_browser = pytest.mark.skipif(not (CHROMIUM and DRIVER),
@@ -136,8 +135,9 @@ def test_text_from_a_recording_stays_text(result):
 
 @needs_browser
 def test_the_page_asks_for_nothing_and_complains_of_nothing(result, tmp_path, browser):
-    spectra = {'gyro_x': (np.array([0.1, 1.0, 10.0]), np.array([1e-6, 9e-7, 8e-7]))}
-    page = written(tmp_path, report_html(result, spectra))
+    measured = replace(result.axes['gyro_x'], spectrum=Spectrum((0.1, 1.0), (1e-6, 9e-7)))
+    page = written(tmp_path, report_html(
+        replace(result, axes={**result.axes, 'gyro_x': measured})))
     browser.requests()
     browser.console()
     browser.open(page)
