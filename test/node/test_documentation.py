@@ -1,0 +1,78 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""docs/ros_interface.md says what the nodes do."""
+
+from pathlib import Path
+import re
+from typing import Any
+
+from imu_allan.node import characterization_node, simulator_node
+from imu_allan.node.parameters import Setting
+import pytest
+from ros_harness import Driver, Ros
+
+PAGE = (Path(__file__).parents[2] / 'docs' / 'ros_interface.md').read_text()
+
+
+def section(title: str) -> str:
+    found = re.search(rf'^(#+) {re.escape(title)}\n(.*?)(?=^\1 |\Z)', PAGE,
+                      re.MULTILINE | re.DOTALL)
+    assert found is not None, title
+    return found[2]
+
+
+def documented(text: str) -> dict[str, str]:
+    """Give the default of every parameter in a table."""
+    return dict(re.findall(r'^\| `(\w+)` \| (.*?) \|', text, re.MULTILINE))
+
+
+def written(setting: Setting) -> str:
+    default = setting.default
+    if default == '':
+        return 'empty'
+    if isinstance(default, tuple):
+        return f'`{list(default)}`'
+    return f'`{default}`' if isinstance(default, str) else repr(default)
+
+
+@pytest.mark.parametrize(('title', 'settings'), [
+    ('Parameters', characterization_node.SETTINGS),
+    ('The node `imu_simulator`', simulator_node.SETTINGS)])
+def test_every_parameter_is_documented_with_its_default(
+        title: str, settings: tuple[Setting, ...]) -> None:
+    assert documented(section(title)) == {s.name: written(s) for s in settings}
+
+
+def test_ranges_are_documented() -> None:
+    rows = dict(re.findall(r'^\| `(\w+)` \| .*? \| (.*?) \|', section('Parameters'),
+                           re.MULTILINE))
+    for setting in characterization_node.SETTINGS:
+        if setting.lowest is not None:
+            assert rows[setting.name].startswith(f'{setting.lowest:g} .. {setting.highest:.0f}')
+        assert ('read-only' in PAGE.split(f'`{setting.name}` |')[1].splitlines()[0]
+                ) == setting.read_only
+
+
+def test_the_python_example_reads_a_coefficient(ros: Ros) -> None:
+    [code] = re.findall(r'^```python\n(.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(code, 'ros_interface.md', 'exec'), names)
+    from rclpy.node import Node
+
+    class InThisDomain(Node):
+        def __init__(self, name: str) -> None:
+            super().__init__(name, context=ros.node.context, namespace=ros.namespace)
+
+    example = type('Example', (names['Filter'], InThisDomain), {})()
+    ros.executor.add_node(example)
+    try:
+        ros.start('imu_allan_node', {'publish_period': 0.5})
+        driver = Driver(ros)
+        driver.wait_for_node()
+        driver.publish(4000)
+        # White noise of 0.01 rad/s at 200 Hz.
+        expected = 0.01 / 200**0.5
+        ros.until(lambda: all(value == pytest.approx(expected, rel=0.1)
+                              for value in example.gyro_noise_density))
+    finally:
+        example.destroy_node()
