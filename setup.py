@@ -35,7 +35,6 @@ setup(
         'jinja2>=3.0',
         'markupsafe>=2.0',
         'plotly>=5.15',
-        'pint>=0.23',
     ],
     extras_require={
         'ros': [

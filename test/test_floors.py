@@ -66,8 +66,8 @@ def test_only_the_node_imports_ros(module: str) -> None:
 @pytest.mark.parametrize('module', sorted(name for name in MODULES if '.noise.' in name))
 def test_numerics_need_numpy_and_scipy_alone(module: str) -> None:
     allowed = {'imu_allan', 'numpy', 'scipy', *sys.stdlib_module_names}
-    if module in ('imu_allan.noise.units', 'imu_allan.noise.model'):
-        allowed |= {'pint', 'yaml'}
+    if module == 'imu_allan.noise.model':
+        allowed |= {'yaml'}
     assert {name.partition('.')[0] for name in imported(MODULES[module])} <= allowed
 
 

@@ -39,7 +39,7 @@ NEEDS_ROS = {
 NEEDS_NETWORK = {
     'pip install .': 'test_packaging.py',
     "pip install '.[ros]'": 'the environment of this test',
-    'pip install --user --break-system-packages rosbags mcap lz4 zstandard plotly pint':
+    'pip install --user --break-system-packages rosbags mcap lz4 zstandard plotly':
         'the environment of this test',
     'make setup': 'the environment of this test',
 }

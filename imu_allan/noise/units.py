@@ -3,16 +3,14 @@
 """
 Units as engineers write them, to SI and back.
 
-One registry, of the units that inertial sensors are described in and no others. An angle is a
+One table, of the units that inertial sensors are described in and no others. An angle is a
 dimension of its own here, so that ``0.03 1/s/sqrt(Hz)`` is not taken for an angular rate; ``g`` is
 the standard acceleration, not a gram.
 """
 
 from functools import lru_cache
-from math import isfinite
+from math import isfinite, pi
 import re
-from tokenize import TokenError
-from typing import Any
 
 from imu_allan.errors import ImuAllanError
 
@@ -31,32 +29,35 @@ ENGINEERING_UNITS: dict[str, str] = {
 }
 """The unit that datasheets use for each SI unit of a coefficient or of an Allan deviation."""
 
-_DEFINITIONS = (
-    'nano- = 1e-9 = n-',
-    'micro- = 1e-6 = u-',
-    'milli- = 1e-3 = m-',
-    'radian = [angle] = rad = radians',
-    'metre = [length] = m = meter',
-    'second = [time] = s = sec = seconds',
-    'minute = 60 * second = min',
-    'hour = 3600 * second = h = hr = hours',
-    'degree = 3.141592653589793 / 180 * radian = deg = degrees',
-    'arcminute = degree / 60 = arcmin',
-    'arcsecond = degree / 3600 = arcsec',
-    'degree_per_second = degree / second = dps',
-    'hertz = 1 / second = Hz',
-    'standard_gravity = 9.80665 * metre / second ** 2 = g',
-)
+_ANGLE, _LENGTH, _TIME = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_UNITS: dict[str, tuple[float, tuple[float, float, float]]] = {
+    name: (factor, powers)
+    for names, factor, powers in (
+        ('rad radian radians', 1.0, _ANGLE),
+        ('deg degree degrees', pi / 180, _ANGLE),
+        ('arcmin arcminute', pi / 10_800, _ANGLE),
+        ('arcsec arcsecond', pi / 648_000, _ANGLE),
+        ('m metre meter', 1.0, _LENGTH),
+        ('s sec second seconds', 1.0, _TIME),
+        ('min minute minutes', 60.0, _TIME),
+        ('h hr hour hours', 3600.0, _TIME),
+        ('Hz hertz', 1.0, (0.0, 0.0, -1.0)),
+        ('dps', pi / 180, (1.0, 0.0, -1.0)),
+        ('g', 9.80665, (0.0, 1.0, -2.0)),
+    )
+    for name in names.split()
+}
+"""Size in SI units, and powers of angle, length and time, of every unit that is known."""
+_PREFIXES = {'n': 1e-9, 'nano': 1e-9, 'u': 1e-6, 'micro': 1e-6, 'm': 1e-3, 'milli': 1e-3}
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
 _SPELLINGS = (
     ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
 )
-# Exponents have one digit and no exponent of their own: no text asks for an enormous power. One
-# character a round, so that no text takes long to refuse either.
-_UNIT = re.compile(r'(?:[A-Za-z_]|1(?=\s*/)|\*(?!\*)|/(?!\s*/)|\(|\)|\s'
-                   r'|(?:\^|\*\*)\s?-?\d(?:\.5)?(?![\d.]|\s*(?:\^|\*\*)))+\Z')
+# Exponents have one digit and no exponent of their own: no text asks for an enormous power.
+_TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1)(?=\s*/)|([*/()](?!\*))'
+                    r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
 _ROOT = re.compile(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))')
 _LONGEST = 80
 
@@ -164,31 +165,84 @@ def typeset(unit: str) -> str:
     return unit.replace('^2', '²').replace('^3', '³')
 
 
-@lru_cache(maxsize=1)
-def _registry() -> Any:
-    import pint
-
-    registry: Any = pint.UnitRegistry(None)
-    for definition in _DEFINITIONS:
-        registry.define(definition)
-    return registry
-
-
 @lru_cache(maxsize=256)
 def _factor(unit: str, to: str) -> float | None:
     """Units of `to` in one `unit`; None where `unit` is unknown or of another dimension."""
-    import pint
-
-    parsed = []
-    for text in (unit, to):
-        for sign, spelling in _SPELLINGS:
-            text = text.replace(sign, spelling)
-        text = _ROOT.sub(lambda m: f'(({m[1] or m[2]})^0.5)', text)
-        if len(text) > _LONGEST or not _UNIT.match(text):
-            return None
-        parsed.append(text.replace('^', '**'))
     try:
-        return float(_registry().Quantity(1.0, parsed[0]).to(parsed[1]).magnitude)
-    except (pint.errors.PintError, TokenError, SyntaxError, TypeError, ValueError,
-            ArithmeticError, AttributeError, AssertionError):
+        size, powers = _size(unit)
+        to_size, to_powers = _size(to)
+    except (_NotAUnit, ArithmeticError):
         return None
+    return size / to_size if powers == to_powers else None
+
+
+_Size = tuple[float, tuple[float, ...]]
+
+
+class _NotAUnit(ValueError):
+    """Text that is no unit of this module."""
+
+
+def _size(text: str) -> _Size:
+    """Size in SI units and powers of angle, length and time of a unit as it is written."""
+    for sign, spelling in _SPELLINGS:
+        text = text.replace(sign, spelling)
+    text = _ROOT.sub(lambda m: f'({m[1] or m[2]})^0.5', text).strip()
+    if len(text) > _LONGEST:
+        raise _NotAUnit(text)
+    tokens: list[tuple[str, ...]] = []
+    place = 0
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None:
+            raise _NotAUnit(text)
+        tokens.append(match.groups(''))
+        place = match.end()
+    size, rest = _product(tokens)
+    if rest:
+        raise _NotAUnit(text)
+    return size
+
+
+def _product(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
+    """Read factors up to a closing parenthesis or the end; return what follows them too."""
+    size, tokens = _power(tokens)
+    while tokens and tokens[0][2] != ')':
+        sign = tokens[0][2]
+        # Two units side by side are multiplied.
+        other, tokens = _power(tokens[1:] if sign in ('*', '/') else tokens)
+        exponent = -1.0 if sign == '/' else 1.0
+        size = (size[0] * other[0]**exponent,
+                tuple(a + exponent * b for a, b in zip(size[1], other[1], strict=True)))
+    return size, tokens
+
+
+def _power(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
+    if not tokens:
+        raise _NotAUnit
+    (name, one, sign, _), tokens = tokens[0], tokens[1:]
+    size: _Size = (1.0, (0.0, 0.0, 0.0))
+    if sign == '(':
+        size, tokens = _product(tokens)
+        if not tokens:
+            raise _NotAUnit
+        tokens = tokens[1:]
+    elif name:
+        size = _named(name)
+    elif not one:
+        raise _NotAUnit
+    if tokens and tokens[0][3]:
+        exponent = float(tokens[0][3])
+        size = size[0]**exponent, tuple(exponent * power for power in size[1])
+        tokens = tokens[1:]
+    return size, tokens
+
+
+def _named(name: str) -> _Size:
+    if name in _UNITS:
+        return _UNITS[name]
+    for prefix, factor in _PREFIXES.items():
+        if name.startswith(prefix) and name[len(prefix):] in _UNITS:
+            size, powers = _UNITS[name[len(prefix):]]
+            return factor * size, powers
+    raise _NotAUnit(name)
