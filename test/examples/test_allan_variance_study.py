@@ -58,8 +58,9 @@ def test_the_page_shows_what_the_command_prints(study):
             f'| together | {study.SYMBOLS[key]} |'))
         cells = [cell.strip() for cell in row.strip('|').split('|')]
         assert cells[:4] == expected[:4]
-        # The likelihood's last digits depend on the numeric library.
-        assert float(cells[4]) == pytest.approx(float(expected[4]), rel=1e-2)
+        # The flicker of one seed is not the same with every version of SciPy.
+        low, high = (float(part) for part in expected[5].split(' … '))
+        assert low < float(cells[4]) < high
 
 
 def test_in_one_unit_the_sensor_is_better_than_its_datasheet(study):
