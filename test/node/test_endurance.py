@@ -1,0 +1,132 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""High rates, busy computers, long runs: nothing is lost, nothing grows."""
+
+from collections.abc import Iterator
+import contextlib
+from itertools import pairwise
+from pathlib import Path
+import subprocess
+import sys
+
+from diagnostic_msgs.msg import DiagnosticArray
+import pytest
+from ros_harness import Process, Ros
+
+LARGEST_MB = 400
+
+
+def cpu_seconds(process: Process) -> float:
+    threads = Path(f'/proc/{process.popen.pid}/task').iterdir()
+    return sum(int((thread / 'schedstat').read_text().split()[0]) for thread in threads) * 1e-9
+
+
+def resident_mb(process: Process) -> float:
+    pages = Path(f'/proc/{process.popen.pid}/statm').read_text().split()[1]
+    return int(pages) * 4096 / 1e6
+
+
+class Reception:
+    """What the node has received, from its last report."""
+
+    def __init__(self, ros: Ros) -> None:
+        self._ros = ros
+        self._facts: dict[str, float] = {}
+        ros.listen(DiagnosticArray, '/diagnostics', 10, self._hear)
+
+    def _hear(self, report: DiagnosticArray) -> None:
+        for status in report.status:
+            if (status.name == 'imu_allan: reception'
+                    and status.hardware_id == self._ros.name('imu/data_raw')):
+                self._facts = {v.key: float(v.value) for v in status.values
+                               if v.key in ('received', 'lost', 'longest_hold_s', 'queue')}
+
+    def __getitem__(self, key: str) -> float:
+        self._ros.until(lambda: self._facts)
+        return self._facts[key]
+
+    def wait_for(self, received: float, timeout: float) -> None:
+        self._ros.until(lambda: self['received'] >= received, timeout)
+
+
+@contextlib.contextmanager
+def busy_core() -> Iterator[None]:
+    with subprocess.Popen([sys.executable, '-c', 'while True: pass']) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
+def receive_everything(ros: Ros, rate_hz: float, seconds: float) -> None:
+    """Let an IMU publish in real time beside a busy core; nothing may be lost."""
+    node = ros.start('imu_allan_node', {
+        'publish_period': 2.0, 'state_file': str(ros.folder / 'state'),
+        'checkpoint_period': 5.0}, best_effort=True)
+    reception = Reception(ros)
+    count = rate_hz * seconds
+    longest = 0.0
+    with busy_core():
+        simulator = ros.start('imu_simulator', {
+            'rate': rate_hz, 'duration': seconds, 'wait_for_subscriptions': 1})
+        ros.until(lambda: 'publishing' in simulator.log)
+        while simulator.running:
+            ros.executor.spin_once(timeout_sec=1.0)
+            longest = max(longest, reception['longest_hold_s'])
+        assert simulator.wait() == 0
+        # Best effort begins when both sides have found each other: the first may be missed.
+        reception.wait_for(count - 200, 30)
+    assert reception['lost'] == 0
+    assert longest * rate_hz < reception['queue'] / 2
+    assert node.stop() == 0
+
+
+def test_nothing_is_lost_at_1_khz_beside_a_busy_core(ros: Ros) -> None:
+    receive_everything(ros, 1000.0, 6.0)
+
+
+@pytest.mark.slow
+def test_nothing_is_lost_at_1_khz_for_ten_minutes_beside_a_busy_core(ros: Ros) -> None:
+    receive_everything(ros, 1000.0, 600.0)
+
+
+@pytest.mark.slow
+def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
+    receive_everything(ros, 4000.0, 60.0)
+
+
+def run_accelerated(ros: Ros, hours: float) -> list[tuple[float, float, float]]:
+    """Feed a 1 kHz IMU as fast as it is taken; give samples, memory, CPU at equal steps."""
+    node = ros.start('imu_allan_node', {'publish_period': 5.0,
+                                        'state_file': str(ros.folder / 'state')})
+    simulator = ros.start('imu_simulator', {
+        'rate': 1000.0, 'duration': hours * 3600, 'speed': 0.0})
+    reception = Reception(ros)
+    total = hours * 3.6e6
+    marks = []
+    for part in range(1, 9):
+        reception.wait_for(total * part / 8, 7200)
+        marks.append((reception['received'], resident_mb(node), cpu_seconds(node)))
+    assert simulator.wait(120) == 0
+    assert reception['received'] == total
+    assert reception['lost'] == 0
+    assert node.stop() == 0
+    return marks
+
+
+def test_memory_and_cost_stay_as_samples_pile_up(ros: Ros) -> None:
+    marks = run_accelerated(ros, 0.05)
+    assert max(memory for _, memory, _ in marks) < LARGEST_MB
+
+
+@pytest.mark.slow
+def test_memory_and_cost_are_flat_over_a_day_at_1_khz(ros: Ros) -> None:
+    marks = run_accelerated(ros, 24.0)
+    for count, memory, cpu in marks:
+        print(f'{count / 3.6e6:6.1f} h  {memory:6.1f} MB  {cpu / count * 1e6:6.2f} us a message')
+    memories = [memory for _, memory, _ in marks]
+    assert max(memories) < LARGEST_MB
+    assert memories[-1] < 1.1 * memories[0]
+    costs = [(later[2] - earlier[2]) / (later[0] - earlier[0])
+             for earlier, later in pairwise(marks)]
+    assert costs[-1] < 1.25 * costs[0]
