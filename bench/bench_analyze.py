@@ -4,8 +4,8 @@
 Time and memory of `imu_allan analyze`, whole process, over a plain pass through the same file.
 
 The plain pass is a process of its own that reads and decompresses every chunk with the library
-imu_allan uses (MCAP), or fetches every row (sqlite3), and looks at nothing. Both alternate, so that
-what else the machine does falls on both; the medians of the ratios are printed. Memory is the
+imu_allan uses (MCAP), or fetches every row (sqlite3), and looks at nothing. Both alternate, so
+that what else the machine does falls on both; the medians of the ratios are printed. Memory is the
 largest resident size, at one eighth of the messages and at all of them.
 
     python bench/bench_analyze.py                       # 10.8 million messages: 1 kHz for 3 h
@@ -26,7 +26,7 @@ from bench_reading import plain_mcap_pass, plain_sqlite_pass, white_noise
 from imu_allan.recordings.write import write_recording
 
 KINDS = (('mcap', 'zstd', 2.0), ('mcap', '', 3.0), ('sqlite3', '', 3.0))
-_PEER = '''
+_PEER = """
 import sys
 from pathlib import Path
 import numpy as np
@@ -48,7 +48,7 @@ else:
     import allan_variance
     tau, avar = allan_variance.compute_avar(samples, 0.001)
     allan_variance.estimate_parameters(tau, avar)
-'''
+"""
 
 
 def measured(command: list[str]) -> tuple[float, float]:
