@@ -71,7 +71,7 @@ def judge_clock(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> Clo
     stuck = np.mean(distinct == 0)
     if stuck > (0.98 if bursts else 0.1):
         return ClockQuality(False, f'coarse ({stuck:.0%} of them repeat the one before)')
-    if np.mean(distinct < 0) > 0.4:
+    if np.mean(distinct < 0) > 0.2:
         return ClockQuality(False, 'out of order')
     return ClockQuality(True)
 
@@ -163,6 +163,14 @@ def _first_jump_back(stamps: Stamps, behind: NDArray[np.intp]) -> int | None:
         if np.count_nonzero(np.diff(run) > 0) > _JUMP_MESSAGES // 2:
             return int(first)
     return None
+
+
+def bounded(stamps: Stamps) -> Stamps:
+    """Give stamps whose differences are sure not to overflow."""
+    most = np.int64(2**61)
+    if len(stamps) and (stamps.max() > most or stamps.min() < -most):
+        return np.clip(stamps, -most, most)
+    return stamps
 
 
 def place_in_burst(stamps: Stamps, last: int | None, ties: int) -> NDArray[np.int64] | None:

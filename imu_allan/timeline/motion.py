@@ -36,6 +36,7 @@ START_WINDOWS = 128
 _PARTS = 25
 _MARGIN = 2
 _LAGS = (1, 4)
+_LONGEST_LAG_S = 6.0
 _CONTEXT = _MARGIN + max(_LAGS) + 1
 _QUIET_PERCENT = 12.5
 _REMEMBERED = 512
@@ -331,6 +332,8 @@ class MotionDetector:
         self._interval_s = interval_s
         self._part = max(round(PART_S / interval_s), 1)
         self._size = _PARTS * self._part
+        self._lags = tuple(lag for lag in _LAGS
+                           if lag * self._size * interval_s < _LONGEST_LAG_S)
         self._held: list[_Stretch] = []
         self._baseline: Baseline | None = None
         self._first_loudness: Floats | None = None
@@ -340,7 +343,7 @@ class MotionDetector:
         self._summary = MotionSummary()
         self._run_pending = False
         self._span_end = -1
-        self._span_end_s = -np.inf
+        self._span_end_s = -_LATELY_S
 
     @property
     def summary(self) -> MotionSummary:
@@ -411,7 +414,8 @@ class MotionDetector:
         for stretch in plain['stretches']:
             held, windows = int(stretch['held']), int(stretch['windows'])
             judged, filled = int(stretch['judged']), int(stretch['bridged'])
-            if len(rows) < held or len(means) < windows or len(moving) < judged:
+            if (len(rows) < held or len(means) < windows or len(loudness) < windows
+                    or len(moving) < judged or len(bridged) < filled):
                 raise ValueError('rows are missing')
             detector._held.append(_Stretch(
                 int(stretch['first_index']), float(stretch['start_s']),
@@ -517,7 +521,7 @@ class MotionDetector:
         """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
         means = stretch.means
         beyond = np.zeros(len(means), dtype=bool)
-        for lag in _LAGS:
+        for lag in self._lags:
             change = np.abs(means[lag:] - means[:-lag])
             large = change > _PLAUSIBLE_CHANGE
             if large.any():

@@ -17,6 +17,7 @@ from typing import Any
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.clock import (
+    bounded,
     judge_clock,
     LOOK_AHEAD,
     order_stamps,
@@ -50,7 +51,9 @@ _AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
 _LARGEST = 1e9
 _RATE_TOLERANCE = 0.02
 _CLOCK_STEP_S = 1.0
-_NEVER_S = 10 * 365 * 86400
+_NEVER_NS = 5 * 365 * 86400 * SECOND
+_SHORTEST_NS = 1e3
+_LONGEST_NS = 100.0 * SECOND
 _LATELY = 128
 _FOLLOW = 0.2
 _SPARSE = 16
@@ -190,7 +193,7 @@ class TimelineStage:
         try:
             plain = json.loads(str(state['facts']))
             stage = cls(TimelineOptions(**plain['options']))
-            stage._facts = Facts(**plain['facts'])
+            stage._facts = Facts.from_plain(plain['facts'])
             samples = np.asarray(state['samples'], dtype=np.float64).reshape(-1, 6)
             n = len(samples)
             if n:
@@ -271,10 +274,12 @@ class TimelineStage:
 
     def _work_off(self, window: _Window) -> list[EvenBlock]:
         facts = self._facts
+        if facts.clock is not None and self._is_even(window):
+            return self._put_even(window)
+        window = _Window(bounded(window.header), bounded(window.receive), window.samples,
+                         window.absent, window.consumed)
         if facts.clock is None:
             self._decide(window)
-        if self._is_even(window):
-            return self._put_even(window)
         c = window.consumed
         repeats, backward = _stamp_faults(window.header[:c], facts.last_header)
         facts.header_repeats += repeats
@@ -380,8 +385,7 @@ class TimelineStage:
         if pace is None:
             facts.interval_ns = stated
             return
-        facts.interval_ns, facts.spread, facts.counting = (
-            pace.interval_ns, pace.spread, pace.counting)
+        self._take_pace(pace)
         if (options.rate_hz is not None and len(rising) >= _FEWEST_FOR_RATE
                 and not options.force_rate):
             measured = SECOND / pace.interval_ns
@@ -392,6 +396,16 @@ class TimelineStage:
                     f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock, '
                     'or force the stated rate')
 
+    def _take_pace(self, pace: Pace) -> None:
+        facts = self._facts
+        if not _SHORTEST_NS < pace.interval_ns < _LONGEST_NS:
+            clock, facts.clock = facts.clock, None
+            raise ImuAllanError(
+                f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '
+                'message, as those of no IMU do: choose the other clock')
+        facts.interval_ns, facts.spread, facts.counting = (
+            pace.interval_ns, pace.spread, pace.counting)
+
     def _choose_clock(self, window: _Window) -> None:
         facts, options = self._facts, self._options
         repeats = _repeats(window.samples)
@@ -400,8 +414,7 @@ class TimelineStage:
         choice = 'header' if options.clock == 'auto' else options.clock
         if not quality[choice].usable and options.clock == 'auto' and quality['receive'].usable:
             facts.remarks['receive_clock'] = (
-                f'header stamps are {quality["header"].flaw}: receive stamps are used, whose '
-                'jitter does not harm the curve')
+                f'header stamps are {quality["header"].flaw}: receive stamps are used')
             choice = 'receive'
         if not quality[choice].usable:
             if options.rate_hz is None:
@@ -500,8 +513,7 @@ class TimelineStage:
         if not all(facts.present or ()):
             samples = samples.copy()
             samples[:, ~np.array(facts.present)] = np.nan
-        if facts.interval_ns is not None:
-            jumps |= self._forward_jumps(stamps, other)
+        jumps |= self._forward_jumps(stamps, other)
         starts = np.flatnonzero(jumps).tolist()
         blocks: list[EvenBlock] = []
         for first, last in pairwise([0, *(s for s in starts if 0 < s < c), c]):
@@ -528,10 +540,8 @@ class TimelineStage:
         facts = self._facts
         jumps = np.zeros(len(stamps), dtype=bool)
         interval = facts.interval_ns or 1.0
-        limit = max(_CLOCK_STEP_S * SECOND, 200 * interval)
+        limit = max(_CLOCK_STEP_S * SECOND, min(200 * interval, _NEVER_NS))
         last = facts.last_ns if facts.last_ns is not None else int(stamps[0])
-        if stamps[-1] - last < limit:
-            return jumps
         steps = np.diff(stamps, prepend=last)
         for at in np.flatnonzero(steps > limit).tolist():
             low, high = max(at - 32, 0), min(at + 32, len(stamps) - 1)
@@ -539,7 +549,7 @@ class TimelineStage:
             usual = (high - low + (0 if at else 1)) * interval
             alive = other[high] != other[low]
             jumps[at] = ((alive and passed < usual + 0.25 * steps[at])
-                         or steps[at] > _NEVER_S * SECOND)
+                         or steps[at] + facts.elapsed_ns > _NEVER_NS)
         return jumps
 
     def _pace(self, messages: _Messages) -> list[EvenBlock]:
@@ -548,8 +558,7 @@ class TimelineStage:
         if facts.interval_ns is None:
             pace = measure_pace(messages.stamps)
             if pace is not None:
-                facts.interval_ns, facts.spread = pace.interval_ns, pace.spread
-                facts.counting = pace.counting
+                self._take_pace(pace)
         steps = self._steps(messages)
         c = messages.consumed
         if not facts.counted_only and (facts.other_rate or self._rate_doubtful(messages, steps)):
@@ -690,9 +699,9 @@ class TimelineStage:
             facts.first_ns = stamp
             return
         passed = stamp - facts.last_ns
-        if jumped or not 0 < passed < _NEVER_S * SECOND:
+        if jumped or not 0 < passed < _NEVER_NS - facts.elapsed_ns:
             passed = other - facts.other_ns
-            if not 0 < passed < _NEVER_S * SECOND:
+            if not 0 < passed < _NEVER_NS - facts.elapsed_ns:
                 passed = round(interval)
         if passed > (self._options.gap_tolerance + 1.5) * interval:
             facts.list_gap(facts.elapsed_ns + interval, passed - interval)

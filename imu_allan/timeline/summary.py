@@ -7,9 +7,10 @@ The result, `imu_allan info` and the node's /diagnostics all tell the story of o
 `TimelineSummary`.
 """
 
+from collections.abc import Mapping
 from copy import copy as shallow_copy
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from imu_allan.result import Remark, Span, Timeline
 from imu_allan.timeline.clock import iso_time, SECOND
@@ -170,6 +171,30 @@ class Facts:
                 setattr(twin, name, value.copy())
         return twin
 
+    @classmethod
+    def from_plain(cls, plain: Mapping[str, Any]) -> 'Facts':
+        """
+        Take the fields as JSON gives them.
+
+        Raises
+        ------
+        TypeError
+            If a field is unknown or of another type.
+
+        """
+        facts = cls(**plain)
+        for name, default in vars(cls()).items():
+            value = getattr(facts, name)
+            kinds: tuple[type, ...] = (type(default),)
+            if default is None:
+                kinds = (type(None), int, float, str, list)
+            elif isinstance(default, float):
+                kinds = (float, int)
+            if not isinstance(value, kinds):
+                raise TypeError(f'{name} is {value!r}')
+        facts.listed_gaps = [(float(start), float(lasts)) for start, lasts in facts.listed_gaps]
+        return facts
+
     def list_gap(self, start_ns: float, duration_ns: float) -> None:
         """Note a gap that is not bridged."""
         self.gaps += 1
@@ -247,6 +272,10 @@ def _remarks(facts: Facts, options: TimelineOptions, motion: MotionSummary) -> d
         remarks['clock_jumps'] = (
             f'the {facts.clock} clock jumped {_times(facts.clock_jumps)}: no difference is taken '
             'across a jump')
+    if facts.counting:
+        remarks['uneven_stamps'] = (
+            f'{facts.clock} stamps come too unevenly to see a single missing sample: messages '
+            'are counted, and only lasting gaps are seen')
     if facts.gaps > len(facts.listed_gaps):
         remarks['gaps_not_listed'] = (
             f'{facts.gaps} gaps of {facts.gaps_ns / SECOND:.6g} s in all; only the first '

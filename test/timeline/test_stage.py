@@ -496,6 +496,8 @@ def test_short_streams_give_all_their_samples(count):
     lambda state: state.pop('facts'),
     lambda state: state.update(facts=np.array('{}')),
     lambda state: state.update(facts=np.array('no json')),
+    lambda state: state.update(facts=np.array(
+        str(state['facts']).replace('"messages": 4032', '"messages": "many"'))),
     lambda state: state.update(header_ns=state['header_ns'][:-1]),
     lambda state: state.update(samples=np.zeros(5)),
     lambda state: state.update(motion=np.array('[]')),
@@ -521,3 +523,50 @@ def test_state_stays_small_once_the_baseline_is_settled():
         stage.push(part)
     small = sum(array.nbytes for array in stage.to_state().values())
     assert small < 700_000 < large
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_garbage_is_refused_or_survived_and_never_yields_nan(data):
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    count = data.draw(st.integers(1, 9000))
+
+    def stamps() -> np.ndarray:
+        kind = data.draw(st.sampled_from(
+            ['even', 'random', 'extreme', 'huge', 'stuck', 'backward', 'walk', 'bursts']))
+        if kind == 'even':
+            return START_NS + np.arange(count) * 10_000_000
+        if kind == 'random':
+            return rng.integers(0, 10**12, count)
+        if kind == 'extreme':
+            return rng.choice(np.array([0, 2**63 - 1, -2**63, 1, 10**18]), count)
+        if kind == 'huge':
+            return rng.integers(-2**63, 2**63 - 1, count)
+        if kind == 'stuck':
+            return np.repeat(rng.integers(0, 10**12, count), 50)[:count]
+        if kind == 'backward':
+            return START_NS - np.arange(count) * 10_000_000
+        if kind == 'walk':
+            return START_NS + np.cumsum(rng.integers(-10**7, 3 * 10**7, count))
+        return START_NS + np.arange(count) // 30 * 300_000_000
+
+    samples = rng.normal(size=(count, 6)) * 10.0 ** rng.integers(-300, 300)
+    spoilt = rng.random((count, 6)) < data.draw(st.sampled_from([0.0, 0.001, 0.3]))
+    samples[spoilt] = rng.choice([np.nan, np.inf, -np.inf, 0.0], np.count_nonzero(spoilt))
+    absent = rng.random((count, 2)) < data.draw(st.sampled_from([0.0, 0.01, 0.6, 1.0]))
+    block = ImuBlock(stamps(), stamps(), samples, absent, 'imu_link')
+    clock = data.draw(st.sampled_from(['auto', 'header', 'receive']))
+    rate_hz = data.draw(st.sampled_from([None, 100.0]))
+    try:
+        summary, even = run(cut(block, rng.integers(0, count, 3)), clock=clock, rate_hz=rate_hz)
+    except ImuAllanError:
+        return
+    timeline = summary.timeline
+    assert summary.messages == count == (timeline.samples + timeline.duplicates
+                                         + timeline.out_of_order + timeline.rejected)
+    for one in even:
+        assert np.isfinite(one.samples[:, list(summary.present)]).all()
+    plain = [timeline.duration_s, timeline.sample_rate_hz or 1.0,
+             *(gap.start_s for gap in timeline.gaps), *(gap.duration_s for gap in timeline.gaps)]
+    assert np.isfinite(plain).all()
+    assert min(plain) >= 0
