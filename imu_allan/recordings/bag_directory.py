@@ -61,16 +61,23 @@ class BagDirectory(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read the files one after the other."""
-        before = 0
+        before = messages = 0
         for file in self._files:
             part = self._opened(file)
             if part is not None:
                 with part:
                     if any(item.name == topic for item in part.topics):
                         for block, position in part.decoded(topic):
+                            messages += len(block)
                             yield block, before + position
                     self._adopt(part)
             before += file.stat().st_size
+        [expected] = (item.count or 0 for item in self.topics if item.name == topic)
+        if messages < expected and not self.remarks:
+            self.remark(
+                'lost_messages',
+                f'{messages} of the {expected} messages of {printable(topic)} that metadata.yaml '
+                'counts were found')
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; where there are others, one that cannot be opened is a remark."""

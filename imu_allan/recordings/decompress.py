@@ -69,7 +69,7 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
     try:
         plain = _DECOMPRESSORS[compression](data, size)
     except KeyError:
-        raise DamagedData(f'compression {compression!r} is not supported') from None
+        raise DamagedData(f'compression {compression[:20]!r} is not supported') from None
     # lz4 raises RuntimeError, bz2 OSError, all of them MemoryError for absurd sizes.
     except (zstandard.ZstdError, RuntimeError, OSError, ValueError, MemoryError) as error:
         raise DamagedData(f'{compression}: {error}') from error
@@ -119,7 +119,7 @@ def decompressing(compression: str, source: Bounded) -> Readable:
             cast(BinaryIO, source), read_across_frames=True))
     if compression == 'lz4':
         return _Translated(lz4.frame.LZ4FrameFile(source))
-    raise DamagedData(f'compression {compression!r} is not supported')
+    raise DamagedData(f'compression {compression[:20]!r} is not supported')
 
 
 class _Translated:

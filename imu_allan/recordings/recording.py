@@ -176,10 +176,10 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
             other = next((name for name in spellings if name in recording.other_topics), None)
             if other is None:
                 raise ImuAllanError(
-                    f'{path}: no topic {printable(topic)}; {_what_there_is(recording)}')
+                    f'{path}: no topic {_shown(topic)}; {_what_there_is(recording)}')
             raise ImuAllanError(
-                f'{path}: topic {printable(other)} is of type '
-                f'{printable(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
+                f'{path}: topic {_shown(other)} is of type '
+                f'{_shown(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
                 f'{_carrier_hint(other in recording.carriers)}')
     elif not names:
         raise ImuAllanError(f'{path}: {_what_there_is(recording)}')
@@ -190,7 +190,7 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
         [chosen] = names
     if names[chosen].count == 0:
         raise ImuAllanError(
-            f'{path}: topic {printable(chosen)} has no messages; record it while the IMU driver '
+            f'{path}: topic {_shown(chosen)} has no messages; record it while the IMU driver '
             'runs')
     return chosen
 
@@ -200,7 +200,7 @@ def _what_there_is(recording: Recording) -> str:
         return f'its Imu topics are {_list_topics(recording)}'
     if not recording.other_topics:
         return 'it holds no topics at all: the recording is empty'
-    shown = [f'{printable(name)} ({printable(kind)})'
+    shown = [f'{_shown(name)} ({_shown(kind)})'
              for name, kind in sorted(recording.other_topics.items())[:10]]
     more = len(recording.other_topics) - len(shown)
     return ('no topic of type sensor_msgs/msg/Imu; it holds ' + ', '.join(shown)
@@ -213,6 +213,12 @@ def _carrier_hint(carries: bool) -> str:
 
 
 def _list_topics(recording: Recording) -> str:
-    return ', '.join(
-        printable(topic.name) + ('' if topic.count is None else f' ({topic.count} messages)')
-        for topic in sorted(recording.topics, key=lambda topic: topic.name))
+    shown = [
+        _shown(topic.name) + ('' if topic.count is None else f' ({topic.count} messages)')
+        for topic in sorted(recording.topics, key=lambda topic: topic.name)[:10]]
+    more = len(recording.topics) - len(shown)
+    return ', '.join(shown) + (f' and {more} more' if more else '')
+
+
+def _shown(name: str) -> str:
+    return printable(name if len(name) <= 200 else f'{name[:200]}...')

@@ -1,0 +1,147 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Mutated recordings: a clear error, or what can be read with a remark on what cannot.
+
+Never another exception, never a long wait, and never a sample that a checksum could have caught.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+import time
+
+from bags import block, IMU, write_db3, write_mcap, write_metadata
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording
+import numpy as np
+import pytest
+from test_ros1_bag import write_bag
+import zstandard
+
+MESSAGES = block(600)
+SAMPLES = {row.tobytes() for row in MESSAGES.samples}
+EXTREMES = [0, 1, 255, 65535, 10**9, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63,
+            2**64 - 1]
+
+
+def mcap(compression: str) -> Callable[[Path], Path]:
+    return lambda folder: write_mcap(folder / 'a.mcap', MESSAGES, compression=compression,
+                                     chunk_size=20_000, others=lambda n: n % 3 == 0)
+
+
+def loose_mcap(folder: Path) -> Path:
+    return write_mcap(folder / 'a.mcap', MESSAGES, use_chunking=False)
+
+
+def db3(folder: Path) -> Path:
+    return write_db3(folder / 'a.db3', MESSAGES, [('/x', 'a_msgs/msg/B')])
+
+
+def compressed_db3(folder: Path) -> Path:
+    path = db3(folder)
+    path.write_bytes(zstandard.compress(path.read_bytes()))
+    return path
+
+
+def ros1(compression: str) -> Callable[[Path], Path]:
+    return lambda folder: write_bag(folder / 'a.bag', MESSAGES, compression, lambda n: n % 3)
+
+
+def csv(folder: Path) -> Path:
+    path = folder / 'a.csv'
+    np.savetxt(path, np.column_stack([np.arange(600) / 100, MESSAGES.samples]), delimiter=',',
+               comments='', header='time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
+    return path
+
+
+def metadata(folder: Path) -> Path:
+    write_mcap(folder / 'a_0.mcap', MESSAGES)
+    return write_metadata(folder, ['a_0.mcap'], [('/imu', IMU, 600), ('/x', 'a_msgs/msg/B', 0)])
+
+
+SOURCES = {'mcap': mcap('none'), 'mcap_lz4': mcap('lz4'), 'mcap_zstd': mcap('zstd'),
+           'mcap_loose': loose_mcap, 'db3': db3, 'db3_zstd': compressed_db3, 'ros1': ros1('none'),
+           'ros1_lz4': ros1('lz4'), 'ros1_bz2': ros1('bz2'), 'csv': csv, 'metadata': metadata}
+
+
+def mutated(content: bytes, choice: Random) -> bytes:
+    """Return the content with one or a few changes, more often near its ends."""
+    data = bytearray(content)
+    for _ in range(choice.choice([1, 1, 1, 2, 4, 16])):
+        size = len(data)
+        if size < 2:
+            break
+        at = choice.choice([choice.randrange(size), choice.randrange(min(size, 300)),
+                            size - 1 - choice.randrange(min(size, 1500))])
+        kind = choice.randrange(9)
+        if kind <= 2:
+            data[at] ^= 1 << choice.randrange(8)
+        elif kind == 3:
+            data[at] = choice.randrange(256)
+        elif kind == 4:
+            width = choice.choice([2, 4, 8])
+            value = choice.choice(EXTREMES) & ((1 << 8 * width) - 1)
+            data[at:at + width] = value.to_bytes(width, choice.choice(['little', 'big']))
+        elif kind == 5:
+            stop = min(size, at + choice.choice([1, 4, 16, 500, 5000]))
+            data[at:stop] = bytes([choice.choice([0, 255, 65])]) * (stop - at)
+        elif kind == 6:
+            del data[at:at + choice.choice([1, 3, 8, 100, 4096])]
+        elif kind == 7:
+            data[at:at] = choice.randbytes(choice.choice([1, 4, 9, 100]))
+        else:
+            data = data[:at] if choice.random() < .5 else data + data[at:at + 1000]
+    return bytes(data)
+
+
+def read_whole(path: Path, checked: bool) -> int:
+    """Read every topic; returns the number of messages."""
+    messages = 0
+    with open_recording(path) as recording:
+        for topic in recording.topics[:3]:
+            if topic.count == 0:
+                continue
+            for item in recording.blocks(topic.name):
+                messages += len(item)
+                count = len(item)
+                assert item.samples.shape == (count, 6)
+                assert item.absent.shape == (count, 2)
+                assert item.header_ns.shape == item.receive_ns.shape == (count,)
+                if checked and topic.name == '/imu':
+                    assert {row.tobytes() for row in item.samples} <= SAMPLES
+        assert all(remark.message.isprintable() for remark in recording.remarks)
+    return messages
+
+
+def fuzz(folder: Path, source: str, count: int, seed: int) -> None:
+    path = SOURCES[source](folder)
+    opened = folder if source == 'metadata' else path
+    content = path.read_bytes()
+    choice = Random(seed)
+    assert read_whole(opened, True) == 600
+    read, slowest = 0, 0.0
+    refusals: list[str] = []
+    for _ in range(count):
+        path.write_bytes(mutated(content, choice))
+        start = time.perf_counter()
+        try:
+            read += read_whole(opened, source in ('mcap', 'mcap_lz4', 'mcap_zstd')) > 0
+        except ImuAllanError as error:
+            refusals.append(str(error))
+        slowest = max(slowest, time.perf_counter() - start)
+    assert all(text.isprintable() and len(text) < 1500 for text in refusals)
+    assert read > count / 10
+    assert slowest < 10
+
+
+@pytest.mark.parametrize('source', SOURCES)
+def test_mutated_recordings_are_refused_or_read_in_part(tmp_path, source):
+    fuzz(tmp_path, source, 40, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('source', SOURCES)
+def test_many_mutated_recordings_are_refused_or_read_in_part(tmp_path, source, seed):
+    fuzz(tmp_path, source, 1000, 100 + seed)
