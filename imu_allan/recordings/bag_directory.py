@@ -20,7 +20,7 @@ from imu_allan.recordings.open_recording import open_recording
 from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, Recording
 import yaml
 
-_LARGEST_METADATA = 1 << 24
+_LARGEST_METADATA = 1 << 21
 _SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 
 

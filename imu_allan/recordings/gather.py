@@ -55,7 +55,7 @@ class Piece:
 def gather(
     buffer: bytes,
     wanted: frozenset[int] | set[int],
-    describe: Callable[[int, bytes], None] | None = None,
+    describe: Callable[[int, bytes], object] | None = None,
     index: Callable[[], NDArray[np.int64]] | None = None,
 ) -> tuple[list[Piece], int]:
     """
@@ -149,7 +149,7 @@ def collect(buffer: bytes, offsets: NDArray[np.int64], size: int) -> NDArray[np.
 
 def _verified(
     buffer: bytes, at: int, places: NDArray[np.int64],
-    describe: Callable[[int, bytes], None] | None,
+    describe: Callable[[int, bytes], object] | None,
 ) -> NDArray[np.int64] | None:
     """Sort `places` from `at` on; None unless the records there fill the rest of the buffer."""
     places = np.unique(places[places >= at])
@@ -169,7 +169,7 @@ def _verified(
 
 
 def _only_descriptions(
-    buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], None] | None,
+    buffer: bytes, at: int, stop: int, describe: Callable[[int, bytes], object] | None,
 ) -> bool:
     """Whether nothing but Schema and Channel records stands between two messages."""
     while at < stop:

@@ -41,7 +41,7 @@ from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessage
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
+from mcap.records import Channel, Footer, Schema, Statistics
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,11 +51,14 @@ Record = TypeVar('Record')
 
 _FRAME = Struct('<BQ')
 _CHUNK_HEAD = Struct('<QQQII')
+_CHUNK_INDEX_HEAD = Struct('<QQQ')
 _FOOTER_SIZE = _FRAME.size + 20
 _LOOSE = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 _LONGEST_NAME = 4096
 _LARGEST_DESCRIPTION = 1 << 22
 """Bytes of a Channel or Schema record that are still taken for one."""
+_MOST_DESCRIPTIONS = 1 << 18
+"""Channel and Schema records that are read; there are 65,536 numbers of each."""
 _LARGEST_SUMMARY = 1 << 28
 _LARGEST_CHUNK = 1 << 26
 """Bytes of a chunk, before and after decompression, that are held whole."""
@@ -76,6 +79,10 @@ class _Channel:
         if self.type_name not in IMU_TYPES:
             return None
         return 'cdr' if self.encoding == 'cdr' else 'ros1' if self.encoding == 'ros1' else None
+
+    def is_of(self, topic: str, serialization: Serialization) -> bool:
+        """Whether it carries the messages of an Imu topic."""
+        return self.topic == topic and self.serialization == serialization
 
 
 class McapRecording(Recording):
@@ -101,7 +108,7 @@ class McapRecording(Recording):
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
         self._chunk_starts: list[int] = []
-        self._has_end = False
+        self._descriptions = 0
         with stored.open('rb') as file:
             self.size_bytes = file.seek(0, 2)
             file.seek(0)
@@ -126,8 +133,9 @@ class McapRecording(Recording):
 
         def describe(opcode: int, body: bytes) -> None:
             # A file without a summary may name further channels of the topic anywhere.
-            self._describe(opcode, body)
-            wanted.update(self._numbers(topic, serialization))
+            number = self._describe(opcode, body)
+            if number is not None and self._channels[number].is_of(topic, serialization):
+                wanted.add(number)
 
         with self._stored.open('rb') as file:
             for pieces, position in self._pieces(file, wanted, describe, damage):
@@ -152,7 +160,6 @@ class McapRecording(Recording):
         opcode, length = _FRAME.unpack_from(tail)
         if opcode != Opcode.FOOTER or length != 20 or tail[-len(MAGIC):] != MAGIC:
             return False
-        self._has_end = True
         footer = _parsed(Footer.read, tail[_FRAME.size:_FOOTER_SIZE])
         if footer is None or not len(MAGIC) <= footer.summary_start < footer_at:
             return False
@@ -168,14 +175,15 @@ class McapRecording(Recording):
             opcode, length = _FRAME.unpack_from(summary, at)
             body = summary[at + _FRAME.size:at + _FRAME.size + length]
             at += _FRAME.size + length
-            if opcode == Opcode.STATISTICS:
+            if opcode == Opcode.STATISTICS and len(body) <= _LARGEST_DESCRIPTION:
                 statistics = _parsed(Statistics.read, body)
                 if statistics is not None:
                     self._counts = statistics.channel_message_counts
-            elif opcode == Opcode.CHUNK_INDEX:
-                index = _parsed(ChunkIndex.read, body)
-                if index is not None and index.chunk_start_offset < self.size_bytes:
-                    self._chunk_starts.append(index.chunk_start_offset)
+            elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX_HEAD.size:
+                # Of a ChunkIndex, which the library reads entry by entry, one number is needed.
+                *_, chunk_start = _CHUNK_INDEX_HEAD.unpack_from(body)
+                if chunk_start < self.size_bytes:
+                    self._chunk_starts.append(chunk_start)
             else:
                 self._describe(opcode, body)
         self._chunk_starts.sort()
@@ -203,20 +211,27 @@ class McapRecording(Recording):
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
-    def _describe(self, opcode: int, body: bytes) -> None:
-        """Remember a schema or channel record."""
-        if len(body) > _LARGEST_DESCRIPTION:
-            return
+    def _describe(self, opcode: int, body: bytes) -> int | None:
+        """Remember a schema or channel record; returns the number of a new channel."""
+        number = int.from_bytes(body[:2], 'little')
+        known = self._schemas if opcode == Opcode.SCHEMA else self._channels
+        if number in known or len(body) > _LARGEST_DESCRIPTION:
+            return None
+        self._descriptions += 1
+        if self._descriptions > _MOST_DESCRIPTIONS:
+            return None
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)
             if schema is not None and len(schema.name) <= _LONGEST_NAME:
-                self._schemas[schema.id] = schema.name, b'sensor_msgs/Imu' in schema.data
+                self._schemas[number] = schema.name, b'sensor_msgs/Imu' in schema.data
         elif opcode == Opcode.CHANNEL:
             channel = _parsed(Channel.read, body)
             if channel is not None and len(channel.topic) <= _LONGEST_NAME:
                 name, carries = self._schemas.get(channel.schema_id, ('', False))
-                self._channels[channel.id] = _Channel(
+                self._channels[number] = _Channel(
                     channel.topic, name, channel.message_encoding[:_LONGEST_NAME], carries)
+                return number
+        return None
 
     def _list_topics(self) -> None:
         counts: dict[str, int | None] = {}
@@ -238,12 +253,12 @@ class McapRecording(Recording):
 
     def _numbers(self, topic: str, serialization: Serialization) -> set[int]:
         return {number for number, channel in self._channels.items()
-                if channel.topic == topic and channel.serialization == serialization}
+                if channel.is_of(topic, serialization)}
 
     # ------------------------------------------------------------------------------ going through
 
     def _pieces(
-        self, file: BinaryIO, wanted: set[int], describe: Callable[[int, bytes], None],
+        self, file: BinaryIO, wanted: set[int], describe: Callable[[int, bytes], object],
         damage: Damage,
     ) -> Iterator[tuple[list[Piece], int]]:
         """Gather the messages of the channels `wanted`, with the bytes consumed so far."""
@@ -301,7 +316,7 @@ class McapRecording(Recording):
 
 def _windows(
     file: BinaryIO, part: Part, wanted: frozenset[int] | set[int],
-    describe: Callable[[int, bytes], None],
+    describe: Callable[[int, bytes], object],
 ) -> Iterator[list[Piece]]:
     """Gather from a part of the file, whole where it is small, else a few MiB at a time."""
     file.seek(part.start)
@@ -360,7 +375,7 @@ def _verify(source: Readable, size: int, crc: int) -> None:
 
 def _stream(
     source: Readable, size: int, wanted: frozenset[int] | set[int],
-    describe: Callable[[int, bytes], None],
+    describe: Callable[[int, bytes], object],
 ) -> Iterator[list[Piece]]:
     """Gather from `size` bytes of records, a window at a time."""
     kept, left = b'', size

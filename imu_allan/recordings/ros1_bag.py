@@ -39,6 +39,7 @@ MAGIC = b'#ROSBAG V2.0\n'
 _UINT = Struct('<I')
 _LARGEST_HEADER = 1 << 20
 _LARGEST_DEFINITION = 1 << 22
+_MOST_CONNECTIONS = 1 << 16
 _LARGEST_CHUNK = 1 << 28
 _REMEMBERED_HEADS = 16
 _TIME = np.dtype([('sec', '<u4'), ('nsec', '<u4')])
@@ -155,6 +156,8 @@ class Ros1Recording(Recording):
 
     def _describe(self, header: Header, data: bytes) -> None:
         """Remember a connection record."""
+        if len(self._connections) > _MOST_CONNECTIONS:
+            return
         with suppress(ReaderError, UnicodeDecodeError):
             number = header.get_uint32('conn')
             fields = Header.read(BytesIO(_UINT.pack(len(data)) + data))
@@ -231,8 +234,10 @@ class Ros1Recording(Recording):
             try:
                 head = _head_at(buffer, at, heads)
                 if head is None:
+                    known = len(self._connections)
                     at = self._gather_connection(buffer, at)
-                    wanted = self._numbers(topic)
+                    if len(self._connections) > known:
+                        wanted = self._numbers(topic)
                     continue
             except DamagedData as error:
                 failure = error

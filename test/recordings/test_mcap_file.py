@@ -6,7 +6,9 @@ from functools import partial
 import os
 from pathlib import Path
 import re
+import resource
 import struct
+import time
 
 from bags import assert_same, block, COMPRESSIONS, IMU, joined, read, write_mcap
 from hypothesis import given, HealthCheck, settings, strategies as st
@@ -20,6 +22,7 @@ from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 import numpy as np
 import pytest
+import zstandard
 
 MESSAGES = block(1000)
 
@@ -343,3 +346,39 @@ def test_a_real_recording_agrees_with_the_mcap_library():
             assert numbers[13:16].tolist() == first.samples[number, :3].tolist()
             assert numbers[25:28].tolist() == first.samples[number, 3:].tolist()
             assert message.data[4:12] == rows[number, 4:12].tobytes()
+
+
+def test_a_million_channels_take_neither_time_nor_memory(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', block(10), compression='none', use_chunking=False)
+    content = path.read_bytes()
+    first = content.index(b'/other') - 4 - 4 - 9
+    record = content[first:content.index(b'\5', first + 40)]
+    many = bytearray()
+    for number in range(200_000):
+        many += record[:9] + (number % 65536 + 3).to_bytes(2, 'little', signed=False)[:2] + (
+            record[11:]) if number % 65536 < 65533 else record
+    path.write_bytes(content[:first] + bytes(many) + content[first:-60])
+    start = time.perf_counter()
+    with open_recording(path) as recording:
+        assert len(recording.topics) == 1
+    assert time.perf_counter() - start < 20
+
+
+def test_a_bomb_of_zeros_is_left_out(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', block(1000), chunk_size=50_000)
+    places = chunk_places(path)
+    start, end = places[2]
+    plain = 1 << 30
+    compressor = zstandard.ZstdCompressor().compressobj(size=plain)
+    bomb = b''.join(compressor.compress(bytes(1 << 20)) for _ in range(plain >> 20))
+    bomb += compressor.flush()
+    head = struct.pack('<QQQI', 0, 1, plain, 0) + b'\4\0\0\0zstd' + struct.pack('<Q', len(bomb))
+    content = path.read_bytes()
+    path.write_bytes(content[:start] + b'\6' + struct.pack('<Q', len(head) + len(bomb)) + head
+                     + bomb + content[end:])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    after, remarks = read(path)
+    assert len(after) > 700
+    assert 'chunks are damaged and were left out' in ' '.join(
+        remark.message for remark in remarks)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
