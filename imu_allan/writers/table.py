@@ -155,6 +155,19 @@ def _cell(coefficient: Coefficient, term: Term, *, tall: bool) -> 'Text':
                 else f'{sign}{term.symbol}{sign} {bound}', style='dim')
 
 
+def _longer(result: Result) -> str:
+    """Say what a longer recording would bring, by the Fisher information of the fitted model."""
+    halves = [c.ci_halves_in_s for axis in result.axes.values()
+              for c in axis.coefficients.values() if c.ci_halves_in_s is not None]
+    waiting = [f'{c.symbol} of {name} after {duration(c.observable_in_s)}'
+               for name, axis in result.axes.items() for c in axis.coefficients.values()
+               if c.observable_in_s is not None]
+    parts = [f'all intervals half as wide after another {duration(max(halves))}'] if halves else []
+    if waiting:
+        parts.append('to be expected: ' + ', '.join(waiting))
+    return 'Recording on: ' + '; '.join(parts) + '.' if parts else ''
+
+
 def number(value: float) -> str:
     """Return four significant digits, without an exponent up to a million."""
     return f'{value:.0f}' if 1e4 <= abs(value) < 1e6 else f'{value:.4g}'
@@ -167,10 +180,14 @@ def _notes(result: Result) -> 'list[RenderableType]':
     if any(not c.observable for axis in result.axes.values() for c in axis.coefficients.values()):
         notes.append(Text('"<" stands where this data cannot show the term: it is below this '
                           'bound with 95 % confidence.', style='dim'))
+    if longer := _longer(result):
+        notes.append(Text(longer, style='dim'))
+    windows = [f'{name} {duration(axis.band_limit_s)}' for name, axis in result.axes.items()
+               if axis.band_limit_s is not None]
+    if windows:
+        notes.append(Text('band-limited before sampling, effective window: '
+                          + ', '.join(windows)))
     for name, axis in result.axes.items():
-        if axis.band_limit_s is not None:
-            notes.append(Text(f'{name}: band-limited before sampling, effective window '
-                              f'{duration(axis.band_limit_s)}'))
         if axis.tones:
             named = ', '.join(f'{tone.frequency_hz:.4g} Hz' for tone in axis.tones[:6])
             more = f' and {len(axis.tones) - 6} more' if len(axis.tones) > 6 else ''

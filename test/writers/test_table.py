@@ -48,7 +48,7 @@ def test_warnings_and_findings_are_told(result):
     text = printed(replace(result, axes={**result.axes, 'gyro_x': bad}))
     assert 'warning: The IMU moved twice' in text
     assert 'gyro_x: no model of the five terms fits this axis well' in text
-    assert 'gyro_x: band-limited before sampling, effective window 12 ms' in text
+    assert 'band-limited before sampling, effective window: gyro_x 12 ms' in text
     assert 'gyro_z: tones left out of the fit at 23.4 Hz, 46.8 Hz' in text
     assert '1,200 missing, 2 gaps (6 s), 2 stretches of motion (5 min 45 s)' in text
 
@@ -89,3 +89,15 @@ def test_durations_are_said_as_a_person_says_them(seconds, text):
     (-12345.6, '-12346'), (1.5e9, '1.5e+09')])
 def test_numbers_have_four_significant_digits(value, text):
     assert number(value) == text
+
+
+def test_what_recording_on_would_bring_is_told(result):
+    axis = result.axes['gyro_x']
+    density = replace(axis.coefficients['noise_density'], ci_halves_in_s=7200.0)
+    walk = replace(axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
+                   upper95=1e-6, observable_in_s=600.0)
+    axis = replace(axis, coefficients={**axis.coefficients, 'noise_density': density,
+                                       'rate_random_walk': walk})
+    text = ' '.join(printed(replace(result, axes={'gyro_x': axis})).split())
+    assert 'half as wide after another 2 h' in text
+    assert 'K of gyro_x after 10 min' in text
