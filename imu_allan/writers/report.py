@@ -72,7 +72,7 @@ def report_html(result: Result) -> str:
         names=[printable(name) for name in names] or ['samples'], facts=_facts(result),
         version=printable(result.imu_allan_version),
         tables=[_table(result, sensor) for sensor in sensors_of(result)],
-        warnings=[printable(warning.message) for warning in result.warnings],
+        warnings=_warnings(result),
         findings=_findings(result), strip=_strip(result),
         gaps=_spans(result.timeline.gaps), motion=_spans(result.timeline.motion),
         configs=_configs(result), fits=_fits(result))
@@ -193,47 +193,65 @@ def _cell(coefficient: Coefficient) -> _Cell:
         si_value, si_low, si_high = (f'{n:.4g}' for n in numbers)
         return _Cell(value, f'{low} – {high}', si_value, f'{si_low} – {si_high}',
                      repr(coefficient.value), _wait(coefficient.ci_halves_in_s,
-                                                    'interval half as wide'))
+                                                    'halves'))
     if coefficient.upper95 is None:
         return _Cell('', 'not observable', '', 'not observable', '', '')
     bound = number(engineering(coefficient.upper95, coefficient.unit)[0])
     return _Cell('', f'not observable, below {bound}', '',
                  f'not observable, below {coefficient.upper95:.4g}', '',
-                 _wait(coefficient.observable_in_s, 'may become observable'))
+                 _wait(coefficient.observable_in_s, 'observable'))
 
 
 def _wait(seconds: float | None, what: str) -> str:
     return '' if seconds is None else f'{what} with {duration(seconds)} more'
 
 
+def _warnings(result: Result) -> list[list[str]]:
+    """Return the warnings, those of one kind together."""
+    kinds: dict[str, list[str]] = {}
+    for warning in result.warnings:
+        kinds.setdefault(warning.code, []).append(printable(warning.message))
+    return list(kinds.values())
+
+
 def _findings(result: Result) -> list[str]:
-    """Say what was seen of single axes."""
+    """Say what was seen of the axes."""
     findings = []
+    windows = [f'{_spoken(name)} {duration(axis.band_limit_s)}'
+               for name, axis in result.axes.items() if axis.band_limit_s is not None]
+    if windows:
+        findings.append('Low-passed before it is sampled, with an effective window of: '
+                        f'{", ".join(windows)}. Averaging times not far above it tell of the '
+                        'filter and not of the sensor, and were left out of the fit.')
+    tones = [f'{_spoken(name)} {_frequencies(axis)}'
+             for name, axis in result.axes.items() if axis.tones]
+    if tones:
+        findings.append(f'Tones: {"; ".join(tones)}. They are vibration, mains or an idle tone '
+                        'of a converter, not noise, and were left out of the fit.')
     for name, axis in result.axes.items():
-        label = name.replace('_', ' ')
-        if axis.band_limit_s is not None:
-            findings.append(
-                f'{label} is low-passed before it is sampled, with an effective window of '
-                f'{duration(axis.band_limit_s)}: shorter averaging times say nothing of the '
-                'sensor and were left out of the fit.')
-        if axis.tones:
-            tones = ', '.join(
-                f'{tone.frequency_hz:.4g} Hz ({number(engineering(tone.amplitude, axis.unit)[0])} '
-                f'{typeset(engineering(1.0, axis.unit)[1])})' for tone in axis.tones[:8])
-            more = f' and {len(axis.tones) - 8} more' if len(axis.tones) > 8 else ''
-            findings.append(f'{label} carries tones at {tones}{more}. They are vibration, mains '
-                            'or an idle tone of a converter, not noise, and were left out of '
-                            'the fit.')
         if axis.gauss_markov is not None:
             sigma, unit = engineering(axis.gauss_markov.sigma, axis.unit)
             findings.append(
-                f'{label} has a correlated (Gauss-Markov) part of {number(sigma)} '
+                f'{_spoken(name)} has a correlated (Gauss-Markov) part of {number(sigma)} '
                 f'{typeset(unit)} with a correlation time of '
                 f'{duration(axis.gauss_markov.correlation_time_s)}.')
-        if not axis.goodness_of_fit.acceptable:
-            findings.append(f'{label}: no model of the five terms describes this axis well. Take '
-                            'its coefficients as a rough guide.')
+    unfit = [_spoken(name) for name, axis in result.axes.items()
+             if not axis.goodness_of_fit.acceptable]
+    if unfit:
+        findings.append(f'No model of the five terms describes {", ".join(unfit)} well. Take '
+                        'the coefficients there as a rough guide.')
     return findings
+
+
+def _spoken(name: str) -> str:
+    return name.replace('_', ' ')
+
+
+def _frequencies(axis: AxisResult) -> str:
+    shown_tones = ', '.join(
+        f'{tone.frequency_hz:.4g} Hz ({number(engineering(tone.amplitude, axis.unit)[0])} '
+        f'{typeset(engineering(1.0, axis.unit)[1])})' for tone in axis.tones[:6])
+    return shown_tones + (f' and {len(axis.tones) - 6} more' if len(axis.tones) > 6 else '')
 
 
 def _strip(result: Result) -> dict[str, Any]:
@@ -273,7 +291,7 @@ def _fits(result: Result) -> list[dict[str, str]]:
     for name, axis in result.axes.items():
         fit = axis.goodness_of_fit
         rows.append({
-            'axis': name.replace('_', ' '),
+            'axis': _spoken(name),
             'p': '' if fit.p_value is None else f'{fit.p_value:.3g}',
             'misfit': '' if fit.worst_relative_misfit is None
             else f'{100 * fit.worst_relative_misfit:.2g} %',
@@ -284,7 +302,7 @@ def _fits(result: Result) -> list[dict[str, str]]:
 
 def _difference_row(difference: Difference) -> dict[str, Any]:
     z = difference.in_intervals
-    return {'axis': difference.axis.replace('_', ' '), 'symbol': TERMS[difference.key].symbol,
+    return {'axis': _spoken(difference.axis), 'symbol': TERMS[difference.key].symbol,
             'unit': typeset(engineering(1.0, difference.unit)[1]),
             'reference': shown(difference.coefficients[0]),
             'other': printable(difference.other), 'value': shown(difference.coefficients[1]),
@@ -385,7 +403,7 @@ def _comparison_chart(results: Mapping[str, Result], axis: str) -> dict[str, Any
     if not traces:
         return None
     sensor = axis.partition('_')[0]
-    return {'id': axis, 'title': axis.replace('_', ' '), 'x': 'averaging time τ [s]',
+    return {'id': axis, 'title': _spoken(axis), 'x': 'averaging time τ [s]',
             'y': f'Allan deviation of {_SAMPLE_NAMES[sensor]}',
             'units': _unit_choice(AXES[axis].unit, 1), 'traces': traces, 'groups': groups,
             'kinds': [{'kind': 'points', 'label': 'measured', 'on': True},

@@ -65,7 +65,7 @@ def written(tmp_path, text):
 def test_the_report_shows_values_intervals_bounds_and_warnings(result):
     text = Outline(report_html(result)).text
     for part in ('2.406 2.402 – 2.411', '°/√h', 'not observable, below 23.51',
-                 'The IMU moved twice, 345 s in all', 'gyro z carries tones at 23.4 Hz',
+                 'The IMU moved twice, 345 s in all', 'Tones: gyro z 23.4 Hz (41.25 °/h), 46.8 Hz',
                  '2,160,000 samples at 200 Hz',
                  '2 × motion or knocks, left out, 5 min 45 s in all',
                  '2 × gaps without samples, 6 s in all', 'frame imu_link'):
@@ -77,8 +77,8 @@ def test_findings_of_an_axis_are_told_in_words(result):
                    goodness_of_fit=GoodnessOfFit(None, None, False),
                    gauss_markov=GaussMarkov(1e-3, 300.0))
     text = Outline(report_html(replace(result, axes={'gyro_x': axis}))).text
-    assert 'gyro x is low-passed before it is sampled, with an effective window of 40 ms' in text
-    assert 'no model of the five terms describes this axis well' in text
+    assert 'Low-passed before it is sampled, with an effective window of: gyro x 40 ms.' in text
+    assert 'No model of the five terms describes gyro x well' in text
     assert 'with a correlation time of 5 min' in text
 
 
