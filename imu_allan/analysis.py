@@ -71,6 +71,7 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
     Parameters
     ----------
     blocks : iterable of ImuBlock
+        In the order of the recording.
     start_s : float
         Seconds after the first message.
     duration_s : float or None

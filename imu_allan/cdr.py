@@ -357,7 +357,7 @@ def _key(row: NDArray[np.uint8], serialization: Serialization) -> bytes:
     except MalformedImu as error:
         return b'malformed ' + str(error).encode()
     return b''.join(row[start:stop].tobytes()
-                     for start, stop in _key_spans(layout, serialization))
+                    for start, stop in _key_spans(layout, serialization))
 
 
 def _same_in_every_row(rows: NDArray[np.uint8], start: int, stop: int) -> bool:

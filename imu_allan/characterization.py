@@ -71,6 +71,7 @@ class Characterization:
         Parameters
         ----------
         blocks : iterable of ImuBlock
+            Its messages, in order.
         ahead : callable, optional
             Runs an iterator ahead of its consumer, in a thread: the timeline then works beside the
             estimator.

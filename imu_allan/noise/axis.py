@@ -42,7 +42,9 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     samples : array_like, shape (n,)
         In rad/s or m/s^2, the sensor at rest.
     sample_rate_hz : float
+        Samples per second.
     quantity : {'angular_velocity', 'linear_acceleration'}, optional
+        What the axis measures.
 
     Returns
     -------
@@ -119,8 +121,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     Parameters
     ----------
     estimator : Estimator
+        What has taken in the samples.
     sample_rate_hz : float
-    quantities : sequence of Quantity, one per axis
+        Samples per second.
+    quantities : sequence of Quantity
+        What each axis measures.
 
     Returns
     -------

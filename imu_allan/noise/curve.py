@@ -170,6 +170,7 @@ def interval(avar: ArrayLike, dof: ArrayLike, level: float) -> tuple[Array, Arra
     Parameters
     ----------
     avar : array_like, shape (n,)
+        Estimated Allan variance.
     dof : array_like, shape (n,)
         Equivalent degrees of freedom.
     level : float

@@ -62,7 +62,7 @@ class Estimator:
 
     @property
     def samples(self) -> int:
-        """Samples taken in."""
+        """How many samples were taken in."""
         return self._n.samples
 
     @property

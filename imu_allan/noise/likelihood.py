@@ -210,7 +210,9 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Gro
     Parameters
     ----------
     bins : Bins
+        The spectrum of all axes.
     axis : int
+        Column of the axis.
     keep : ndarray of bool, shape (bins,), optional
         False leaves a bin out.
 
@@ -257,6 +259,7 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     Parameters
     ----------
     groups : Groups
+        The spectrum of one axis.
     start : Solution, optional
         Where to begin.
     fixed : dict, optional

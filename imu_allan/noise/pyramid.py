@@ -67,6 +67,7 @@ class Pyramid:
         Parameters
         ----------
         rows : ndarray, shape (axes, n)
+            In the unit of a sample.
 
         """
         values, stage = rows, 0

@@ -43,6 +43,7 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     samples : int
         Length of the record.
     sample_rate_hz : float
+        Samples per second.
     seed : int, optional
         The same seed gives the same record; every term has a stream of its own, so leaving out
         one leaves the others as they are.

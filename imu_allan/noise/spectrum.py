@@ -61,6 +61,7 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     dt : float
         Sample interval in seconds.
     correlation_time_s : float
+        Of the process.
 
     Returns
     -------
@@ -104,6 +105,7 @@ def ramp_dct(n: int, dt: float) -> Array:
     Parameters
     ----------
     n : int
+        Length of the record.
     dt : float
         Sample interval in seconds.
 

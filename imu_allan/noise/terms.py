@@ -133,6 +133,7 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     sigma : float
         Standard deviation, in the unit of a sample.
     correlation_time_s : float
+        Of the process.
     tau : array_like, shape (n,)
         Averaging times in seconds.
 

@@ -347,7 +347,7 @@ class MotionDetector:
 
     @property
     def summary(self) -> MotionSummary:
-        """What was cut out so far."""
+        """Tell what was cut out so far."""
         return self._summary
 
     @property

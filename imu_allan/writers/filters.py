@@ -135,7 +135,7 @@ def kalibr(result: Result, rate_hz: float | None = None) -> FilterConfig:
 
 def openvins(result: Result, rate_hz: float | None = None) -> FilterConfig:
     """
-    OpenVINS' ``kalibr_imu_chain.yaml``: N and K, continuous, as for Kalibr.
+    Write OpenVINS' ``kalibr_imu_chain.yaml``: N and K, continuous, as for Kalibr.
 
     ``Propagator::predict_and_compute`` scales by ``sqrt(dt)`` (N by its inverse) itself. The file
     is read by OpenCV's FileStorage; the geometry in it is the identity that OpenVINS ships.
@@ -237,7 +237,7 @@ def fast_lio(result: Result, rate_hz: float | None = None) -> FilterConfig:
 
 def gtsam(result: Result, rate_hz: float | None = None) -> FilterConfig:
     """
-    GTSAM's preintegration covariances: N^2 I and K^2 I, continuous.
+    Write GTSAM's preintegration covariances: N^2 I and K^2 I, continuous.
 
     PreintegrationParams.h and PreintegrationCombinedParams.h name them so. GTSAM reads no file of
     its own; the keys are the names of the fields, each a 3 x 3 matrix.
@@ -357,7 +357,7 @@ def px4(result: Result, rate_hz: float | None = None) -> FilterConfig:
 
 def ardupilot(result: Result, rate_hz: float | None = None) -> FilterConfig:
     """
-    ArduPilot's EKF3 parameters: N sqrt(F), K sqrt(F), F = 83 Hz.
+    Write ArduPilot's EKF3 parameters: N sqrt(F), K sqrt(F), F = 83 Hz.
 
     ``CovariancePrediction`` of AP_NavEKF3_core.cpp squares ``dt value``; ranges are those of the
     parameters' metadata (AP_NavEKF3.cpp).

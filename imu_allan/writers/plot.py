@@ -405,7 +405,7 @@ def write_in_a_row(panel: 'Axes', parts: Sequence[tuple[str, str]]) -> None:
     from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
 
     areas: list[Artist] = [TextArea(text, textprops={'color': colour, 'fontsize': 8,
-                                                      'parse_math': False})
+                                                     'parse_math': False})
                            for text, colour in parts]
     panel.add_artist(AnchoredOffsetbox(
         'lower left', child=HPacker(children=areas, pad=0, sep=14), frameon=False, pad=0,

@@ -49,7 +49,7 @@ class Process:
 
     @property
     def log(self) -> str:
-        """What it has printed."""
+        """Return what it has printed."""
         return self.log_path.read_text()
 
     @property
