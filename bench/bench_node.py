@@ -3,7 +3,7 @@
 """
 CPU time that a subscriber to an IMU costs, per message.
 
-Three processes take the same messages from the same simulator over DDS, one after the other:
+Three processes take the same messages over DDS, one after the other:
 
 floor     a subscription whose messages are never taken: what the middleware itself costs
 node      imu_allan_node with its default settings, estimation and checkpoints included
@@ -14,8 +14,9 @@ computers. Run it on an idle one: python -m bench.bench_node
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import contextlib
+import itertools
 import os
 from pathlib import Path
 import random
@@ -24,6 +25,10 @@ import subprocess
 import sys
 import tempfile
 import time
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+import numpy as np
 
 RATES_HZ = (200.0, 1000.0, 4000.0)
 KINDS = ('floor', 'node', 'ordinary')
@@ -66,21 +71,77 @@ def main() -> int:
 
 def measure(kind: str, rate: float, seconds: float) -> float:
     """CPU seconds per message of a subscriber of `kind`."""
-    with tempfile.TemporaryDirectory() as folder, _processes(folder) as start:
-        args = ['--ros-args', '-p', f'output_dir:={folder}/output',
-                '-p', f'state_file:={folder}/state', '-p', f'checkpoint_period:={seconds}']
-        subscriber = start('-m', 'bench.bench_node', '--as', kind) if kind != 'node' else start(
+    with tempfile.TemporaryDirectory() as folder, _domain(folder) as env, Publisher(rate) as imu:
+        arguments = {'node': [
             '-c', 'import sys; from imu_allan.node.imu_allan_node import main; sys.exit(main())',
-            *args)
-        start('-c', 'import sys; from imu_allan.node.imu_simulator import main; sys.exit(main())',
-              '--ros-args', '-p', f'rate:={rate}', '-p', 'wait_for_subscriptions:=1')
-        time.sleep(WARM_UP_S)
-        began, before = time.monotonic(), cpu_seconds(subscriber.pid)
-        time.sleep(seconds)
-        spent, lasted = cpu_seconds(subscriber.pid) - before, time.monotonic() - began
-        if subscriber.poll() is not None:
-            raise RuntimeError(f'the subscriber {kind} has ended')
-        return spent / (lasted * rate)
+            '--ros-args', '-p', f'output_dir:={folder}/output', '-p',
+            f'state_file:={folder}/state', '-p', f'checkpoint_period:={seconds}']}
+        subscriber = subprocess.Popen(
+            [sys.executable, *arguments.get(kind, ['-m', 'bench.bench_node', '--as', kind])],
+            env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            imu.wait_for_subscription()
+            imu.publish(WARM_UP_S)
+            before = cpu_seconds(subscriber.pid)
+            published = imu.publish(seconds)
+            spent = cpu_seconds(subscriber.pid) - before
+        finally:
+            subscriber.send_signal(signal.SIGTERM)
+            subscriber.wait(60)
+        return spent / published
+
+
+class Publisher:
+    """An IMU driver in this process that counts what it publishes."""
+
+    def __init__(self, rate: float) -> None:
+        import rclpy
+        from rclpy.node import Node
+        from rclpy.qos import QoSProfile
+        from sensor_msgs.msg import Imu
+
+        rclpy.init(args=[])
+        self._rate = rate
+        self._node = Node('driver')
+        self._publisher = self._node.create_publisher(Imu, 'imu/data_raw', QoSProfile(depth=100))
+        self._random = np.random.default_rng(1)
+        self._next = 0
+        self._messages = self._encoded()
+
+    def __enter__(self) -> 'Publisher':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        import rclpy
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+    def wait_for_subscription(self) -> None:
+        """Return when the subscriber is matched."""
+        while not self._publisher.get_subscription_count():
+            time.sleep(0.02)
+
+    def publish(self, seconds: float) -> int:
+        """Publish in real time; return how many messages."""
+        began, first = time.monotonic(), self._next
+        while (now := time.monotonic()) - began < seconds:
+            due = int((now - began) * self._rate) + 1 - (self._next - first)
+            if due <= 0:
+                time.sleep(1 / self._rate)
+                continue
+            for _ in range(due):
+                self._publisher.publish(next(self._messages))
+            self._next += due
+        return self._next - first
+
+    def _encoded(self) -> Iterator[bytes]:
+        for block in itertools.count():
+            index = np.arange(256) + block * 256
+            stamps = 10**18 + np.rint(index / self._rate * 1e9).astype(np.int64)
+            samples = self._random.normal(0, 0.01, (256, 6))
+            for row in encode_imu_rows(ImuBlock(stamps, stamps, samples,
+                                                np.zeros((256, 2), bool), 'imu_link')):
+                yield row.tobytes()
 
 
 def cpu_seconds(pid: int) -> float:
@@ -90,24 +151,16 @@ def cpu_seconds(pid: int) -> float:
 
 
 @contextlib.contextmanager
-def _processes(folder: str) -> Iterator[Callable[..., 'subprocess.Popen[bytes]']]:
-    env = {**os.environ, 'ROS_DOMAIN_ID': str(random.randint(1, 101)),
-           'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'ROS_LOG_DIR': folder}
-    started: list[subprocess.Popen[bytes]] = []
-
-    def start(*args: str) -> 'subprocess.Popen[bytes]':
-        process = subprocess.Popen([sys.executable, *args], env=env, stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL)
-        started.append(process)
-        return process
-
+def _domain(folder: str) -> Iterator[dict[str, str]]:
+    """Set a ROS domain of our own for this process and those it starts."""
+    before = dict(os.environ)
+    os.environ |= {'ROS_DOMAIN_ID': str(random.randint(1, 101)), 'ROS_LOG_DIR': folder,
+                   'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     try:
-        yield start
+        yield dict(os.environ)
     finally:
-        for process in started:
-            process.send_signal(signal.SIGTERM)
-        for process in started:
-            process.wait(60)
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def _floor() -> None:
