@@ -10,7 +10,7 @@ node      imu_allan_node with its default settings, estimation and checkpoints i
 ordinary  an rclpy callback that stores the six numbers of each message
 
 The ratios are those of one run on one computer; the figures themselves are not comparable between
-computers. Run it on an idle one: python -m bench.bench_node
+computers. Run it on an idle one: python bench/bench_node.py
 """
 
 import argparse
@@ -77,7 +77,7 @@ def measure(kind: str, rate: float, seconds: float) -> float:
             '--ros-args', '-p', f'output_dir:={folder}/output', '-p',
             f'state_file:={folder}/state', '-p', f'checkpoint_period:={seconds}']}
         subscriber = subprocess.Popen(
-            [sys.executable, *arguments.get(kind, ['-m', 'bench.bench_node', '--as', kind])],
+            [sys.executable, *arguments.get(kind, [__file__, '--as', kind])],
             env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             imu.wait_for_subscription()
