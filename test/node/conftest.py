@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-if importlib.util.find_spec('rclpy') is None:
-    # pytest collects nothing here: every test of this folder needs ROS.
-    collect_ignore_glob = ['*']
-
 if TYPE_CHECKING:
     from rclpy.context import Context
     from ros_harness import Ros
+
+if importlib.util.find_spec('rclpy') is None:
+    # pytest collects nothing here: every test of this folder needs ROS.
+    collect_ignore_glob = ['*']
 
 
 # By default a participant that missed the first announcements waits three seconds for the next.

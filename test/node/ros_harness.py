@@ -183,13 +183,19 @@ class Ros:
 
 
 class Driver:
-    """An IMU driver of the test's own: whatever stamps and samples are wanted."""
+    """
+    An IMU driver of the test's own: whatever stamps and samples are wanted.
 
-    def __init__(self, ros: Ros, topic: str = 'imu/data_raw') -> None:
+    With a `depth` it does not wait for subscribers that do not take what they asked for, such as
+    killed ones.
+    """
+
+    def __init__(self, ros: Ros, topic: str = 'imu/data_raw', depth: int = 0) -> None:
         self.ros = ros
         self.publisher: Publisher = ros.node.create_publisher(
-            Imu, ros.name(topic), QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0,
-                                             reliability=ReliabilityPolicy.RELIABLE))
+            Imu, ros.name(topic), QoSProfile(
+                history=HistoryPolicy.KEEP_LAST if depth else HistoryPolicy.KEEP_ALL,
+                depth=depth, reliability=ReliabilityPolicy.RELIABLE))
         self.topic = ros.name(topic)
         self.dead: set[bytes] = set()
         self.random = np.random.default_rng(5)

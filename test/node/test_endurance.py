@@ -3,7 +3,7 @@
 """High rates, busy computers, long runs: nothing is lost, nothing grows."""
 
 from collections.abc import Iterator
-import contextlib
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
 import subprocess
@@ -12,6 +12,8 @@ import sys
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from ros_harness import Process, Ros
+from sensor_msgs.msg import CompressedImage
+from std_srvs.srv import Trigger
 
 LARGEST_MB = 400
 
@@ -49,7 +51,7 @@ class Reception:
         self._ros.until(lambda: self['received'] >= received, timeout)
 
 
-@contextlib.contextmanager
+@contextmanager
 def busy_core() -> Iterator[None]:
     with subprocess.Popen([sys.executable, '-c', 'while True: pass']) as process:
         try:
@@ -58,15 +60,16 @@ def busy_core() -> Iterator[None]:
             process.kill()
 
 
-def receive_everything(ros: Ros, rate_hz: float, seconds: float) -> None:
-    """Let an IMU publish in real time beside a busy core; nothing may be lost."""
+def receive_everything(ros: Ros, rate_hz: float, seconds: float,
+                       beside: AbstractContextManager[None]) -> None:
+    """Let an IMU publish in real time; nothing may be lost."""
     node = ros.start('imu_allan_node', {
         'publish_period': 2.0, 'state_file': str(ros.folder / 'state'),
         'checkpoint_period': 5.0}, best_effort=True)
     reception = Reception(ros)
     count = rate_hz * seconds
     longest = 0.0
-    with busy_core():
+    with beside:
         simulator = ros.start('imu_simulator', {
             'rate': rate_hz, 'duration': seconds, 'wait_for_subscriptions': 1})
         ros.until(lambda: 'publishing' in simulator.log)
@@ -82,17 +85,31 @@ def receive_everything(ros: Ros, rate_hz: float, seconds: float) -> None:
 
 
 def test_nothing_is_lost_at_1_khz_beside_a_busy_core(ros: Ros) -> None:
-    receive_everything(ros, 1000.0, 6.0)
+    receive_everything(ros, 1000.0, 6.0, busy_core())
+
+
+def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
+    ros.start('imu_allan_node', {'publish_period': 0.5})
+    ros.start('imu_simulator', {'rate': 1000.0, 'wait_for_subscriptions': 1})
+    images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
+    reception = Reception(ros)
+    reception.wait_for(3000, 30)
+    longest = 0.0
+    while len(images) < 3:
+        assert ros.call(Trigger, 'imu_allan/save').success
+        longest = max(longest, reception['longest_hold_s'])
+    assert longest < 2.0
+    assert reception['lost'] == 0
 
 
 @pytest.mark.slow
 def test_nothing_is_lost_at_1_khz_for_ten_minutes_beside_a_busy_core(ros: Ros) -> None:
-    receive_everything(ros, 1000.0, 600.0)
+    receive_everything(ros, 1000.0, 600.0, busy_core())
 
 
 @pytest.mark.slow
 def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
-    receive_everything(ros, 4000.0, 60.0)
+    receive_everything(ros, 4000.0, 60.0, nullcontext())
 
 
 def run_accelerated(ros: Ros, hours: float) -> list[tuple[float, float, float]]:

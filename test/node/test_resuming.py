@@ -189,7 +189,7 @@ def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
 def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
     """Kill the node again and again while samples come in real time."""
     chance = random.Random(kills)
-    driver = Driver(ros)
+    driver = Driver(ros, depth=5000)
     state_file = ros.folder / 'state'
     kept = 0
     for turn in range(kills):
@@ -201,6 +201,8 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
             driver.publish(round(RATE_HZ * (time.monotonic() - began)) - driver.next + before)
             time.sleep(0.02)
         lived = time.monotonic() - began
+        assert node.running, node.log
+        assert 'Traceback' not in node.log, node.log
         kill(driver, node)
         # The robot stood still for a second without a node.
         driver.next += 200
