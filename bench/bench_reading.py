@@ -3,6 +3,8 @@
 """
 Time of reading recordings, over a plain pass through the same file in the same run.
 
+Wall time tells what a user waits for, processor time what it costs where the second core is busy.
+
 The plain pass of an MCAP file reads and decompresses every chunk with the library that imu_allan
 uses and looks at nothing; that of a sqlite3 bag fetches every row. Passes alternate, so that what
 else the machine does falls on both; the medians of the ratios are printed.
@@ -15,7 +17,6 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 import sqlite3
-from statistics import median
 import tempfile
 import time
 
@@ -74,11 +75,11 @@ def plain_sqlite_pass(path: Path) -> int:
     return rows
 
 
-def seconds(run: Callable[[Path], int], path: Path) -> float:
-    """Wall time of one run."""
-    start = time.perf_counter()
+def seconds(run: Callable[[Path], int], path: Path) -> tuple[float, float]:
+    """Wall and processor time of one run."""
+    wall, processor = time.perf_counter(), time.process_time()
     run(path)
-    return time.perf_counter() - start
+    return time.perf_counter() - wall, time.process_time() - processor
 
 
 def main() -> None:
@@ -96,11 +97,12 @@ def main() -> None:
                 compression=compression)
             [file] = (path for path in bag.iterdir() if path.suffix != '.yaml')
             plain = plain_sqlite_pass if storage == 'sqlite3' else plain_mcap_pass
-            times = [(seconds(plain, file), seconds(read_blocks, bag))
-                     for _ in range(options.repeats)]
-            print(f'{name:10s} plain pass {median(first for first, _ in times):6.3f} s   '
-                  f'blocks {median(second for _, second in times):6.3f} s   '
-                  f'ratio {median(second / first for first, second in times):5.2f}')
+            times = np.array([(seconds(plain, file), seconds(read_blocks, bag))
+                              for _ in range(options.repeats)])
+            wall, processor = np.median(times[:, 1] / times[:, 0], axis=0)
+            passed, read = np.median(times[:, :, 0], axis=0)
+            print(f'{name:10s} plain pass {passed:6.3f} s   blocks {read:6.3f} s   '
+                  f'ratio {wall:5.2f} wall, {processor:5.2f} processor')
 
 
 if __name__ == '__main__':
