@@ -5,7 +5,7 @@
 # make demo             the main job in about a minute (RECORDING=path analyzes a recording instead)
 # make test             all everyday tests, those over real DDS included
 # make test-slow        Monte Carlo, soak and fuzz runs
-# make lint             ruff (which holds the ament rules) and mypy --strict
+# make lint             ruff, mypy --strict, ament_flake8 and ament_pep257
 # make docs             the documentation as HTML, warnings are errors
 # make bench            speed and memory;  make bench-accuracy  coefficients against the bound
 # make clean            remove what the other targets made
@@ -25,6 +25,9 @@ DEMO_OUTPUT ?= demo_output
 PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
 	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' \
 	2>/dev/null && echo $$python && break; done)
+
+LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py \
+	docs/make_figures.py setup.py
 
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.installed
@@ -61,6 +64,8 @@ test-slow: $(STAMP)
 lint: $(STAMP)
 	$(RUN)/ruff check .
 	$(RUN)/mypy
+	$(RUN)/ament_flake8 $(LINTED)
+	$(RUN)/ament_pep257 $(LINTED)
 
 docs: $(STAMP)
 	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html

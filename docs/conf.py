@@ -6,7 +6,7 @@ from pathlib import Path
 import re
 
 project = 'imu_allan'
-copyright = '2026, The imu_allan authors'
+copyright = '2026, The imu_allan authors'  # noqa: A001
 author = 'The imu_allan authors'
 release = re.search(r'<version>(.*)</version>',
                     (Path(__file__).parents[1] / 'package.xml').read_text())[1]

@@ -13,14 +13,14 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.version import __version__
 
 if TYPE_CHECKING:
-    from imu_allan.analysis import analyze as analyze
-    from imu_allan.characterization import Characterization as Characterization
-    from imu_allan.errors import ImuAllanError as ImuAllanError
-    from imu_allan.noise.axis import characterize as characterize
-    from imu_allan.noise.estimator import Estimator as Estimator
-    from imu_allan.noise.simulate import simulate as simulate
-    from imu_allan.result import AxisResult as AxisResult, Result as Result
-    from imu_allan.timeline import TimelineOptions as TimelineOptions
+    from imu_allan.analysis import analyze
+    from imu_allan.characterization import Characterization
+    from imu_allan.errors import ImuAllanError
+    from imu_allan.noise.axis import characterize
+    from imu_allan.noise.estimator import Estimator
+    from imu_allan.noise.simulate import simulate
+    from imu_allan.result import AxisResult, Result
+    from imu_allan.timeline import TimelineOptions
 
 _WHERE = {
     'analyze': 'imu_allan.analysis',
@@ -34,7 +34,10 @@ _WHERE = {
     'TimelineOptions': 'imu_allan.timeline',
 }
 
-__all__ = ['__version__', *_WHERE]
+__all__ = [
+    'AxisResult', 'Characterization', 'Estimator', 'ImuAllanError', 'Result', 'TimelineOptions',
+    '__version__', 'analyze', 'characterize', 'simulate',
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated IMU and the node that characterizes it: ros2 launch imu_allan demo.launch.py ."""
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-
-from launch import LaunchDescription
 
 NAMESPACE = '/imu_allan_demo'
 

@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start imu_allan_node: ros2 launch imu_allan imu_allan.launch.py imu_topic:=/imu/data_raw ."""
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -244,7 +244,7 @@ def _dask_client(address: str) -> Iterator[Any]:
     try:
         from distributed import Client
     except ImportError:
-        raise ImuAllanError("--dask: the package distributed is not installed; "
+        raise ImuAllanError('--dask: the package distributed is not installed; '
                             "pip install 'imu_allan[fleet]'") from None
     try:
         client = Client(  # type: ignore[no-untyped-call]

@@ -83,13 +83,12 @@ SETTINGS = (
             'where another is measured; 0 is unknown', 0.0, 100_000.0, read_only=True),
     Setting('gap_tolerance', 5, 'Missing samples in a row that are bridged; more of them begin a '
             'new stretch', 0, 1000, read_only=True),
-    Setting('export_for', ('kalibr',), 'Filters whose configuration ~/save writes',
-            choices=tuple(CONSUMERS)),
+    Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] writes "
+            'none', choices=tuple(CONSUMERS)),
 )
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
 
 
 class _Run:
@@ -280,10 +279,13 @@ class CharacterizationNode(Node):
         run, verdict = self._run, trial.verdict()
         run.trial = None
         self._facts.on_trial = False
-        if verdict is not None:
-            self._keep_aside(verdict)
-            self._run = self._new_run()
+        if verdict is None:
+            self._update(trial.blocks)
+            return
+        self._keep_aside(verdict)
+        self._begin_anew()
         self._update(trial.blocks)
+        self._start_fit()
 
     # -- results -------------------------------------------------------------------------------
 
@@ -370,6 +372,11 @@ class CharacterizationNode(Node):
         return _Run(Characterization(kind='topic', topic=self._setup.topic,
                                      options=self._setup.options))
 
+    def _begin_anew(self) -> None:
+        self._run = self._new_run()
+        self._result = self._plotted = None
+        self._facts.on_trial = False
+
     def _keep_aside(self, unusable: UnusableState) -> None:
         assert self._state_file is not None
         aside = self._state_file.keep_aside(unusable.reason)
@@ -404,7 +411,7 @@ class CharacterizationNode(Node):
         self._feed(time.monotonic())
         snapshot = self._run.characterization.snapshot()
         name, folder = self.get_fully_qualified_name(), self._output_dir
-        consumers = list(self._export_for)
+        consumers = [name for name in self._export_for if name]
 
         def save() -> list[Path]:
             result = snapshot.result()
@@ -434,8 +441,7 @@ class CharacterizationNode(Node):
     async def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._take(time.monotonic())
         self._waiting = []
-        self._run = self._new_run()
-        self._facts.on_trial = False
+        self._begin_anew()
         self._start_fit()
         response.success, response.message = True, 'a new run has begun'
         if self._state_file is not None:

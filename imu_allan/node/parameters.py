@@ -77,7 +77,8 @@ class Setting:
         texts = [value] if isinstance(value, str) else value
         if self.choices:
             for text in texts:
-                if text not in self.choices:
+                # A parameter cannot be an empty list: [''] stands for it.
+                if text not in self.choices and (text or isinstance(value, str)):
                     return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
         return ''
 
@@ -158,4 +159,3 @@ def _kind(default: Value) -> str:
     if isinstance(default, float):
         return f'a number with a decimal point, such as {default!r}'
     return 'a text' if isinstance(default, str) else 'a list of texts'
-

@@ -207,7 +207,6 @@ class SqliteRecording(Recording):
                 "OR instr(CAST(encoded_message_definition AS TEXT), 'sensor_msgs/msg/Imu')")}
             self.carriers = {name for name, kind in self.other_topics.items() if kind in carrying}
 
-
     # ------------------------------------------------------------------------------ going through
 
     def _rows(

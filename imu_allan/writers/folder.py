@@ -89,9 +89,9 @@ def save_report(result: Result, folder: str | os.PathLike[str],
 
 def _save_plot(figure: 'Figure', path: Path, formats: Sequence[str]) -> list[Path]:
     paths = []
-    for format in formats:
-        paths.append(path.with_suffix(f'.{format}'))
-        write_atomically(paths[-1], render(figure, format))
+    for name in formats:
+        paths.append(path.with_suffix(f'.{name}'))
+        write_atomically(paths[-1], render(figure, name))
     return paths
 
 

@@ -137,7 +137,8 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
         return figure
 
 
-def render(figure: 'Figure', format: str = 'png', dpi: float = 150) -> bytes:
+def render(figure: 'Figure', format: str = 'png',  # noqa: A002
+           dpi: float = 150) -> bytes:
     """
     Return the file content of a figure.
 

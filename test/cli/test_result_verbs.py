@@ -52,9 +52,9 @@ def test_every_consumer_is_a_choice_of_the_command(result_file, capsys):
 
 
 def test_an_unknown_consumer_is_wrong_usage(result_file, capsys):
-    with pytest.raises(SystemExit) as exit:
+    with pytest.raises(SystemExit) as stop:
         main(['export', str(result_file), '--for', 'madgwick'])
-    assert exit.value.code == 2
+    assert stop.value.code == 2
     assert 'robot_localization' in capsys.readouterr().err
 
 
@@ -130,9 +130,9 @@ def test_report_of_two_results_compares_them(result_file, tmp_path, capsys):
 
 
 def test_an_unknown_format_is_wrong_usage(result_file, capsys):
-    with pytest.raises(SystemExit) as exit:
+    with pytest.raises(SystemExit) as stop:
         main(['report', str(result_file), '--format', 'bmp'])
-    assert exit.value.code == 2
+    assert stop.value.code == 2
     assert 'png, svg, pdf' in capsys.readouterr().err
 
 

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
-import pytest
-
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.model import load_model, parse_model
 from imu_allan.noise.terms import AXES
 from imu_allan.result import GaussMarkov
+import pytest
 
 CONFIG = Path(__file__).parents[2] / 'config'
 

@@ -45,7 +45,7 @@ class Browser:
         """Send a command of the DevTools protocol."""
         return self.call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
 
-    def open(self, page: Path, *, width: int = 1200, height: int = 900, dark: bool = False,
+    def show(self, page: Path, *, width: int = 1200, height: int = 900, dark: bool = False,
              phone: bool = False) -> None:
         """Show a report and wait until its plots are drawn."""
         self.cdp('Emulation.setDeviceMetricsOverride', width=width, height=height,

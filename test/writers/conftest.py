@@ -112,4 +112,3 @@ def make_result() -> Callable[..., Result]:
 def result() -> Result:
     """Return a three-hour recording at 200 Hz of six axes with N, B and K (z without K)."""
     return build_result()
-

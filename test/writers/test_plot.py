@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 
-@pytest.mark.parametrize(('format', 'start'), [
+@pytest.mark.parametrize(('kind', 'start'), [
     ('png', b'\x89PNG'), ('svg', b'<?xml'), ('pdf', b'%PDF')])
-def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, format, start):
-    content = plot.render(plot.overview_figure(result), format, 50)
+def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, kind, start):
+    content = plot.render(plot.overview_figure(result), kind, 50)
     assert content.startswith(start)
-    assert plot.render(plot.overview_figure(result), format, 50) == content
+    assert plot.render(plot.overview_figure(result), kind, 50) == content
 
 
 @pytest.mark.parametrize('theme', ['light', 'dark'])

@@ -140,7 +140,7 @@ def test_the_page_asks_for_nothing_and_complains_of_nothing(result, tmp_path, br
         replace(result, axes={**result.axes, 'gyro_x': measured})))
     browser.requests()
     browser.console()
-    browser.open(page)
+    browser.show(page)
     asked = [url for url in browser.requests() if not url.startswith(('chrome:', 'data:'))]
     assert asked == [page.as_uri()]
     assert browser.console() == []
@@ -149,7 +149,7 @@ def test_the_page_asks_for_nothing_and_complains_of_nothing(result, tmp_path, br
 
 @needs_browser
 def test_axes_components_and_units_can_be_switched(result, tmp_path, browser):
-    browser.open(written(tmp_path, report_html(result)))
+    browser.show(written(tmp_path, report_html(result)))
     shown = ('return document.querySelector("#gyro-allan .plot").data'
              '.filter(trace => trace.visible).length')
     before = browser.run(shown)
@@ -173,7 +173,7 @@ def test_axes_components_and_units_can_be_switched(result, tmp_path, browser):
 
 @needs_browser
 def test_a_point_tells_its_value_and_interval_under_the_pointer(result, tmp_path, browser):
-    browser.open(written(tmp_path, report_html(result)), height=1800)
+    browser.show(written(tmp_path, report_html(result)), height=1800)
     text = browser.run("""
         const place = document.querySelector('#gyro-allan .plot');
         const number = place.data.findIndex(trace => trace.customdata);
@@ -186,7 +186,7 @@ def test_a_point_tells_its_value_and_interval_under_the_pointer(result, tmp_path
 
 @needs_browser
 def test_a_config_is_copied_by_its_button(result, tmp_path, browser):
-    browser.open(written(tmp_path, report_html(result)))
+    browser.show(written(tmp_path, report_html(result)))
     browser.run("""
         const config = document.querySelector('.config');
         config.open = true;
@@ -202,7 +202,7 @@ def test_a_config_is_copied_by_its_button(result, tmp_path, browser):
 @needs_browser
 @pytest.mark.parametrize('dark', [False, True])
 def test_the_page_fits_a_phone_and_follows_dark_mode(result, tmp_path, browser, dark):
-    browser.open(written(tmp_path, report_html(result)), width=390, height=844, phone=True,
+    browser.show(written(tmp_path, report_html(result)), width=390, height=844, phone=True,
                  dark=dark)
     assert browser.run('return document.documentElement.scrollWidth') <= 390
     assert browser.run('return getComputedStyle(document.body).backgroundColor') == (
@@ -218,9 +218,9 @@ def test_the_page_fits_a_phone_and_follows_dark_mode(result, tmp_path, browser, 
 def test_no_script_from_a_recording_runs(result, tmp_path, browser):
     named = replace(result, source=Source('recording', NASTY, NASTY, NASTY, NASTY, 'header'),
                     warnings=(Remark(NASTY, NASTY),))
-    browser.open(written(tmp_path, report_html(named)))
+    browser.show(written(tmp_path, report_html(named)))
     assert browser.run('return window.evil === undefined')
-    browser.open(written(tmp_path, comparison_html({NASTY: named, '<b>x</b>': result})))
+    browser.show(written(tmp_path, comparison_html({NASTY: named, '<b>x</b>': result})))
     assert browser.run('return window.evil === undefined')
     assert browser.run('return document.querySelectorAll("main img, main b b").length') == 0
     assert browser.console() == []
@@ -229,7 +229,7 @@ def test_no_script_from_a_recording_runs(result, tmp_path, browser):
 @needs_browser
 def test_the_comparison_page_overlays_the_results(result, make_result, tmp_path, browser):
     page = written(tmp_path, comparison_html({'monday': result, 'friday': make_result(1.5)}))
-    browser.open(page)
+    browser.show(page)
     labels = browser.run('return [...document.querySelectorAll("#gyro_x .group")]'
                          '.map(item => item.textContent.trim())')
     assert labels == ['monday', 'friday']
@@ -241,6 +241,6 @@ def test_the_comparison_page_overlays_the_results(result, make_result, tmp_path,
 def test_a_result_of_nothing_gives_a_page(result, tmp_path, browser):
     empty = replace(result, axes={}, warnings=(), timeline=Timeline(None, 0, 0.0),
                     source=Source('topic', None, None, None, None, None))
-    browser.open(written(tmp_path, report_html(empty)))
+    browser.show(written(tmp_path, report_html(empty)))
     assert 'No gap and no motion' in browser.run('return document.body.innerText')
     assert browser.console() == []
