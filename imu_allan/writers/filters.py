@@ -224,7 +224,8 @@ def fast_lio(result: Result, rate_hz: float | None = None) -> FilterConfig:
     """
     f = _rate(result, rate_hz, 'fast_lio')
     lines = [*_heading(result, 'FAST-LIO'),
-             f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.', 'mapping:']
+             f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
+             '# The ports to ROS 2 want mapping: under /**: ros__parameters:', 'mapping:']
     units = {key: f'({unit})^2' for key, unit in _SAMPLE_UNITS.items()}
     body = _pairs(result, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov',
                            ('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'},

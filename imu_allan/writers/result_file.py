@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result file: JSON of the schema ``imu_allan.result/1`` and the curves as CSV."""
 
+from collections.abc import Iterator
 import csv
 import io
 import json
 import os
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES, TERMS
@@ -15,6 +16,8 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.writers.atomic import write_atomically
 
 _LARGEST_BYTES = 200_000_000
+# Nothing that is measured comes near; squares and sums of what is smaller stay finite.
+_LARGEST = 1e60
 _CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',
                   'ci95_high', 'edf', 'model_adev')
 
@@ -57,6 +60,11 @@ def load_result(path: str | os.PathLike[str]) -> Result:
         raise ImuAllanError(f'{path}: not JSON; give a result file, '
                             'written by: imu_allan analyze RECORDING --json FILE') from error
     result = Result.from_dict(document, str(path))
+    timeline = result.timeline
+    if timeline.sample_rate_hz is not None and not 0 < timeline.sample_rate_hz < _LARGEST:
+        raise ImuAllanError(f'{path}.timeline.sample_rate_hz: expected a number above zero')
+    if not 0 <= timeline.duration_s < _LARGEST:
+        raise ImuAllanError(f'{path}.timeline.duration_s: expected zero or more seconds')
     for name, axis in result.axes.items():
         _check_axis(axis, name, f'{path}.axes.{name}')
     return result
@@ -101,6 +109,16 @@ def _no_constant(name: str) -> NoReturn:
     raise ValueError(f'{name} is not JSON')
 
 
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            yield from _numbers(item)
+    elif isinstance(value, (int, float)):
+        yield value
+
+
 def _check_axis(axis: AxisResult, name: str, where: str) -> None:
     """Refuse what no estimator wrote, so that no writer needs to expect it."""
     if name not in AXES:
@@ -118,6 +136,10 @@ def _check_axis(axis: AxisResult, name: str, where: str) -> None:
             raise ImuAllanError(f'{here}: observable, but without value or ci95')
         if not coefficient.observable and coefficient.value is not None:
             raise ImuAllanError(f'{here}: not observable, but with a value')
+    if any(abs(value) >= _LARGEST for value in _numbers(axis.to_dict())):
+        raise ImuAllanError(f'{where}: holds a number beyond {_LARGEST:g}')
+    if axis.gauss_markov is not None and axis.gauss_markov.correlation_time_s <= 0:
+        raise ImuAllanError(f'{where}.gauss_markov.correlation_time_s: expected above zero')
     curve = axis.curve
     for field in ('adev', 'edf', 'ci68', 'ci95', 'model_adev'):
         if len(getattr(curve, field)) != len(curve.tau_s):

@@ -65,6 +65,9 @@ def changed(document, path, value):
     (('axes', 'gyro_x', 'curve', 'tau_s', 0), -1.0, 'above zero'),
     (('axes', 'wheel'), {}, 'axes.wheel'),
     (('source', 'kind'), 'dream', 'dream'),
+    (('timeline', 'sample_rate_hz'), 0.0, 'sample_rate_hz: expected a number above zero'),
+    (('timeline', 'duration_s'), -1.0, 'duration_s: expected zero or more'),
+    (('axes', 'gyro_x', 'coefficients', 'noise_density', 'value'), 1e300, 'beyond 1e'),
 ])
 def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, value, complaint):
     (tmp_path / 'r.json').write_text(json.dumps(changed(result.to_dict(), path, value)))
@@ -80,17 +83,18 @@ def paths_of(document, before=()):
             yield from paths_of(value, (*before, key))
 
 
-@settings(max_examples=60, deadline=None,
+@settings(max_examples=40, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_damaged_result_is_read_or_refused_but_never_crashes_a_writer(result, tmp_path, data):
     from imu_allan.noise.model import parse_model
-    from imu_allan.writers import datasheet, filters, table
+    from imu_allan.writers import datasheet, filters, report, table
     from rich.console import Console
 
     document = json.loads(result.to_json())
     path = data.draw(st.sampled_from(sorted(paths_of(document), key=str)))
-    value = data.draw(st.sampled_from([None, -1, 0, 1e300, True, '', 'x', [], {}, [0, 0]]))
+    value = data.draw(st.sampled_from(
+        [None, -1, 0, 1e300, 1e-300, 1e59, True, '', 'x', [], {}, [0, 0]]))
     (tmp_path / 'r.json').write_text(json.dumps(changed(document, path, value)))
     try:
         damaged = load_result(tmp_path / 'r.json')
@@ -101,6 +105,7 @@ def test_a_damaged_result_is_read_or_refused_but_never_crashes_a_writer(result, 
     for consumer in filters.CONSUMERS:
         with suppress(ImuAllanError):
             filters.export(damaged, consumer)
+    report.report_html(damaged)
     specification = parse_model('gyro: {noise_density: 1 deg/sqrt(h), rate_ramp: 1 deg/h^2}')
     verdicts = datasheet.check(damaged, specification)
     datasheet.to_junit(verdicts, damaged, specification)
