@@ -5,6 +5,7 @@
 # make demo             the main job in about a minute (RECORDING=path analyzes a recording instead)
 # make test             all everyday tests, those over real DDS included
 # make test-slow        Monte Carlo, soak and fuzz runs
+# make coverage         the everyday tests, with the branches that none of them takes
 # make lint             ruff, mypy --strict, ament_flake8 and ament_pep257
 # make docs             the documentation as HTML, warnings are errors
 # make bench            speed and memory;  make bench-accuracy  coefficients against the bound
@@ -33,7 +34,7 @@ RUN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint docs bench bench-accuracy clean
+.PHONY: help setup demo test test-slow coverage lint docs bench bench-accuracy clean
 
 help:
 	@sed -n 's/^# make/  make/p' Makefile
@@ -60,6 +61,9 @@ test: $(STAMP)
 
 test-slow: $(STAMP)
 	$(RUN)/python -m pytest -m slow $(PYTEST_ARGS)
+
+coverage: $(STAMP)
+	$(RUN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(PYTEST_ARGS)
 
 lint: $(STAMP)
 	$(RUN)/ruff check .

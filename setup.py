@@ -47,7 +47,14 @@ setup(
             'ros-jazzy-rosgraph-msgs',
         ],
         'fleet': ['distributed'],
-        'test': ['pytest', 'hypothesis', 'allantools', 'opencv-python-headless', 'pymavlink'],
+        'test': [
+            'pytest',
+            'pytest-cov',
+            'hypothesis',
+            'allantools',
+            'opencv-python-headless',
+            'pymavlink',
+        ],
         'lint': [
             'ruff',
             'mypy',
