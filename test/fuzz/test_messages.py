@@ -1,0 +1,58 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Serialized messages from anyone on the network: decoded or counted as malformed."""
+
+from random import Random
+
+from imu_allan.cdr import blocks_from_messages, decode_imu, encode_imu, MalformedImu
+from imu_allan.errors import ImuAllanError
+from imu_allan.timeline import TimelineStage
+from mutations import each, mutated_bytes
+import numpy as np
+import pytest
+
+
+def messages(choice: Random) -> list[bytes]:
+    """Return twenty messages, some of them damaged."""
+    frame = choice.choice(['imu_link', '', 'a' * 300, 'ü\n\x1b[0m'])
+    found = []
+    for number in range(20):
+        sample = np.array([.1, .2, .3, 0., 0., 9.8]) + number * 1e-3
+        message = encode_imu(10**18 + number * 10**7, sample, frame)
+        found.append(mutated_bytes(message, choice) if choice.random() < .3 else message)
+    return found
+
+
+def judge_messages(choice: Random) -> None:
+    batch = messages(choice)
+    single = []
+    for message in batch:
+        try:
+            single.append(decode_imu(message))
+        except MalformedImu as error:
+            assert str(error).isprintable()
+    receive_ns = np.arange(len(batch), dtype=np.int64) * 10**7 + 10**18
+    refused = []
+    found = blocks_from_messages(batch, receive_ns,
+                                 on_malformed=lambda count, _: refused.append(count))
+    assert sum(refused) + len(single) == len(batch)
+    stamps = [stamp for block in found for stamp in block.header_ns.tolist()]
+    assert stamps == [stamp for stamp, *_ in single]
+    # A stream that starts with damaged stamps may be refused, in one line.
+    stage = TimelineStage()
+    try:
+        for block in found:
+            stage.push(block)
+        stage.flush()
+    except ImuAllanError as error:
+        assert str(error).isprintable()
+    assert all(remark.message.isprintable() for remark in stage.summary().remarks)
+
+
+def test_damaged_messages_are_counted_and_the_others_decoded():
+    each(300, 1, judge_messages)
+
+
+@pytest.mark.slow
+def test_many_damaged_messages_are_counted_and_the_others_decoded():
+    each(10_000, 2, judge_messages)

@@ -1,0 +1,129 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Result files of strangers: used by every verb and writer, or refused in one line."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+import io
+import json
+from pathlib import Path
+from random import Random
+from typing import Any
+import xml.etree.ElementTree as ET
+
+from imu_allan.characterization import Characterization
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.model import parse_model
+from imu_allan.result import GaussMarkov, Remark, Result, Span, Tone
+from imu_allan.simulator import simulated_blocks
+from imu_allan.timeline import TimelineOptions
+from imu_allan.writers.filters import CONSUMERS
+from imu_allan.writers.report import report_html
+from imu_allan.writers.result_file import load_result
+from imu_allan.writers.table import print_result
+from mutations import (
+    assert_harmless_on_a_terminal,
+    each,
+    mutated_bytes,
+    mutated_document,
+    mutated_text,
+    run_command,
+)
+import pytest
+from rich.console import Console
+
+SPECIFICATION = ('name: Limits\ngyro: {noise_density: 0.3 deg/sqrt(h), rate_ramp: 1 deg/h^2}\n'
+                 'accel: {noise_density: 150 ug/sqrt(Hz), bias_instability: 40 ug}\n')
+
+
+def measured() -> Result:
+    """Characterize a minute of a simulated IMU; what it lacks of a long record is added."""
+    run = Characterization(kind='recording', path='a/b', topic='/imu', options=TimelineOptions())
+    for block in simulated_blocks(parse_model(SPECIFICATION), 100.0, 6000, start_ns=10**18):
+        run.update(block)
+    run.finish()
+    result = run.result()
+    axes = dict(result.axes)
+    axes['gyro_x'] = replace(axes['gyro_x'], tones=(Tone(13.0, 1e-3), Tone(26.0, 1e-4)),
+                             gauss_markov=GaussMarkov(1e-4, 30.0), band_limit_s=0.004)
+    timeline = replace(result.timeline, gaps=(Span(10.0, 2.0),), motion=(Span(30.0, 1.0),))
+    return replace(result, axes=axes, timeline=timeline,
+                   warnings=(*result.warnings, Remark('motion', 'The IMU moved.')))
+
+
+RESULT = measured()
+DOCUMENT = RESULT.to_dict()
+TEXT = RESULT.to_json()
+
+
+def printed(result: Result) -> str:
+    console = Console(file=io.StringIO(), width=110)
+    print_result(result, console)
+    return console.file.getvalue()
+
+
+class Judge:
+    """Runs the verbs on one damaged result file."""
+
+    def __init__(self, folder: Path, share_drawn: float) -> None:
+        self.share_drawn = share_drawn
+        self.file, self.whole = folder / 'result.json', folder / 'whole.json'
+        self.folder, self.specification = folder, folder / 'limits.yaml'
+        self.whole.write_text(TEXT)
+        self.specification.write_text(SPECIFICATION)
+        self.used = 0
+
+    def __call__(self, content: bytes, choice: Random) -> None:
+        self.file.write_bytes(content)
+        try:
+            result = load_result(self.file)
+        except ImuAllanError as error:
+            # One verb shows how a refusal looks; all read the file by the same function.
+            status, _ = run_command(['check', str(self.file), '--spec', str(self.specification)])
+            assert status == 1
+            assert str(error).isprintable() or '\n' not in str(error)
+            return
+        self.used += 1
+        output = self.folder / 'out'
+        run_command(['check', str(self.file), '--spec', str(self.specification), '--json',
+                     str(output / 'v.json'), '--junit', str(output / 'v.xml')], (0, 1, 3))
+        if (output / 'v.json').exists():
+            json.loads((output / 'v.json').read_text(), parse_constant=pytest.fail)
+            ET.parse(output / 'v.xml')
+        for consumer in choice.sample(sorted(CONSUMERS), 3):
+            run_command(['export', str(self.file), '--for', consumer])
+        HTMLParser().feed(report_html(result))
+        assert_harmless_on_a_terminal(printed(result))
+        # Figures take seconds, nearly all of it the time of matplotlib.
+        if choice.random() < self.share_drawn:
+            run_command(['report', str(self.file), '--output', str(output), '--format', 'svg'])
+            run_command(['report', str(self.whole), str(self.file), '--output', str(output),
+                         '--format', 'png'])
+
+
+def a_result(judge: Judge, choice: Random) -> None:
+    kind = choice.random()
+    content: Any
+    if kind < .75:
+        document = mutated_document(DOCUMENT, choice, same_types=choice.random() < .8)
+        content = json.dumps(document).encode()
+    elif kind < .9:
+        content = mutated_text(TEXT, choice, ['"tau_s"', '[]', '{}', 'NaN', 'Infinity'])
+        content = content.encode(errors='surrogatepass')
+    else:
+        content = mutated_bytes(TEXT.encode(), choice)
+    judge(content, choice)
+
+
+def test_damaged_result_files_are_used_or_refused(tmp_path):
+    judge = Judge(tmp_path, .01)
+    each(60, 1, lambda choice: a_result(judge, choice))
+    assert judge.used > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(2, 12))
+def test_many_damaged_result_files_are_used_or_refused(tmp_path, seed):
+    judge = Judge(tmp_path, .01)
+    each(1000, seed, lambda choice: a_result(judge, choice))
+    assert judge.used > 200

@@ -1,0 +1,109 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""State files whose arrays were changed and whose checksum is right: gone on with or refused."""
+
+from random import Random
+from typing import Any
+
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.noise.model import parse_model
+from imu_allan.simulator import simulated_blocks
+from imu_allan.timeline import TimelineOptions
+from mutations import each, EXTREMES, mutated_bytes, mutated_text, NUMBERS
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
+resuming = pytest.importorskip('imu_allan.node.resuming')
+
+MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
+                    'accel: {noise_density: 150 ug/sqrt(Hz)}')
+SETUP = resuming.Setup('/imu', TimelineOptions())
+
+
+def blocks(count: int, start_ns: int) -> list[ImuBlock]:
+    return list(simulated_blocks(MODEL, 100.0, count, start_ns=start_ns))
+
+
+def saved_state() -> dict[str, NDArray[Any]]:
+    run = Characterization(kind='topic', path=None, topic='/imu', options=SETUP.options)
+    for block in blocks(4000, 10**18):
+        run.update(block)
+    state: dict[str, NDArray[Any]] = resuming.pack(run, SETUP)
+    return state
+
+
+STATE = saved_state()
+CONTENT = checkpoint.encode_state(STATE)
+MORE = blocks(300, 10**18 + 60 * 10**9)
+
+
+def damaged(choice: Random) -> dict[str, NDArray[Any]]:
+    """Return the state with one to three arrays changed."""
+    state = dict(STATE)
+    for _ in range(choice.choice([1, 1, 2, 3])):
+        key = choice.choice(sorted(state))
+        array = state[key]
+        kind = choice.randrange(7)
+        if array.dtype.kind == 'U' and kind < 5:
+            state[key] = np.array(mutated_text(str(array).replace(', ', ',\n'), choice,
+                                               ['null', '[]', '{}', 'true', 'NaN']))
+        elif kind <= 2 and array.size and array.dtype.kind in 'iufb':
+            changed = array.copy()
+            at = np.unravel_index(choice.randrange(array.size), array.shape)
+            with np.errstate(all='ignore'):
+                number = np.float64(choice.choice([*EXTREMES, *NUMBERS, np.nan, np.inf, -1]))
+                changed[at] = number.astype(array.dtype)
+            state[key] = changed
+        elif kind == 3:
+            state[key] = array[..., :-1] if array.ndim else array.reshape(1)
+        elif kind == 4:
+            state[key] = array.astype(choice.choice(['f4', 'i8', 'u1', 'U5', 'c16', 'bool'])) \
+                if array.dtype.kind in 'iufb' else np.zeros(3)
+        elif kind == 5:
+            state[key] = np.concatenate([np.atleast_1d(array)] * 2)
+        else:
+            del state[key]
+            if choice.random() < .3:
+                state[choice.choice(['x', '../x', 'timeline/x'])] = array
+            if not state:
+                return dict(STATE)
+    return state
+
+
+def resumed(content: bytes) -> bool:
+    """Go on with a state as the node does; False if it is refused."""
+    try:
+        run = resuming.unpack(checkpoint.decode_state(content), SETUP)
+        resuming.Trial(run)
+    except checkpoint.UnusableState as error:
+        assert error.reason in ('damaged', 'foreign', 'newer', 'topic', 'settings')
+        return False
+    for block in MORE:
+        run.update(block)
+    run.snapshot().result().to_json()
+    checkpoint.encode_state(resuming.pack(run, SETUP))
+    return True
+
+
+def test_the_whole_state_is_gone_on_with():
+    assert resumed(CONTENT)
+
+
+def judge_state(choice: Random) -> None:
+    if choice.random() < .8:
+        resumed(checkpoint.encode_state(damaged(choice)))
+    else:
+        resumed(mutated_bytes(CONTENT, choice))
+
+
+def test_damaged_states_are_gone_on_with_or_refused():
+    each(60, 1, judge_state)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(2, 12))
+def test_many_damaged_states_are_gone_on_with_or_refused(seed):
+    each(1000, seed, judge_state)
