@@ -192,9 +192,9 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
     means : ndarray, shape (windows, 6)
         Mean of each axis.
     loudness : ndarray, shape (windows, 12)
-        Cube root of the variance within parts (six axes), and of that which the differences of
-        the means of neighbouring parts tell: both expect the same for white noise. A cube root
-        makes a chi-square nearly normal whatever its degrees of freedom.
+        Cube root of the variance within parts (six axes), and of that of their means as the
+        differences of neighbouring ones tell it. A cube root makes a chi-square nearly normal
+        whatever its degrees of freedom.
 
     """
     windows, size, _ = rows.shape
@@ -216,7 +216,7 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
         coarse = sums.reshape(windows, parts, 6)
         means = coarse.mean(axis=1)
         steps = coarse[:, 1:] - coarse[:, :-1]
-        power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 * part / (parts - 1))
+        power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / (parts - 1))
     if np.isnan(means[-1]).any():
         np.nan_to_num(means, copy=False)
         np.nan_to_num(power, copy=False)
@@ -525,7 +525,8 @@ class MotionDetector:
             change = np.abs(means[lag:] - means[:-lag])
             large = change > _PLAUSIBLE_CHANGE
             if large.any():
-                sigma = np.maximum(stretch.loudness[:, :6], stretch.loudness[:, 6:]) ** 1.5
+                sigma = stretch.loudness ** 1.5
+                sigma = np.maximum(sigma[:, :6], sqrt(self._part) * sigma[:, 6:])
                 white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self._size)
                 beyond[lag:] |= np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
         return beyond[first:]

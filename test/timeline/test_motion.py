@@ -288,3 +288,17 @@ def test_blocks_after_motion_begin_beyond_the_end_of_the_block_before():
     assert sorted(jumps)[-1] > 0
     assert np.count_nonzero(jumps) == 1
     assert sum(one.new_run for one in even) == 1
+
+
+@pytest.mark.parametrize('rate_hz', [20.0, *RATES])
+def test_a_coarse_output_that_hovers_between_two_steps_is_no_motion(rate_hz):
+    block = still(int(200 * rate_hz), rate_hz)
+    time = times(block)
+    step = 0.001
+    block.samples[:, 1] = 0.25
+    for at in (90.0, 120.0, 120.6, 150.0):
+        hovering = np.sin(2 * np.pi * 7 * (time - at)) > 0
+        block.samples[:, 1] += step * ((time >= at) & (time < at + 0.5) & hovering)
+        block.samples[time >= at + 0.5, 1] += step
+    summary, _ = run(block)
+    assert summary.motions == 0
