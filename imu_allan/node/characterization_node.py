@@ -36,7 +36,7 @@ from imu_allan.node.result_messages import (
     spoken_duration,
     VECTOR_TERMS,
 )
-from imu_allan.node.resuming import pack, Setup, Trial, unpack
+from imu_allan.node.resuming import pack, Setup, Trial, TRIAL_S, unpack
 from imu_allan.node.saving import run_folder, save_run
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
@@ -94,9 +94,9 @@ _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 class _Run:
     """What belongs to one run, and is left behind when another begins."""
 
-    def __init__(self, characterization: Characterization, *, resumed: bool = False) -> None:
+    def __init__(self, characterization: Characterization, trial: Trial | None = None) -> None:
         self.characterization = characterization
-        self.trial = Trial(characterization) if resumed else None
+        self.trial = trial
         self.stamp_ns = 0
         self.fed = 0
         self.fitted = 0
@@ -279,6 +279,7 @@ class CharacterizationNode(Node):
         run, verdict = self._run, trial.verdict()
         run.trial = None
         self._facts.on_trial = False
+        self._last_checkpoint = -inf
         if verdict is None:
             self._update(trial.blocks)
             return
@@ -366,7 +367,9 @@ class CharacterizationNode(Node):
                                f'{self._state_file.path}')
         self._facts.on_trial = True
         self.get_logger().info(self._facts.resumed)
-        return _Run(characterization, resumed=True)
+        # Held back means lost in a crash: no more than half of what may be lost.
+        return _Run(characterization, Trial(
+            characterization, min(TRIAL_S, self._checkpoint_period / 2)))
 
     def _new_run(self) -> _Run:
         return _Run(Characterization(kind='topic', topic=self._setup.topic,

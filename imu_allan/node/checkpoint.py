@@ -10,13 +10,12 @@ format without pickles. It is replaced atomically, so a reader finds the old sta
 from collections.abc import Mapping
 import contextlib
 from datetime import datetime, timezone
-import fcntl
 import hashlib
 import io
 import os
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, IO
 import zipfile
 
 from imu_allan.errors import ImuAllanError
@@ -30,6 +29,7 @@ VERSION = 1
 _NAME = b'imu_allan.state/'
 _DIGEST_BYTES = 32
 _LARGEST_BYTES = 64_000_000
+_KINDS = 'biufU'
 
 
 class UnusableState(Exception):
@@ -48,11 +48,31 @@ class UnusableState(Exception):
         self.reason = reason
 
 
+def _lock(file: IO[bytes]) -> None:
+    try:
+        import fcntl
+    except ImportError:
+        # Windows: two nodes with one file are not noticed there.
+        return
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 def encode_state(state: State) -> bytes:
-    """Give the content of a state file."""
-    arrays = io.BytesIO()
-    np.savez(arrays, allow_pickle=False, **dict(state))
-    payload = arrays.getvalue()
+    """
+    Give the content of a state file.
+
+    Raises
+    ------
+    ValueError
+        If an array holds Python objects, which only a pickle could store.
+
+    """
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, 'w') as archive:
+        for name, array in state.items():
+            with archive.open(f'{name}.npy', 'w') as member:
+                np.lib.format.write_array(member, np.asarray(array), allow_pickle=False)
+    payload = content.getvalue()
     return _NAME + b'%d\n' % VERSION + hashlib.sha256(payload).digest() + payload
 
 
@@ -86,7 +106,10 @@ def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
             if sum(member.file_size for member in archive.infolist()) > len(payload):
                 raise UnusableState('damaged', 'its arrays are larger than the file')
         with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+            found = {name: arrays[name] for name in arrays.files}
+            if any(array.dtype.kind not in _KINDS for array in found.values()):
+                raise UnusableState('damaged', 'it has arrays of a type that no state has')
+            return found
     except (ValueError, KeyError, OSError, EOFError, MemoryError, OverflowError,
             NotImplementedError, RuntimeError, zipfile.BadZipFile) as error:
         raise UnusableState('damaged', f'its arrays cannot be read ({error})') from error
@@ -120,7 +143,7 @@ class StateFile:
             raise ImuAllanError(f'state_file {path}: cannot be written ({error.strerror}); '
                                 'choose a folder that may be written to') from error
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(self._lock)
         except OSError as error:
             self._lock.close()
             raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '

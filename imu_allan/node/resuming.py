@@ -24,9 +24,12 @@ from numpy.typing import NDArray
 _KEY = 'node'
 _SAME_RATE = 0.05
 """Relative difference of two rates that jitter over the trial can make."""
-TRIAL_MESSAGES = 32
+_OTHER_RATE = 0.3
+"""Relative difference that jitter cannot make: one between the two wants a longer look."""
 TRIAL_S = 2.0
-LONGEST_TRIAL_MESSAGES = 20_000
+LONGEST_TRIAL_S = 10.0
+_FEWEST_MESSAGES = 16
+_MOST_MESSAGES = 20_000
 
 
 @dataclass(frozen=True)
@@ -77,10 +80,13 @@ class Trial:
     ----------
     run : Characterization
         The run to go on with.
+    seconds : float, optional
+        How long to look.
 
     """
 
-    def __init__(self, run: Characterization) -> None:
+    def __init__(self, run: Characterization, seconds: float = TRIAL_S) -> None:
+        self._seconds = seconds
         summary = run.summary()
         self._frame_id = summary.frame_id
         self._rate_hz = summary.timeline.sample_rate_hz
@@ -94,38 +100,46 @@ class Trial:
     @property
     def complete(self) -> bool:
         """Whether enough has come to tell."""
-        if not self.blocks:
+        if self._messages >= _MOST_MESSAGES:
+            return True
+        if self.hopeless or self._lasted_s < self._seconds:
             return False
-        spent = self.blocks[-1].receive_ns[-1] - self.blocks[0].receive_ns[0]
-        return ((self._messages >= TRIAL_MESSAGES and bool(spent >= TRIAL_S * 1e9))
-                or self._messages >= LONGEST_TRIAL_MESSAGES)
+        return self._lasted_s >= LONGEST_TRIAL_S or not (
+            _SAME_RATE < self._rate_difference() < _OTHER_RATE)
 
     @property
     def hopeless(self) -> bool:
         """Whether there is too little to tell anything."""
-        return self._messages < TRIAL_MESSAGES
+        return self._messages < _FEWEST_MESSAGES
 
     def verdict(self) -> UnusableState | None:
-        """Why the run cannot be gone on with; None if it can."""
+        """Tell why the run cannot be gone on with; None if it can."""
         frame_id = self.blocks[-1].frame_id if self.blocks else self._frame_id
         if self._frame_id is not None and frame_id != self._frame_id:
             return UnusableState('frame_id', f'it is of frame_id {self._frame_id}, '
                                  f'the messages now have {frame_id}')
-        pace = measure_pace(np.sort(np.concatenate([self._stamps(b) for b in self.blocks])))
-        if pace is None or not self._rate_hz or pace.interval_ns <= 0:
-            return None
-        rate_hz = 1e9 / pace.interval_ns
-        if abs(rate_hz / self._rate_hz - 1) > _SAME_RATE:
+        if self._rate_difference() > _SAME_RATE:
             return UnusableState('rate', f'it is of {self._rate_hz:.4g} Hz, '
-                                 f'the messages now come at {rate_hz:.4g} Hz')
+                                 f'the messages now come at {self._measured_hz():.4g} Hz')
         return None
+
+    def _rate_difference(self) -> float:
+        measured = self._measured_hz()
+        return abs(measured / self._rate_hz - 1) if measured and self._rate_hz else 0.0
+
+    def _measured_hz(self) -> float:
+        stamps = [block.receive_ns if self._clock == 'receive' else block.header_ns
+                  for block in self.blocks]
+        pace = measure_pace(np.sort(np.concatenate(stamps))) if stamps else None
+        return 1e9 / pace.interval_ns if pace is not None and pace.interval_ns > 0 else 0.0
+
+    @property
+    def _lasted_s(self) -> float:
+        return float(self.blocks[-1].receive_ns[-1] - self.blocks[0].receive_ns[0]) * 1e-9
 
     @property
     def _messages(self) -> int:
         return sum(len(block) for block in self.blocks)
-
-    def _stamps(self, block: ImuBlock) -> NDArray[np.int64]:
-        return block.receive_ns if self._clock == 'receive' else block.header_ns
 
 
 def _difference(saved: TimelineOptions, now: TimelineOptions) -> str:

@@ -96,6 +96,11 @@ def test_arrays_that_unpack_to_more_than_the_file_are_refused() -> None:
         decode_state(framed(packed.getvalue()))
 
 
+def test_objects_are_not_stored() -> None:
+    with pytest.raises(ValueError, match='Object arrays cannot be saved'):
+        encode_state({'fine': np.zeros(3), 'bomb': np.array([object()])})
+
+
 def test_no_file_is_no_state(tmp_path: Path) -> None:
     assert StateFile(tmp_path / 'new' / 'state').load() is None
 
