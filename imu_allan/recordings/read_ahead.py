@@ -18,11 +18,12 @@ import numpy as np
 
 Item = TypeVar('Item')
 
-BLOCK_MESSAGES = 16384
-"""Messages of a full block: 1 MiB of samples and stamps."""
+BLOCK_MESSAGES = 2048
+"""Messages of a full block: what a chunk of a bag with one topic holds, so that it need not be
+copied once more."""
 
 
-def read_ahead(items: Iterator[Item], depth: int = 4) -> Iterator[Item]:
+def read_ahead(items: Iterator[Item], depth: int = 16) -> Iterator[Item]:
     """
     Produce `items` in a thread, at most `depth` of them ahead of the consumer.
 

@@ -274,3 +274,13 @@ def test_two_imu_topics_are_both_named():
     assert str(error.value) == (
         f'{path}: 2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13333 '
         'messages), /xsens/imu_data (13334 messages)')
+
+
+def test_messages_that_metadata_counts_and_no_file_holds_are_told(tmp_path):
+    write_db3(tmp_path / 'bag_0.db3', block(90))
+    write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, 100)])
+    after, [remark] = read(tmp_path)
+    assert_same(block(90), after)
+    assert (remark.code, remark.message) == (
+        'lost_messages',
+        f'{tmp_path}: 90 of the 100 messages of /imu that metadata.yaml counts were found')
