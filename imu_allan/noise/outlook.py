@@ -47,15 +47,15 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
     lengths: Array = duration_s * np.exp2(np.arange(_OCTAVES + 1))
     errors = np.array([_standard_errors(theta, dt, length) for length in lengths])
     for i, key in enumerate(_KEYS):
-        if observable.get(key):
+        if theta[i] <= 0:
+            found[key] = (None, None)
+        elif observable.get(key):
             reached = errors[:, i] <= errors[0, i] / 2
             found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2, reached))
-        elif theta[i] > 0:
+        else:
             wanted = theta[i] / np.sqrt(_NEEDED)
             reached = errors[:, i] <= wanted
             found[key] = (_first(lengths, errors[:, i], wanted, reached), None)
-        else:
-            found[key] = (None, None)
     return found
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 from scipy.integrate import quad
+from scipy.linalg import toeplitz
 
 DT = 0.01
 COLUMNS = {'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
@@ -72,3 +73,18 @@ def test_every_term_equals_its_coefficient_where_it_is_read():
         if term.read_at is not None:
             assert term.adev(3.0, term.read_at) == pytest.approx(3.0)
     assert TERMS['bias_instability'].adev(1.0, 7.0) == pytest.approx(0.66428, abs=1e-5)
+
+
+def test_flicker_transform_factor_is_the_mean_power_of_the_transform():
+    # Phase t^2 ln t is the generalised covariance of flicker noise: it holds for sums of weight
+    # zero, which every coefficient but the first is.
+    n = 2048
+    lag = np.arange(n + 1.0)
+    phase = lag**2 * np.log(np.maximum(lag, 1)) / (2 * np.pi) * 2
+    covariance = np.empty(n)
+    covariance[1:] = (2 * phase[1:-1] - phase[2:] - phase[:-2]) / 2
+    covariance[0] = (2 * phase[0] - 2 * phase[1]) / 2
+    rows = np.cos(np.pi * np.outer(np.arange(1, 21), np.arange(n) + .5) / n) * np.sqrt(2 / n)
+    power = np.einsum('ij,ij->i', rows @ toeplitz(covariance), rows)
+    expected = power / spectrum.flicker(np.arange(1, 21) / (2 * n), DT)
+    np.testing.assert_allclose(spectrum.flicker_dct_factor(np.arange(1, 21)), expected, rtol=2e-3)

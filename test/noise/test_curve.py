@@ -1,0 +1,66 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise import spectrum
+from imu_allan.noise.curve import edf, interval, octaves
+from imu_allan.noise.estimator import Estimator
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+DT = 0.25
+TERMS_OF_ONE_SIZE = {'quantization_noise': 1.1, 'noise_density': 1.3, 'bias_instability': 1.5,
+                     'rate_random_walk': 0.9}
+SHAPES = {'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
+          'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
+
+
+def edf_of_spectrum(coefficients, size, stride, count):
+    """Degrees of freedom from the covariance that the spectrum gives the second differences."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    edges = np.linspace(0, .5, 401)
+    half = np.diff(edges)[:, None] / 2
+    nu = (edges[:-1, None] + half + half * nodes).ravel()
+    weight = (half * weights).ravel()
+    density = sum(value**2 * SHAPES[key](nu, DT) for key, value in coefficients.items())
+    power = density * (4 * np.sin(np.pi * size * nu) ** 2 / (2 * np.sin(np.pi * nu))) ** 2
+    lags = np.arange(count) * stride
+    r = np.array([np.sum(2 * weight * power * np.cos(2 * np.pi * lag * nu)) for lag in lags])
+    pairs = np.where(lags > 0, 2.0, 1.0) * (count - np.arange(count))
+    return count**2 * r[0]**2 / np.sum(pairs * r**2)
+
+
+@pytest.mark.parametrize('keys', [*((key,) for key in SHAPES), tuple(SHAPES)])
+@pytest.mark.parametrize(('size', 'stride', 'count'), [(1, 1, 30), (8, 1, 60), (16, 2, 41)])
+def test_degrees_of_freedom_of_any_sum_of_terms_follow_from_its_spectrum(
+        keys, size, stride, count):
+    coefficients = {key: TERMS_OF_ONE_SIZE[key] for key in keys}
+    assert edf(coefficients, size, stride, count, DT) == pytest.approx(
+        edf_of_spectrum(coefficients, size, stride, count), rel=1e-6)
+
+
+def test_an_axis_without_coefficients_has_the_degrees_of_freedom_of_white_noise():
+    assert edf({}, 8, 1, 100, DT) == edf({'noise_density': 3.0}, 8, 1, 100, DT)
+    assert edf({'bias_instability': None}, 8, 1, 100, DT) == edf({}, 8, 1, 100, DT)
+
+
+@pytest.mark.parametrize('level', [.68, .95])
+def test_interval_holds_the_share_of_a_chi_square_variable_that_it_says(level):
+    dof = np.array([1.0, 4.5, 300.0])
+    low, high = interval([4.0, 9.0, 16.0], dof, level)
+    x = dof * np.array([4.0, 9.0, 16.0])
+    np.testing.assert_allclose(chi2.sf(x / low**2, dof), (1 - level) / 2)
+    np.testing.assert_allclose(chi2.cdf(x / high**2, dof), (1 - level) / 2)
+
+
+def test_a_point_says_how_many_differences_it_averages_and_how_far_apart():
+    estimator = Estimator()
+    estimator.update(np.random.default_rng(1).standard_normal(400))
+    points = octaves(estimator.finished())
+    assert points.size.tolist() == [1, 2, 4, 8, 16, 32, 64, 128]
+    np.testing.assert_array_equal(points.count, (400 - 2 * points.size) // points.stride + 1)
+
+
+def test_nothing_gives_no_points():
+    points = octaves(Estimator(3).finished())
+    assert points.avar.shape == (0, 3)
+    assert len(points.size) == len(points.stride) == len(points.count) == 0

@@ -1,0 +1,84 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise import spectrum
+from imu_allan.noise.outlook import outlook
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+KEYS = ('noise_density', 'bias_instability', 'rate_random_walk')
+SHAPES = (spectrum.white, spectrum.flicker, spectrum.random_walk)
+DT = 0.5
+LENGTH = 1000.0
+SENSOR = {'noise_density': 1.0, 'bias_instability': 0.05, 'rate_random_walk': 0.002}
+
+
+def standard_errors(coefficients, duration):
+    """Cramer-Rao bound of the squared coefficients that are not zero, summed over every mode."""
+    n = int(duration / DT)
+    nu = np.arange(1, n) / (2 * n)
+    used = [i for i, key in enumerate(KEYS) if coefficients.get(key)]
+    columns = np.array([SHAPES[i](nu, DT) for i in used])
+    relative = columns / sum(coefficients[KEYS[i]] ** 2 * column
+                             for i, column in zip(used, columns, strict=True))
+    errors = np.sqrt(np.diag(np.linalg.inv(relative @ relative.T / 2)))
+    return dict(zip((KEYS[i] for i in used), errors, strict=True))
+
+
+def whole_time(coefficients, key, wanted):
+    """Solve for the length of record at which the standard error is as wanted."""
+    def excess(log_duration):
+        return np.log(standard_errors(coefficients, np.exp(log_duration))[key] / wanted)
+    return np.exp(brentq(excess, np.log(LENGTH), np.log(LENGTH * 16), xtol=1e-3))
+
+
+@pytest.mark.parametrize('key', KEYS)
+@pytest.mark.parametrize('coefficients', [
+    SENSOR, {**SENSOR, 'bias_instability': 0.0}, {**SENSOR, 'rate_random_walk': 0.0}])
+def test_halving_takes_as_long_as_the_fisher_information_says(coefficients, key):
+    found = outlook(coefficients, dict.fromkeys(KEYS, True), DT, LENGTH)
+    if not coefficients[key]:
+        assert found[key] == (None, None)
+        return
+    expected = whole_time(coefficients, key, standard_errors(coefficients, LENGTH)[key] / 2)
+    assert found[key][0] is None
+    # Between octaves of the length it is interpolated.
+    assert LENGTH + found[key][1] == pytest.approx(expected, rel=.04)
+
+
+@pytest.mark.parametrize(('key', 'value'), [
+    ('bias_instability', 0.05), ('rate_random_walk', 0.002)])
+def test_a_term_is_expected_once_it_is_1_96_standard_errors(key, value):
+    coefficients = {'noise_density': 1.0, key: value}
+    found = outlook(coefficients, {'noise_density': True}, DT, LENGTH)
+    expected = whole_time(coefficients, key, value**2 / 1.96)
+    assert expected > LENGTH
+    assert LENGTH + found[key][0] == pytest.approx(expected, rel=.04)
+    assert found[key][1] is None
+
+
+def test_a_term_that_should_show_already_is_expected_at_once():
+    found = outlook({'noise_density': 1.0, 'rate_random_walk': 1.0}, {}, DT, LENGTH)
+    assert found['rate_random_walk'] == (0.0, None)
+
+
+def test_what_would_take_more_than_4096_times_the_record_is_not_forecast():
+    found = outlook({'noise_density': 1.0, 'rate_random_walk': 1e-9}, {}, DT, LENGTH)
+    assert found['rate_random_walk'] == (None, None)
+
+
+def test_a_term_that_nothing_hints_at_is_not_forecast():
+    found = outlook({'noise_density': 1.0}, {}, DT, LENGTH)
+    assert found['bias_instability'] == found['rate_random_walk'] == (None, None)
+
+
+@pytest.mark.parametrize(('coefficients', 'samples'), [
+    ({'noise_density': 0.0, 'rate_random_walk': 1.0}, 1000), (SENSOR, 3)])
+def test_without_white_noise_or_record_there_is_no_forecast(coefficients, samples):
+    found = outlook(coefficients, dict.fromkeys(KEYS, True), DT, samples * DT)
+    assert found == dict.fromkeys(KEYS, (None, None))
+
+
+def test_the_shortest_record_has_a_forecast():
+    found = outlook(SENSOR, {'noise_density': True}, DT, 4 * DT)
+    assert found['noise_density'][1] > 0

@@ -1,0 +1,49 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.terms import allan_variance, AXES, gauss_markov_avar, Quantity, TERMS
+import numpy as np
+import pytest
+
+GYRO, ACCEL = Quantity.ANGULAR_VELOCITY, Quantity.LINEAR_ACCELERATION
+
+
+@pytest.mark.parametrize(('key', 'gyro', 'accel'), [
+    ('quantization_noise', 'rad', 'm/s'), ('noise_density', 'rad/s/sqrt(Hz)', 'm/s^2/sqrt(Hz)'),
+    ('bias_instability', 'rad/s', 'm/s^2'),
+    ('rate_random_walk', 'rad/s^2/sqrt(Hz)', 'm/s^3/sqrt(Hz)'),
+    ('rate_ramp', 'rad/s^2', 'm/s^3')])
+def test_units_of_a_term_are_those_of_the_quantity(key, gyro, accel):
+    assert TERMS[key].unit(GYRO) == gyro
+    assert TERMS[key].unit(ACCEL) == accel
+
+
+def test_names_of_a_term_are_those_of_the_sensor():
+    assert TERMS['noise_density'].name(GYRO) == 'angle random walk'
+    assert TERMS['noise_density'].name(ACCEL) == 'velocity random walk'
+
+
+def test_axes_carry_the_si_unit_of_their_quantity():
+    assert [quantity.unit for quantity in AXES.values()] == ['rad/s'] * 3 + ['m/s^2'] * 3
+
+
+@pytest.mark.parametrize(('key', 'expected'), [
+    ('quantization_noise', 3 * 4 / 25), ('noise_density', 4 / 5),
+    ('bias_instability', 2 * np.log(2) / np.pi * 4), ('rate_random_walk', 4 * 5 / 3),
+    ('rate_ramp', 4 * 25 / 2)])
+def test_allan_variance_is_the_formula_of_the_standard(key, expected):
+    for sign in (1, -1):
+        assert allan_variance({key: sign * 2.0}, 5.0) == pytest.approx(expected)
+
+
+def test_terms_add_as_variances():
+    tau = np.array([0.1, 7.0])
+    single = [allan_variance({key: 1.5}, tau) for key in TERMS]
+    np.testing.assert_allclose(allan_variance(dict.fromkeys(TERMS, 1.5), tau), sum(single))
+
+
+def test_gauss_markov_allan_variance_is_exact_on_both_sides_of_its_series():
+    # In extended precision the closed form of the standard does not cancel as far.
+    for x in (5e-4, 9.9e-4, 1.01e-3, 2e-3, 0.5, 30.0):
+        long = np.longdouble(x)
+        exact = 2 * 9 / long * (1 - (3 - 4 * np.exp(-long) + np.exp(-2 * long)) / (2 * long))
+        assert gauss_markov_avar(3.0, 2.0, 2.0 * x) == pytest.approx(float(exact), rel=3e-6)
