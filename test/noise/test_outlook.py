@@ -29,7 +29,7 @@ def whole_time(coefficients, key, wanted):
     """Solve for the length of record at which the standard error is as wanted."""
     def excess(log_duration):
         return np.log(standard_errors(coefficients, np.exp(log_duration))[key] / wanted)
-    return np.exp(brentq(excess, np.log(LENGTH), np.log(LENGTH * 16), xtol=1e-3))
+    return np.exp(brentq(excess, np.log(LENGTH), np.log(LENGTH * 64), xtol=1e-3))
 
 
 @pytest.mark.parametrize('key', KEYS)
