@@ -40,7 +40,7 @@ COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
 
 OBSERVABLE = 6.635
 """
-Likelihood ratio above which a term is observable (1 %): its 95 % interval then lies well above zero.
+Likelihood ratio above which a term is observable (1 %): its interval then lies well above zero.
 Flicker has a few correlated slow coefficients that can pass for a random walk; at 3.84, which
 would do for white noise, one record in ten of flicker would show one.
 """

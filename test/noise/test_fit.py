@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter
 
 DEGREE = np.pi / 180
 SENSOR = {'noise_density': 0.0045 * DEGREE, 'bias_instability': 0.0014 * DEGREE,
-          'rate_random_walk': 6.5e-5 * DEGREE}
+          'rate_random_walk': 2.5e-4 * DEGREE}
 RATE = 100.0
 HOURS_3 = 1_080_000
 
