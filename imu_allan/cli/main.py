@@ -10,6 +10,7 @@ needs: ``imu_allan --help`` loads neither numpy nor matplotlib nor a bag reader.
 
 import argparse
 from collections.abc import Sequence
+import errno
 import os
 import sys
 
@@ -21,6 +22,7 @@ EXIT_DONE = 0
 EXIT_KNOWN_ERROR = 1
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 DESCRIPTION = """\
 How noisy is this IMU? Allan deviation and the noise coefficients that filters want, each with
@@ -66,15 +68,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImuAllanError as error:
         return _fail(str(error))
     except BrokenPipeError:
-        # The interpreter flushes stdout once more on its way out.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_stdout()
         return EXIT_BROKEN_PIPE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except OSError as error:
+        if error.filename is None and error.errno in _NO_ROOM:
+            # Files are written by functions that name them.
+            _drop_stdout()
+            return _fail(f'standard output: {error.strerror}')
         if error.filename is None or error.strerror is None:
             raise
         return _fail(f'{os.fsdecode(error.filename)}: {error.strerror}')
+
+
+def _drop_stdout() -> None:
+    # The interpreter flushes stdout once more on its way out.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(message: str) -> int:

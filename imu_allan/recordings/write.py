@@ -78,7 +78,7 @@ def write_recording(
     Raises
     ------
     ImuAllanError
-        If `path` exists already or cannot be created.
+        If `path` exists already, or cannot be created or written, as on a full disk.
 
     """
     path = Path(path)
@@ -102,8 +102,13 @@ def write_recording(
         (unfinished / 'metadata.yaml').write_text(
             _metadata(file.name, topic, storage, extent), encoding='utf-8')
         unfinished.rename(path)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(unfinished, ignore_errors=True)
+        if isinstance(error, (OSError, sqlite3.OperationalError)):
+            raise ImuAllanError(
+                f'{printable(path)}: cannot be written '
+                f'({getattr(error, "strerror", None) or error}); '
+                'choose a folder on a disk with more room') from error
         raise
     return path
 

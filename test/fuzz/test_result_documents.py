@@ -127,3 +127,14 @@ def test_many_damaged_result_files_are_used_or_refused(tmp_path, seed):
     judge = Judge(tmp_path, .01)
     each(1000, seed, lambda choice: a_result(judge, choice))
     assert judge.used > 200
+
+
+@pytest.mark.parametrize(('sigma', 'correlation_time_s'), [
+    (1e-4, 5e-324), (1e-4, 1e-200), (1e-200, 1e59)])
+def test_an_absurd_gauss_markov_process_is_drawn_or_refused(
+        tmp_path, sigma, correlation_time_s):
+    # Found by mutation: the square of a sample interval over 1e-200 s is no number any more.
+    document = RESULT.to_dict()
+    document['axes']['gyro_x']['gauss_markov'] = {
+        'sigma': sigma, 'correlation_time_s': correlation_time_s}
+    Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))

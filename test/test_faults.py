@@ -1,0 +1,215 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Disks that are full or read-only and kills in the middle of writing; the table of faults."""
+
+from collections.abc import Iterator
+import contextlib
+import json
+import os
+from pathlib import Path
+from random import Random
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.model import parse_model
+from imu_allan.recordings.write import write_recording
+from imu_allan.simulator import simulated_blocks
+from imu_allan.writers.result_file import load_result
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}\n'
+
+
+@pytest.fixture(scope='module')
+def recording(tmp_path_factory) -> Path:
+    blocks = simulated_blocks(parse_model(MODEL), 100.0, 3000, start_ns=10**18)
+    return write_recording(tmp_path_factory.mktemp('recordings') / 'a', blocks)
+
+
+@contextlib.contextmanager
+def mounted(folder: Path, options: str) -> Iterator[Path]:
+    """Mount a file system in memory; skip where that is not allowed."""
+    if not sys.platform.startswith('linux') or os.geteuid() != 0:
+        pytest.skip('mounting a small file system needs root on Linux')
+    folder.mkdir()
+    done = subprocess.run(['mount', '-t', 'tmpfs', '-o', options, 'tmpfs', str(folder)],
+                          capture_output=True, check=False)
+    if done.returncode:
+        pytest.skip('mounting is not allowed here')
+    try:
+        yield folder
+    finally:
+        subprocess.run(['umount', '-l', str(folder)], check=True)
+
+
+def command(*arguments: object, file_limit: int | None = None) -> subprocess.CompletedProcess:
+    """Run the command as a process, if wanted with a limit to the size of any file it writes."""
+    def limit() -> None:
+        if file_limit is not None:
+            # Beyond it a write fails with EFBIG, where the signal is ignored as Python does.
+            resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
+    return subprocess.run([sys.executable, '-m', 'imu_allan', *map(str, arguments)],
+                          capture_output=True, text=True, timeout=60, check=False,
+                          preexec_fn=limit)
+
+
+def assert_one_line(done: subprocess.CompletedProcess, *parts: str) -> None:
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.startswith('imu_allan: ')
+    assert done.stderr.count('\n') == 1, done.stderr
+    assert 'Traceback' not in done.stderr
+    for part in parts:
+        assert part in done.stderr
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob('*') if path.is_file())
+
+
+def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file(
+        tmp_path, recording):
+    with mounted(tmp_path / 'small', 'size=200k') as disk:
+        done = command('analyze', recording, '--output', disk / 'out', '--no-progress')
+        assert_one_line(done, 'No space left on device')
+        # What was complete before the disk was full is there and whole.
+        assert set(files_in(disk / 'out')) <= {'result.json', 'curve.csv', 'allan_deviation.png'}
+        assert load_result(disk / 'out' / 'result.json').axes
+
+
+def test_a_file_that_may_not_grow_is_one_line_and_leaves_the_file_before(tmp_path, recording):
+    target = tmp_path / 'result.json'
+    target.write_text('before')
+    done = command('analyze', recording, '--json', target, '--no-progress', file_limit=4096)
+    assert_one_line(done, 'result.json', 'File too large')
+    assert target.read_text() == 'before'
+    assert files_in(tmp_path) == ['result.json']
+
+
+@pytest.mark.parametrize('verb', ['analyze', 'simulate', 'report', 'export', 'check'])
+def test_a_read_only_disk_is_one_line_for_every_verb(tmp_path, recording, verb):
+    result, model = tmp_path / 'r.json', tmp_path / 'm.yaml'
+    model.write_text(MODEL)
+    if verb in ('report', 'export', 'check'):
+        assert command('analyze', recording, '--json', result, '--no-progress').returncode == 0
+    with mounted(tmp_path / 'disk', 'size=1m,ro') as disk:
+        done = command(*{
+            'analyze': ['analyze', recording, '--output', disk / 'out', '--no-progress'],
+            'simulate': ['simulate', model, '--duration', '1s', '--output', disk / 'rec'],
+            'report': ['report', result, '--output', disk / 'out'],
+            'export': ['export', result, '--for', 'kalibr', '--output', disk / 'x.yaml'],
+            'check': ['check', result, '--spec', model, '--json', disk / 'x.json']}[verb])
+        assert_one_line(done, 'Read-only file system', str(disk))
+
+
+def test_a_simulation_that_fills_the_disk_is_one_line_and_leaves_nothing(tmp_path):
+    model = tmp_path / 'm.yaml'
+    model.write_text(MODEL)
+    with mounted(tmp_path / 'small', 'size=300k') as disk:
+        done = command('simulate', model, '--duration', '10min', '--output', disk / 'rec')
+        assert_one_line(done, 'No space left on device')
+        assert files_in(disk) == []
+
+
+def test_a_terminal_that_takes_no_more_is_no_traceback(recording):
+    if not Path('/dev/full').exists():
+        pytest.skip('needs /dev/full')
+    with Path('/dev/full').open('w') as full:
+        done = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(recording)],
+                              stdout=full, stderr=subprocess.PIPE, text=True, timeout=60,
+                              check=False)
+    assert_one_line(done, 'No space left on device')
+
+
+def test_a_state_on_a_full_disk_is_told_and_the_state_before_stays(tmp_path):
+    checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
+    np = pytest.importorskip('numpy')
+    with mounted(tmp_path / 'small', 'size=64k') as disk:
+        file = checkpoint.StateFile(disk / 'state')
+        file.save({'sums': np.arange(10.0)})
+        before = file.path.read_bytes()
+        with pytest.raises(ImuAllanError, match='No space left on device'):
+            file.save({'sums': np.arange(100_000.0)})
+        assert file.path.read_bytes() == before
+        assert files_in(disk) == ['state', 'state.lock']
+        file.close()
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from imu_allan.writers.atomic import write_atomically
+number = 0
+print('ready', flush=True)
+while True:
+    number += 1
+    write_atomically(sys.argv[1], (b'%09d' % number) * 200_000)
+"""
+
+
+def kill_while_writing(target: Path, kills: int, seed: int) -> int:
+    """Kill a process that rewrites a file, at random moments; returns how often it had written."""
+    choice, written = Random(seed), 0
+    for _ in range(kills):
+        with subprocess.Popen([sys.executable, '-c', WRITER, str(target)],
+                              stdout=subprocess.PIPE) as process:
+            process.stdout.readline()
+            time.sleep(choice.uniform(.0, .06))
+            process.send_signal(signal.SIGKILL)
+        if target.exists():
+            content = target.read_bytes()
+            assert len(content) == 1_800_000
+            assert content == content[:9] * 200_000
+            written += 1
+    return written
+
+
+def test_a_kill_at_any_moment_of_writing_leaves_a_whole_file(tmp_path):
+    assert kill_while_writing(tmp_path / 'file', 10, 1) > 0
+
+
+@pytest.mark.slow
+def test_two_hundred_kills_while_writing_leave_whole_files(tmp_path):
+    assert kill_while_writing(tmp_path / 'file', 200, 2) > 100
+
+
+def test_a_kill_during_analyze_leaves_whole_files_only(tmp_path, recording):
+    choice = Random(3)
+    for number in range(3):
+        output = tmp_path / f'out{number}'
+        with subprocess.Popen(
+                [sys.executable, '-m', 'imu_allan', 'analyze', str(recording), '--output',
+                 str(output), '--no-progress'], stdout=subprocess.DEVNULL) as process:
+            # The first file tells that writing has begun.
+            deadline = time.monotonic() + 50
+            while not (output / 'result.json').exists() and time.monotonic() < deadline:
+                time.sleep(.002)
+            time.sleep(choice.uniform(0, .5))
+            process.send_signal(signal.SIGKILL)
+        json.loads((output / 'result.json').read_text())
+        assert load_result(output / 'result.json').axes
+        if (output / 'report.html').exists():
+            assert (output / 'report.html').read_text().rstrip().endswith('</html>')
+        if (output / 'allan_deviation.png').exists():
+            assert (output / 'allan_deviation.png').read_bytes().endswith(b'IEND\xaeB`\x82')
+
+
+def rows_of_the_table() -> list[list[str]]:
+    text = (ROOT / 'docs' / 'reliability.md').read_text()
+    return [[cell.strip() for cell in line.strip('|').split('|')]
+            for line in text.splitlines() if line.startswith('| ')][1:]
+
+
+def test_every_fault_in_the_table_names_a_test_that_exists():
+    rows = [row for row in rows_of_the_table() if not set(row[0]) <= set('- ')]
+    assert len(rows) > 20
+    for row in rows:
+        names = re.findall(r'`(test/[\w/]+\.py)::(test_\w+)`', row[2])
+        assert names, row
+        for path, name in names:
+            assert re.search(rf'^ *def {name}\(', (ROOT / path).read_text(), re.M), (path, name)
