@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real nodes in processes of their own, and a node of the test's own that speaks to them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 import contextlib
+import json
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -222,6 +224,26 @@ class Driver:
             stamp = 1_700_000_000 * 10**9 + round(self.next / rate_hz * 1e9)
             self.publisher.publish(encode_imu(stamp, sample, frame_id))
             self.next += 1
+
+
+def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]]) -> list[tuple[int, str]]:
+    """Start imu_allan_node with each arguments in turn, in one process; give status and output."""
+    code = """
+import json, sys
+from imu_allan.node.process import run_process
+def serve(stop):
+    from imu_allan.node.characterization_node import CharacterizationNode
+    CharacterizationNode().destroy_node()
+    return 0
+for arguments in json.loads(sys.argv[1]):
+    status = run_process('imu_allan_node', serve, ['--ros-args', *arguments])
+    print('== status', status, file=sys.stderr, flush=True)
+"""
+    given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]
+    done = subprocess.run([sys.executable, '-c', code, json.dumps(given)], check=True, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    parts = re.split(r'== status (\d+)\n', done.stdout)
+    return [(int(status), text) for text, status in zip(parts[::2], parts[1::2], strict=False)]
 
 
 def yaml_value(value: Any) -> str:

@@ -85,7 +85,7 @@ def receive_everything(ros: Ros, rate_hz: float, seconds: float,
 
 
 def test_nothing_is_lost_at_1_khz_beside_a_busy_core(ros: Ros) -> None:
-    receive_everything(ros, 1000.0, 6.0, busy_core())
+    receive_everything(ros, 1000.0, 4.0, busy_core())
 
 
 def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
@@ -132,7 +132,7 @@ def run_accelerated(ros: Ros, hours: float) -> list[tuple[float, float, float]]:
 
 
 def test_memory_and_cost_stay_as_samples_pile_up(ros: Ros) -> None:
-    marks = run_accelerated(ros, 0.05)
+    marks = run_accelerated(ros, 0.02)
     assert max(memory for _, memory, _ in marks) < LARGEST_MB
 
 

@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.cdr import encode_imu
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros
+from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
@@ -122,24 +122,22 @@ def test_an_end_that_cannot_be_saved_is_told_with_status_1(ros: Ros) -> None:
 def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -> None:
     (ros.folder / 'broken.yaml').write_text('/**:\n  ros__parameters: [')
     reliability = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.reliability'
-    cases: list[tuple[dict[str, Any], str]] = [
-        ({'publish_period': 0.0}, 'parameter publish_period is refused: '),
-        ({'publish_period': 5}, 'parameter publish_period: expected a number with a decimal'),
-        ({'motion': 'ignore'}, "motion: 'ignore' is not one of exclude, keep"),
-        ({'export_for': ['kalibr', 'rtabmap']}, "export_for: 'rtabmap' is not one of kalibr"),
-        ({'output_dir': ''}, 'output_dir: must not be empty'),
-        ({'state_file': '/dev/null/state'}, 'state_file /dev/null/state: cannot be written'),
-        ({reliability: 'sometimes'}, 'qos_overrides of imu/data_raw: '),
-        ({}, 'check the arguments after --ros-args and the parameter file')]
-    nodes = [ros.start('imu_allan_node', parameters, best_effort=True,
-                       files=() if parameters else (ros.folder / 'broken.yaml',))
-             for parameters, _ in cases]
-    for node, (_, line) in zip(nodes, cases, strict=True):
-        assert node.wait() == 1, line
+    cases: list[tuple[list[str], str]] = [
+        (['-p', 'publish_period:=0.0'], 'parameter publish_period is refused: '),
+        (['-p', 'publish_period:=5'], 'parameter publish_period: expected a number with a '),
+        (['-p', 'motion:=ignore'], "motion: 'ignore' is not one of exclude, keep"),
+        (['-p', 'export_for:=[kalibr, rtabmap]'], "export_for: 'rtabmap' is not one of kalibr"),
+        (['-p', "output_dir:=''"], 'output_dir: must not be empty'),
+        (['-p', 'state_file:=/dev/null/state'], 'state_file /dev/null/state: cannot be written'),
+        (['-p', f'{reliability}:=sometimes'], 'qos_overrides of imu/data_raw: '),
+        (['--params-file', str(ros.folder / 'broken.yaml')], 'check the arguments after')]
+    results = start_repeatedly(ros, [arguments for arguments, _ in cases])
+    for (status, text), (_, line) in zip(results, cases, strict=True):
+        assert status == 1, line
         # rcl complains of a file by itself, before it gives an error.
-        [own] = [text for text in node.log.splitlines() if text.startswith('imu_allan_node: ')]
+        [own] = [text for text in text.splitlines() if text.startswith('imu_allan_node: ')]
         assert line in own
-        assert 'Traceback' not in node.log
+        assert 'Traceback' not in text
 
 
 def test_the_shipped_parameter_file_is_accepted_and_a_misspelt_name_told(ros: Ros) -> None:

@@ -20,7 +20,7 @@ from imu_allan.simulator import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros
+from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly
 from std_srvs.srv import Trigger
 
 KILLABLE = {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
@@ -146,35 +146,36 @@ def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None
         'damaged': [whole[:-1] + b'x', whole[:100], b'', whole],
         'foreign': [b'a photo of my robot'],
         'newer': [b'imu_allan.state/99\n' + hashlib.sha256(payload).digest() + payload]}
-    nodes = []
-    for reason, contents in files.items():
-        for number, content in enumerate(contents):
-            folder = ros.folder / f'{reason}{number}'
-            folder.mkdir()
-            (folder / 'state').write_bytes(content)
-            node = ros.start('imu_allan_node', {'state_file': str(folder / 'state')})
-            nodes.append((node, folder, reason, content))
-    for node, folder, reason, content in nodes:
-        ros.until(lambda node=node: 'kept as' in node.log)
-        [aside] = folder.glob('state.*Z')
+    cases = [(reason, content) for reason, contents in files.items() for content in contents]
+    paths = []
+    for number, (_, content) in enumerate(cases):
+        path = ros.folder / str(number) / 'state'
+        path.parent.mkdir()
+        path.write_bytes(content)
+        paths.append(path)
+    results = start_repeatedly(ros, [['-p', f'state_file:={path}'] for path in paths])
+    for (status, text), path, (reason, content) in zip(results, paths, cases, strict=True):
+        assert status == 0
+        [aside] = path.parent.glob('state.*Z')
         assert aside.name.startswith(f'state.{reason}.')
         assert aside.read_bytes() == content
-        assert f'kept as {aside.name}' in node.log
-        assert 'Traceback' not in node.log
-        node.popen.terminate()
+        assert f'kept as {aside.name}' in text
+        assert 'Traceback' not in text
 
 
 def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: Path) -> None:
-    node = start(ros, gap_tolerance=9)
-    ros.until(lambda: 'kept as state.settings.' in node.log)
-    assert 'gap_tolerance 5, now 9' in node.log
-    node.popen.kill()
-    node.popen.wait()
+    content = checkpoint.read_bytes()
+    second = checkpoint.with_name('second')
+    second.write_bytes(content)
+    results = start_repeatedly(ros, [
+        ['-p', f'state_file:={checkpoint}', '-p', 'gap_tolerance:=9'],
+        ['-p', f'state_file:={second}', '-r', 'imu/data_raw:=other/imu']])
+    assert [status for status, _ in results] == [0, 0]
     [aside] = kept_aside(ros)
-    aside.rename(checkpoint)
-    node = ros.start('imu_allan_node', {'state_file': str(checkpoint)},
-                     remaps={'imu/data_raw': 'other/imu'}, env=KILLABLE)
-    ros.until(lambda: 'kept as state.topic.' in node.log)
+    assert aside.name.startswith('state.settings.')
+    assert 'gap_tolerance 5, now 9' in results[0][1]
+    assert aside.read_bytes() == content
+    assert 'kept as second.topic.' in results[1][1]
 
 
 def test_two_nodes_cannot_share_a_state_file(ros: Ros) -> None:
