@@ -202,11 +202,12 @@ def test_a_kill_during_analyze_leaves_whole_files_only(tmp_path, recording):
 def rows_of_the_table() -> list[list[str]]:
     text = (ROOT / 'docs' / 'reliability.md').read_text()
     return [[cell.strip() for cell in line.strip('|').split('|')]
-            for line in text.splitlines() if line.startswith('| ')][1:]
+            for line in text.splitlines() if line.startswith('| ')]
 
 
 def test_every_fault_in_the_table_names_a_test_that_exists():
-    rows = [row for row in rows_of_the_table() if not set(row[0]) <= set('- ')]
+    rows = [row for row in rows_of_the_table()
+            if row[0] != 'fault' and not set(row[0]) <= set('- ')]
     assert len(rows) > 20
     for row in rows:
         names = re.findall(r'`(test/[\w/]+\.py)::(test_\w+)`', row[2])

@@ -1,0 +1,101 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command as a process of its own, on damaged files and on hostile names."""
+
+from dataclasses import replace
+import json
+import os
+from pathlib import Path
+from random import Random
+import subprocess
+import sys
+import time
+
+from bags import block, IMU, write_db3, write_metadata
+from imu_allan.errors import printable
+from imu_allan.noise.model import parse_model
+from imu_allan.recordings.write import write_recording
+from imu_allan.simulator import simulated_blocks
+from mutations import assert_harmless_on_a_terminal, mutated_bytes
+import pytest
+from test_ros1_bag import write_bag
+import yaml
+
+LONGEST_S = 10.0
+LARGEST_KB = 500_000
+MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
+                    'accel: {noise_density: 150 ug/sqrt(Hz)}')
+HOSTILE = '\x1b[31m\x1b]0;t\x07</script><script>alert(1)</script>\n- [bold]a: {b}"\'$x^2$ {{7*7}}'
+
+
+def run(*arguments: object) -> tuple[int, str, str, float, int]:
+    """Run the command; returns status, stdout, stderr, CPU time in s and largest memory in kB."""
+    process = subprocess.Popen([sys.executable, '-m', 'imu_allan', *map(str, arguments)],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with process.stdout, process.stderr:
+        # The little that the command says fits into the pipes.
+        start = time.monotonic()
+        _, status, usage = os.wait4(process.pid, 0)
+        assert time.monotonic() - start < 120
+        process.returncode = os.waitstatus_to_exitcode(status)
+        return (process.returncode, process.stdout.read(), process.stderr.read(),
+                usage.ru_utime + usage.ru_stime, usage.ru_maxrss)
+
+
+def sources(folder: Path) -> dict[str, tuple[Path, Path]]:
+    """Return by kind what to open and the file to damage."""
+    messages = block(3000)
+    blocks = simulated_blocks(MODEL, 100.0, 3000, start_ns=10**18)
+    bag = write_recording(folder / 'bag', blocks)
+    split = folder / 'split'
+    split.mkdir()
+    write_db3(split / 'a_0.db3', messages)
+    metadata = write_metadata(split, ['a_0.db3'], [('/imu', IMU, 3000)])
+    db3 = write_db3(folder / 'a.db3', messages)
+    ros1 = write_bag(folder / 'a.bag', messages, 'bz2', lambda n: n % 3)
+    return {'mcap': (bag, bag / 'bag_0.mcap'), 'db3': (db3, db3), 'ros1': (ros1, ros1),
+            'metadata': (split, metadata)}
+
+
+def judge(opened: Path, file: Path, content: bytes) -> None:
+    file.write_bytes(content)
+    status, out, err, seconds, kilobytes = run('analyze', opened, '--no-progress')
+    assert status in (0, 1), err
+    assert err.count('\n') == status, err
+    assert_harmless_on_a_terminal(out + err)
+    assert seconds < LONGEST_S
+    assert kilobytes < LARGEST_KB
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'db3', 'ros1', 'metadata'])
+def test_a_damaged_file_costs_the_process_little_time_and_memory(tmp_path, kind):
+    opened, file = sources(tmp_path)[kind]
+    judge(opened, file, mutated_bytes(file.read_bytes(), Random(1)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', ['mcap', 'db3', 'ros1', 'metadata'])
+def test_damaged_files_cost_the_process_little_time_and_memory(tmp_path, kind):
+    opened, file = sources(tmp_path)[kind]
+    content = file.read_bytes()
+    for number in range(50):
+        judge(opened, file, mutated_bytes(content, Random(number)))
+
+
+def test_names_from_a_recording_steer_neither_terminal_nor_page_nor_file(tmp_path):
+    blocks = [replace(item, frame_id=HOSTILE)
+              for item in simulated_blocks(MODEL, 100.0, 3000, start_ns=10**18)]
+    bag = write_recording(tmp_path / 'bag', blocks, topic='/' + HOSTILE)
+    output = tmp_path / 'out'
+    for arguments in (['info', bag], ['analyze', bag, '--output', output]):
+        status, out, err, *_ = run(*arguments, '--no-progress')
+        assert (status, err) == (0, '')
+        assert_harmless_on_a_terminal(out)
+        assert '\\x1b[31m' in out
+    result = json.loads((output / 'result.json').read_text())
+    assert result['source']['frame_id'] == HOSTILE
+    assert '<script>alert(1)' not in (output / 'report.html').read_text()
+    status, out, _, *_ = run('export', output / 'result.json', '--for', 'kalibr')
+    assert status == 0
+    assert_harmless_on_a_terminal(out)
+    assert yaml.safe_load(out)['rostopic'] == printable('/' + HOSTILE)
