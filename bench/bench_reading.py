@@ -30,18 +30,25 @@ from mcap.records import Chunk
 import numpy as np
 import zstandard
 
+_STEP = 1 / 1024 / 16.4
 KINDS = (('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', ''))
 
 
 def white_noise(messages: int, rate_hz: float = 1000.0) -> Iterator[ImuBlock]:
-    """Blocks of white noise in all six axes at an even rate."""
+    """
+    Yield blocks of white noise in all six axes at an even rate, in the steps of a 16-bit output.
+
+    Steps matter: a real sensor's doubles repeat and compress; drawn at full precision they would
+    not, and decompressing would cost next to nothing.
+    """
     noise = np.random.default_rng(1)
     for start in range(0, messages, 1 << 14):
         index = np.arange(start, min(start + (1 << 14), messages), dtype=np.int64)
         stamps = 1_700_000_000_000_000_000 + index * round(1e9 / rate_hz)
         yield ImuBlock(
             stamps, stamps + noise.integers(0, 100_000, len(index)),
-            noise.normal(size=(len(index), 6)), np.zeros((len(index), 2), np.bool_), 'imu_link')
+            np.round(noise.normal(size=(len(index), 6)) * 20) * _STEP,
+            np.zeros((len(index), 2), np.bool_), 'imu_link')
 
 
 def read_blocks(path: Path) -> int:
