@@ -1,0 +1,65 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver and its clock do to a node that is running."""
+
+import json
+from pathlib import Path
+import time
+from typing import Any
+
+import pytest
+from ros_harness import Driver, RATE_HZ, Ros
+from std_srvs.srv import Trigger
+
+
+def saved(ros: Ros, samples: int) -> Any:
+    """Save until that many samples have come; give the document."""
+    found: list[Any] = []
+
+    def arrived() -> bool:
+        response = ros.call(Trigger, 'imu_allan/save')
+        if response.success:
+            found[:] = [json.loads(Path(response.message.splitlines()[0]).read_text())]
+        return bool(found) and found[0]['timeline']['samples'] >= samples
+
+    ros.until(arrived)
+    return found[0]
+
+
+def test_a_driver_that_restarts_after_a_while_leaves_a_gap_and_loses_nothing(ros: Ros) -> None:
+    node = ros.start('imu_allan_node')
+    first = Driver(ros)
+    first.wait_for_node()
+    first.publish(2000)
+    assert first.publisher.wait_for_all_acked()
+    ros.node.destroy_publisher(first.publisher)
+    time.sleep(2)
+    second = Driver(ros)
+    second.next = first.next + round(2 * RATE_HZ)
+    second.wait_for_node()
+    second.publish(2000)
+    assert second.publisher.wait_for_all_acked()
+    document = saved(ros, 4000)
+    assert document['timeline']['samples'] == 4000
+    assert document['timeline']['rejected'] == document['timeline']['out_of_order'] == 0
+    assert node.running
+    assert 'Traceback' not in node.log
+
+
+@pytest.mark.parametrize('step_s', [-3600, 3600])
+def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
+        ros: Ros, step_s: float) -> None:
+    node = ros.start('imu_allan_node')
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(2000)
+    driver.next += round(step_s * RATE_HZ)
+    driver.publish(2000)
+    assert driver.publisher.wait_for_all_acked()
+    document = saved(ros, 4000)
+    assert document['timeline']['samples'] == 4000
+    assert document['timeline']['gaps'] == []
+    assert document['timeline']['duration_s'] == pytest.approx(4000 / RATE_HZ, rel=.01)
+    assert [remark['code'] for remark in document['warnings']
+            if 'clock' in remark['code']] != []
+    assert node.running
