@@ -46,11 +46,11 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 from sensor_msgs.msg import CompressedImage, Imu
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -89,6 +89,10 @@ SETTINGS = (
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class _NothingToSave(ImuAllanError):
+    """A result without axes."""
 
 
 class _Run:
@@ -182,6 +186,9 @@ class CharacterizationNode(Node):
         try:
             while not stop:
                 executor.spin_once()
+        except ExternalShutdownException:
+            # ROS is gone, what was learnt is not.
+            pass
         finally:
             executor.shutdown()
         return self._finish()
@@ -203,9 +210,7 @@ class CharacterizationNode(Node):
                                                   event_callbacks=_no_events())
 
     def _publisher(self, kind: type, topic: str) -> Publisher:
-        return self.create_publisher(
-            kind, topic, _LATCHED, event_callbacks=_no_events(),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        return self.create_publisher(kind, topic, _LATCHED, event_callbacks=_no_events())
 
     def _apply(self, name: str, value: Any) -> None:
         if name in ('publish_period', 'checkpoint_period', 'output_dir', 'export_for'):
@@ -299,7 +304,8 @@ class CharacterizationNode(Node):
         self._last_fit = time.monotonic()
         run = self._run
         run.fitted = run.fed
-        snapshot, name, stamp = run.characterization.snapshot(), self.get_name(), run.stamp_ns
+        snapshot, name = run.characterization.snapshot(), self.get_name()
+        stamp = run.stamp_ns or time.time_ns()
 
         def fit() -> tuple[Result, ResultMessages, float]:
             began = time.monotonic()
@@ -419,8 +425,8 @@ class CharacterizationNode(Node):
         def save() -> list[Path]:
             result = snapshot.result()
             if not result.axes:
-                raise ImuAllanError('nothing to save: no usable sample has come from '
-                                    f'{self._setup.topic} yet')
+                raise _NothingToSave('nothing to save: too few usable samples have come from '
+                                     f'{self._setup.topic} yet')
             return save_run(result, run_folder(folder, name, result), consumers)
 
         def note(future: 'Future[list[Path]]') -> None:
@@ -543,7 +549,8 @@ class CharacterizationNode(Node):
     def _finish(self) -> int:
         """Take what is still queued, write state and result; return the exit status."""
         now = time.monotonic()
-        self._take(now)
+        if self.context.ok():
+            self._take(now)
         self._feed(now)
         trial = self._run.trial
         if trial is not None and not trial.hopeless:
@@ -555,6 +562,8 @@ class CharacterizationNode(Node):
             if self._run.fed:
                 for path in self._start_save().result():
                     self.get_logger().info(f'wrote {path}')
+        except _NothingToSave as error:
+            self.get_logger().info(str(error))
         except ImuAllanError as error:
             self.get_logger().error(printable(error))
             status = 1

@@ -80,8 +80,6 @@ def _told_to_stop(stop: StopRequest) -> Iterator[None]:
 @contextlib.contextmanager
 def _ros(args: Sequence[str] | None) -> Iterator[None]:
     import rclpy
-    from rclpy.exceptions import ROSInterruptException
-    from rclpy.executors import ExternalShutdownException
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
@@ -93,8 +91,7 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
         raise ImuAllanError(f'{_one_line(error)}; check the arguments after --ros-args and the '
                             'parameter file') from error
     try:
-        with contextlib.suppress(ExternalShutdownException, ROSInterruptException):
-            yield
+        yield
     finally:
         try_shutdown()
 

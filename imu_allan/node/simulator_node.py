@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node that stands in for an IMU driver: Imu messages with known noise."""
 
-from pathlib import Path
-import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -14,7 +12,7 @@ from imu_allan.node.parameters import declare, Setting, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.noise.model import load_model
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.simulator import SimulatedImu
+from imu_allan.simulator import find_model, SimulatedImu
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.duration import Duration
@@ -69,7 +67,10 @@ class SimulatorNode(Node):
         super().__init__('imu_simulator')
         values = declare(self, SETTINGS, self._apply)
         warn_of_unknown(self)
-        self._model = load_model(find_model(values['model']))
+        try:
+            self._model = load_model(find_model(values['model']))
+        except ImuAllanError as error:
+            raise ImuAllanError(f'parameter model: {error}') from error
         self._rate: float = values['rate']
         self._speed: float = values['speed']
         self._total = round(values['duration'] * self._rate) if values['duration'] else None
@@ -164,6 +165,8 @@ class SimulatorNode(Node):
                     self._publisher.publish(message)
                     break
                 except rclpy_implementation.RCLError:
+                    if not self.context.ok():
+                        raise
                     # The queue of a writer that keeps all is full: it has waited 0.1 s already.
                     continue
 
@@ -196,34 +199,6 @@ class SimulatorNode(Node):
                     KeyValue(key=f'{key}/unit', value=TERMS[key].unit(quantity))]
             array.status.append(status)
         return array
-
-
-def find_model(name: str) -> Path:
-    """
-    Find a noise model: a path, or the name of a file in the package's config folder.
-
-    Raises
-    ------
-    ImuAllanError
-        If there is neither.
-
-    """
-    path = Path(name).expanduser()
-    if path.is_file():
-        return path
-    folders = [Path(__file__).parents[2] / 'config',
-               Path(sys.prefix) / 'share' / 'imu_allan' / 'config']
-    try:
-        from ament_index_python.packages import get_package_share_directory
-        folders.insert(0, Path(get_package_share_directory('imu_allan')) / 'config')
-    except (ImportError, LookupError, OSError):
-        pass
-    for folder in folders:
-        shipped = folder / f'{path.stem}.yaml'
-        if path.name == name and shipped.is_file():
-            return shipped
-    raise ImuAllanError(f'parameter model: {name}: no such file, and no model of that name is '
-                        'shipped; give the path of a noise model YAML file')
 
 
 def _knock_shape(seconds: NDArray[np.float64]) -> NDArray[np.float64]:

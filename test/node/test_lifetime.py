@@ -100,9 +100,11 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
         2000, 2000]
 
 
-def test_a_signal_before_any_sample_ends_the_node_without_files(ros: Ros) -> None:
-    node = ros.start('imu_allan_node')
-    ros.until(lambda: 'characterizing the IMU' in node.log)
+def test_a_signal_after_a_single_sample_ends_the_node_without_files(ros: Ros) -> None:
+    node, driver = ros.start('imu_allan_node'), Driver(ros)
+    driver.wait_for_node()
+    driver.publish(1)
+    assert driver.publisher.wait_for_all_acked()
     assert node.stop(signal.SIGTERM) == 0, node.log
     assert saved(ros) == []
 
