@@ -194,3 +194,52 @@ def test_foreign_state_is_refused():
     state['chunk'] = np.zeros((3, 0))
     with pytest.raises(ValueError, match='fit together'):
         Estimator.from_state(state)
+
+
+@pytest.mark.parametrize(('part', 'value', 'complaint'), [
+    ('pyramid/sums', np.zeros(3), 'pyramid'), ('pyramid/sums', np.zeros((3, 2)), 'pyramid'),
+    ('pyramid/lengths', np.zeros((1, 3), int), 'pyramid'),
+    ('pyramid/lengths', np.array([[-1, 0]]), 'pyramid'),
+    ('pyramid/lengths', np.array([[0, 2]]), 'pyramid'),
+    ('pyramid/lengths', np.array([[99, 0]]), 'pyramid'),
+    ('pyramid/counts', np.zeros(2, int), 'pyramid'),
+    ('periodogram/shape', np.array([0, 1, 0, 0]), 'out of range'),
+    ('periodogram/shape', np.array([2, 3, 0, 0]), 'out of range'),
+    ('periodogram/shape', np.array([2, 0, 0, 0]), 'out of range'),
+    ('periodogram/shape', np.array([2, 1, 0, 999]), 'out of range')])
+def test_a_state_whose_arrays_do_not_fit_is_refused(part, value, complaint):
+    state = Estimator(2).to_state()
+    assert part in state
+    state[part] = value
+    with pytest.raises(ValueError, match=complaint):
+        Estimator.from_state(state)
+
+
+def test_parts_of_states_with_other_axes_are_refused():
+    state, other = Estimator(2).to_state(), Estimator(3).to_state()
+    for key in other:
+        if key.startswith('periodogram/'):
+            state[key] = other[key]
+    with pytest.raises(ValueError, match='fit together'):
+        Estimator.from_state(state)
+
+
+def test_what_an_estimator_cannot_do_is_refused():
+    with pytest.raises(ValueError, match='at least 1'):
+        Estimator(0)
+    with pytest.raises(ValueError, match='must not be negative'):
+        Estimator().skip(-1)
+    with pytest.raises(ValueError, match='cannot merge 3 axes into 2'):
+        Estimator(2).merge(Estimator(3))
+
+
+def test_merging_with_nothing_changes_nothing():
+    one = lived(RECORD[:5000])
+    both, empty = one.copy(), Estimator(2)
+    both.merge(Estimator(2))
+    empty.merge(one)
+    expected = octaves(one.finished())
+    for other in (both, empty):
+        np.testing.assert_allclose(octaves(other.finished()).avar, expected.avar)
+        np.testing.assert_array_equal(octaves(other.finished()).count, expected.count)
+        np.testing.assert_allclose(other.mean, one.mean)

@@ -71,3 +71,21 @@ def test_shortest_records_are_drawn(length):
 def test_impossible_requests_are_refused(model, samples, rate, match):
     with pytest.raises(ValueError, match=match):
         simulate(model, samples, rate)
+
+
+def test_a_streamed_gauss_markov_process_has_its_allan_variance():
+    model = {'gauss_markov': {'sigma': 2.0, 'correlation_time_s': 0.3}}
+    found, error = mean_allan_variance(lambda seed: streamed(model, 8000, seed), 40)
+    assert np.all(np.abs(found - gauss_markov_avar(2.0, 0.3, SIZES / RATE)) < 4 * error)
+
+
+def test_a_streamed_ramp_goes_on_from_part_to_part():
+    record = streamed({'rate_ramp': 0.5, 'mean': 3.0}, 1000, 0)
+    np.testing.assert_allclose(record, 3.0 + 0.5 * np.arange(1000) / RATE)
+
+
+def test_drawing_nothing_from_a_stream_changes_nothing():
+    model = {'bias_instability': 1.0}
+    one, other = NoiseStream(model, RATE, 3), NoiseStream(model, RATE, 3)
+    assert one.draw(0).shape == (0,)
+    np.testing.assert_array_equal(one.draw(20), other.draw(20))

@@ -105,3 +105,21 @@ def test_units_are_typeset_with_the_signs_of_print():
 
 def test_the_unit_of_a_value_is_what_follows_the_number():
     assert unit_of('0.03 deg/s/sqrt(Hz)') == 'deg/s/sqrt(Hz)'
+
+
+@pytest.mark.parametrize('text', [
+    '1 ' + 'rad/' * 200 + 's', '1 rad/s)', '1 (rad/s',
+    '1 rad/', '1 (', '1 rad/s ?', '1 rad/s^'])
+def test_a_unit_that_is_no_unit_is_refused(text):
+    with pytest.raises(ImuAllanError):
+        parse(text, 'rad/s')
+
+
+def test_a_value_too_large_for_a_number_is_refused():
+    with pytest.raises(ImuAllanError, match='not a finite number'):
+        parse('1e308 rad/us', 'rad/s')
+
+
+def test_the_unit_of_what_is_no_value_is_refused():
+    with pytest.raises(ImuAllanError, match='does not begin with a number'):
+        unit_of('deg/s')

@@ -1,0 +1,59 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.cells import Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT
+import numpy as np
+import pytest
+
+ROWS = np.arange(20.0).reshape(2, 10) ** 2
+
+
+def same(one, other):
+    np.testing.assert_array_equal(one.keys, other.keys)
+    np.testing.assert_array_equal(one.sums, other.sums)
+    np.testing.assert_array_equal(one.counts, other.counts)
+
+
+def test_samples_are_summed_on_the_grid_of_their_run():
+    cells = cells_of(ROWS, run=3, first=5, size=4)
+    assert (cells.keys - (3 << RUN_SHIFT)).tolist() == [1, 2, 3]
+    assert cells.counts.tolist() == [3, 4, 3]
+    np.testing.assert_array_equal(cells.sums, [[row[:3].sum(), row[3:7].sum(), row[7:].sum()]
+                                               for row in ROWS])
+
+
+@pytest.mark.parametrize('cut', range(1, 10))
+@pytest.mark.parametrize('size', [1, 4])
+def test_parts_join_to_the_whole(cut, size):
+    parts = [cells_of(ROWS[:, :cut], 2, 5, size), cells_of(ROWS[:, cut:], 2, 5 + cut, size)]
+    same(joined(*parts), cells_of(ROWS, 2, 5, size))
+
+
+def test_nothing_joins_to_anything():
+    cells = cells_of(ROWS, 0, 0, 2)
+    same(joined(no_cells(2), cells), cells)
+    same(joined(cells, no_cells(2)), cells)
+
+
+@pytest.mark.parametrize('first', [0, 3])
+def test_coarser_cells_are_those_of_the_samples(first):
+    same(coarser(cells_of(ROWS, 1, first, 2), 2), cells_of(ROWS, 1, first, 8))
+
+
+def test_coarser_cells_do_not_mix_runs():
+    both = joined(cells_of(ROWS, 0, 0, 2), cells_of(ROWS, 1, 10, 2))
+    same(coarser(both, 1), joined(cells_of(ROWS, 0, 0, 4), cells_of(ROWS, 1, 10, 4)))
+
+
+def test_nothing_made_coarser_is_nothing():
+    assert len(coarser(no_cells(2), 3)) == 0
+
+
+def test_missing_cells_are_filled_on_a_straight_line():
+    cells = Cells(np.array([7, 8, 11]) + (1 << RUN_SHIFT), np.array([[2.0, 6.0, 24.0]]),
+                  np.array([2, 2, 2]))
+    np.testing.assert_allclose(filled(cells), [[1, 3, 6, 9, 12]])
+
+
+def test_a_whole_series_is_its_means():
+    np.testing.assert_array_equal(filled(cells_of(ROWS, 0, 4, 2)),
+                                  (ROWS[:, ::2] + ROWS[:, 1::2]) / 2)
