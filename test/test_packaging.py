@@ -184,7 +184,7 @@ def test_pip_installs_the_offline_tool_without_ros(tmp_path: Path) -> None:
     shared = tmp_path / 'venv' / 'share' / 'imu_allan'
     assert (shared / 'package.xml').is_file()
     model = shared / 'config' / 'consumer_mems.yaml'
-    for command in (['simulate', str(model), '--duration', '60', '--output', 'recording'],
+    for command in (['simulate', 'consumer_mems', '--duration', '60', '--output', 'recording'],
                     ['info', 'recording'],
                     ['analyze', 'recording', '--output', 'out'],
                     ['export', 'out/result.json', '--for', 'kalibr'],

@@ -26,7 +26,8 @@ def register(verbs: Any) -> None:
         description='Write a rosbag2 recording of an IMU at rest with the noise of a model file. '
                     'The same seed gives the same samples.')
     parser.add_argument('model', metavar='MODEL',
-                        help='noise model (YAML with units; see config/ for examples)')
+                        help='noise model: a YAML file with units, or the name of one that is '
+                             'shipped (consumer_mems, tactical_mems)')
     parser.add_argument('--output', metavar='DIR',
                         help='recording to write (default: the name of MODEL, in this folder)')
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap',
@@ -45,9 +46,9 @@ def run(args: argparse.Namespace) -> int:
     """Write the recording and print its path."""
     from imu_allan.noise.model import load_model
     from imu_allan.recordings.write import write_recording
-    from imu_allan.simulator import simulated_blocks
+    from imu_allan.simulator import find_model, simulated_blocks
 
-    model = load_model(args.model)
+    model = load_model(find_model(args.model))
     output = Path(args.output if args.output is not None else Path(args.model).stem)
     if output.exists():
         raise ImuAllanError(f'{output}: exists already; name another folder with --output')

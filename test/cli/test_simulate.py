@@ -59,6 +59,13 @@ def test_nothing_that_exists_is_overwritten(
     assert list((tmp_path / 'mine').iterdir()) == []
 
 
+def test_models_that_are_shipped_go_by_their_name(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['simulate', 'consumer_mems', '--duration', '1s']) == 0
+    assert (tmp_path / 'consumer_mems' / 'metadata.yaml').is_file()
+
+
 @pytest.mark.parametrize(('text', 'named'), [
     ('gyro: {noise_density: 5}', 'gyro.noise_density'),
     ('gyro: {noise_density: 5 m/s}', 'gyro.noise_density'),
