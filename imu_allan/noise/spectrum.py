@@ -71,7 +71,7 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     a = dt / correlation_time_s
     decay = -np.expm1(-a)
     # Autocovariance of the averages: r0 at lag 0, tail exp(-a (k-1)) at lag k >= 1.
-    r0 = 2 / a * (1 - decay / a) if a > 1e-4 else 1 - a / 3
+    r0 = 2 / a * (1 - decay / a) if a > 1e-4 else 1 - a / 3 + a * a / 12
     tail = (decay / a) ** 2
     z = np.exp(2j * np.pi * np.asarray(nu))
     return np.asarray(r0 + 2 * tail * np.real(z / (1 - np.exp(-a) * z)))

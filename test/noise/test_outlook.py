@@ -82,3 +82,11 @@ def test_without_white_noise_or_record_there_is_no_forecast(coefficients, sample
 def test_the_shortest_record_has_a_forecast():
     found = outlook(SENSOR, {'noise_density': True}, DT, 4 * DT)
     assert found['noise_density'][1] > 0
+
+
+def test_forecasts_reach_as_far_as_4096_times_the_record():
+    walks = np.geomspace(1e-6, 1e-2, 80).tolist()
+    waits = [outlook({'noise_density': 1.0, 'rate_random_walk': walk}, {}, DT, LENGTH)
+             ['rate_random_walk'][0] for walk in walks]
+    assert waits[0] is None
+    assert 3000 * LENGTH < max(wait for wait in waits if wait is not None) < 4096 * LENGTH

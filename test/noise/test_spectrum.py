@@ -88,3 +88,16 @@ def test_flicker_transform_factor_is_the_mean_power_of_the_transform():
     power = np.einsum('ij,ij->i', rows @ toeplitz(covariance), rows)
     expected = power / spectrum.flicker(np.arange(1, 21) / (2 * n), DT)
     np.testing.assert_allclose(spectrum.flicker_dct_factor(np.arange(1, 21)), expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize('a', [1e-6, 3e-5, 9.9e-5, 1.01e-4, 1e-3, 0.1, 10.0])
+def test_gauss_markov_spectrum_is_exact_on_both_sides_of_its_series(a):
+    # In extended precision the closed form does not cancel as far.
+    nu = np.array([1e-3, 0.1, 0.5])
+    wide = np.longdouble(a)
+    decay = -np.expm1(-wide)
+    z = np.exp(2j * np.pi * nu.astype(np.longdouble))
+    exact = (2 / wide**2 * (wide - decay)
+             + 2 * (decay / wide) ** 2 * np.real(z / (1 - np.exp(-wide) * z)))
+    np.testing.assert_allclose(spectrum.gauss_markov(nu, DT, DT / a), exact.astype(float),
+                               rtol=1e-6)
