@@ -242,14 +242,6 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Gro
     return Groups(*(getattr(groups, name)[order] for name in groups.__dataclass_fields__))
 
 
-def loss(groups: Groups, theta: Array, slope: float) -> float:
-    """Minus the log-likelihood, up to a constant."""
-    expected = groups.design @ theta
-    if np.any(expected <= 0):
-        return float('inf')
-    return float(0.5 * groups.dof @ (np.log(expected) + groups.at_ramp(slope) / expected))
-
-
 def maximise(groups: Groups, start: Solution | None = None, *,
              fixed: dict[int, float] | None = None, ramp: float | None = 0.0,
              tolerance: float = 1e-7) -> Solution:

@@ -73,11 +73,6 @@ class Piece:
     coefficients: Array | None = None
     filled: float = 0.0
 
-    @property
-    def nu(self) -> Array:
-        """Frequencies in cycles per point of the indices `first` to `last`."""
-        return np.arange(self.first, self.last) / (2.0 * self.length)
-
 
 class BlockPower:
     """Sums of squared DCT-II coefficients over blocks, by block length."""

@@ -48,10 +48,10 @@ def test_nothing_made_coarser_is_nothing():
     assert len(coarser(no_cells(2), 3)) == 0
 
 
-def test_missing_cells_are_filled_on_a_straight_line():
-    cells = Cells(np.array([7, 8, 11]) + (1 << RUN_SHIFT), np.array([[2.0, 6.0, 24.0]]),
-                  np.array([2, 2, 2]))
-    np.testing.assert_allclose(filled(cells), [[1, 3, 6, 9, 12]])
+def test_missing_cells_of_a_straight_line_are_filled_on_it():
+    keys = np.array([7, 8, 11, 12]) + (1 << RUN_SHIFT)
+    cells = Cells(keys, np.array([[2.0, 6.0, 18.0, 22.0]]), np.full(4, 2))
+    np.testing.assert_allclose(filled(cells), [[1, 3, 5, 7, 9, 11]])
 
 
 def test_a_whole_series_is_its_means():

@@ -243,3 +243,31 @@ def test_merging_with_nothing_changes_nothing():
         np.testing.assert_allclose(octaves(other.finished()).avar, expected.avar)
         np.testing.assert_array_equal(octaves(other.finished()).count, expected.count)
         np.testing.assert_allclose(other.mean, one.mean)
+
+
+@pytest.mark.parametrize(('part', 'spoil', 'complaint'), [
+    ('periodogram/series/keys', lambda keys: keys[:-1], 'wrong shape'),
+    ('periodogram/series/keys', lambda keys: keys[::-1], 'out of order'),
+    ('periodogram/series/counts', lambda counts: counts * 0, 'out of order'),
+    ('power', lambda power: power[:, :-1], 'wrong shape')])
+def test_a_series_or_a_spectrum_that_does_not_fit_is_refused(part, spoil, complaint):
+    state = lived(RECORD).to_state()
+    key = part if part in state else next(
+        key for key in state if key.startswith(f'periodogram/{part}') and '/' in key[12:])
+    state[key] = spoil(state[key])
+    with pytest.raises(ValueError, match=complaint):
+        Estimator.from_state(state)
+
+
+def test_a_record_with_a_long_hole_gives_what_its_parts_give():
+    whole, holed = Estimator(2), Estimator(2)
+    whole.update(RECORD)
+    holed.update(RECORD[:15_000])
+    holed.skip(40_000)
+    holed.update(RECORD[15_000:])
+    for axis, other in zip(axis_results(whole, 100, GYRO * 2)[0:2],
+                           axis_results(holed, 100, GYRO * 2)[0:2], strict=True):
+        expected = axis[0].coefficients['noise_density']
+        found = other[0].coefficients['noise_density']
+        assert found.value == pytest.approx(expected.value, rel=.01)
+        assert found.ci95[0] < SENSOR['noise_density'] < found.ci95[1]
