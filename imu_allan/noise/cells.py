@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 RUN_SHIFT = 44
+_FEWEST = 4
+_MOST = 256
 _PLACE = (1 << RUN_SHIFT) - 1
 
 
@@ -113,7 +115,7 @@ def coarser(cells: Cells, octaves: int) -> Cells:
 
 def filled(cells: Cells) -> Array:
     """
-    Means on the whole grid from the first to the last cell.
+    Lay means out on the whole grid from the first to the last cell.
 
     Parameters
     ----------
@@ -123,13 +125,25 @@ def filled(cells: Cells) -> Array:
     Returns
     -------
     ndarray, shape (axes, span)
-        Missing cells stand on the straight line between their neighbours.
+        Missing cells stand on the straight line between the means of what surrounds them, taken
+        over twice as many cells as are missing: a line between the two nearest cells alone would
+        stretch their noise over the gap and look like flicker.
 
     """
     means = cells.means
-    span = int(cells.keys[-1] - cells.keys[0]) + 1
+    places = cells.keys - cells.keys[0]
+    span = int(places[-1]) + 1
     if span == len(cells):
         return means
-    grid = np.arange(span)
-    places = cells.keys - cells.keys[0]
-    return np.array([np.interp(grid, places, row) for row in means])
+    grid = np.empty((means.shape[0], span))
+    grid[:, places] = means
+    for before in np.flatnonzero(np.diff(places) > 1):
+        first, last = int(places[before]) + 1, int(places[before + 1])
+        width = min(max(2 * (last - first), _FEWEST), _MOST)
+        left = slice(max(before + 1 - width, 0), before + 1)
+        right = slice(before + 1, before + 1 + width)
+        x0, x1 = places[left].mean(), places[right].mean()
+        y0, y1 = means[:, left].mean(axis=1), means[:, right].mean(axis=1)
+        share = (np.arange(first, last) - x0) / (x1 - x0)
+        grid[:, first:last] = y0[:, None] + (y1 - y0)[:, None] * share
+    return grid

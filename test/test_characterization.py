@@ -1,0 +1,167 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The whole path with the faults of a real driver, held against the clean run."""
+
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import AXES
+import numpy as np
+import pytest
+
+RATE = 100.0
+GYRO = {'noise_density': 7e-5, 'bias_instability': 2.4e-5, 'rate_random_walk': 4e-6}
+ACCEL = {'noise_density': 1.5e-3, 'bias_instability': 4e-4, 'rate_random_walk': 6e-5}
+
+
+def still_imu(samples):
+    """Draw six axes at rest, shape (samples, 6)."""
+    columns = [simulate(GYRO if name.startswith('gyro') else ACCEL, samples, RATE, seed)
+               for seed, name in enumerate(AXES)]
+    columns[5] += 9.81
+    return np.stack(columns, axis=1)
+
+
+def blocks(rows, index):
+    """Wrap rows that were sampled at places `index` of the grid into blocks of messages."""
+    stamps = 1_700_000_000_000_000_000 + np.rint(index / RATE * 1e9).astype(np.int64)
+    for begin in range(0, len(rows), 3001):
+        part = slice(begin, begin + 3001)
+        n = len(rows[part])
+        yield ImuBlock(stamps[part], stamps[part], rows[part], np.zeros((n, 2), bool), 'imu_link')
+
+
+def characterized(rows, index=None):
+    stream = Characterization(kind='recording', path='bag', topic='/imu')
+    stream.take(blocks(rows, np.arange(len(rows)) if index is None else index))
+    return stream.result()
+
+
+def compare(hours):
+    samples = round(hours * 3600 * RATE)
+    rng = np.random.default_rng(2)
+    rows = still_imu(samples)
+    clean = characterized(rows)
+
+    hurt, keep = rows.copy(), rng.random(samples) > 0.01
+    knocks = np.linspace(0.2, 0.9, 5) * samples
+    for at in knocks.astype(int):
+        ring = np.exp(-np.arange(40) / 10) * np.sin(np.arange(40))
+        hurt[at:at + 40] += 40 * rows.std(axis=0) * ring[:, None]
+    for at in (np.array([0.31, 0.52, 0.77]) * samples).astype(int):
+        keep[at:at + 1000] = False
+    keep[[0, -1]] = True
+    index = np.flatnonzero(keep)
+    faulty = characterized(hurt[index], index)
+
+    assert faulty.timeline.missing == samples - len(index)
+    assert sum(gap.duration_s > 9 for gap in faulty.timeline.gaps) == 3
+    assert len(faulty.timeline.motion) == 5
+    for knock, span in zip(knocks, faulty.timeline.motion, strict=True):
+        assert span.start_s <= knock / RATE <= span.start_s + span.duration_s
+    for name in AXES:
+        one, other = clean.axes[name].coefficients, faulty.axes[name].coefficients
+        assert other['noise_density'].value == pytest.approx(one['noise_density'].value, rel=0.01)
+        for key in ('bias_instability', 'rate_random_walk'):
+            if other[key].observable and one[key].observable:
+                low, high = one[key].ci95
+                assert low <= other[key].value <= high, (name, key)
+            elif one[key].observable:
+                assert other[key].upper95 > one[key].ci95[0], (name, key)
+            elif other[key].observable:
+                assert other[key].ci95[0] < one[key].upper95, (name, key)
+
+
+def test_drops_gaps_and_knocks_leave_the_coefficients_alone():
+    compare(hours=0.4)
+
+
+@pytest.mark.slow
+def test_drops_gaps_and_knocks_leave_the_coefficients_of_three_hours_alone():
+    compare(hours=3)
+
+
+def test_result_does_not_disturb_the_stream():
+    rows = still_imu(30_000)
+    whole, looked_at = (Characterization(kind='topic', topic='/imu') for _ in range(2))
+    for number, block in enumerate(blocks(rows, np.arange(len(rows)))):
+        whole.update(block)
+        looked_at.update(block)
+        if number % 3 == 0:
+            looked_at.result()
+    assert looked_at.result() == whole.result()
+
+
+def test_saved_stream_goes_on_as_if_nothing_had_happened():
+    rows = still_imu(30_000)
+    whole, part = (Characterization(kind='topic', topic='/imu') for _ in range(2))
+    for number, block in enumerate(blocks(rows, np.arange(len(rows)))):
+        whole.update(block)
+        part.update(block)
+        if number == 4:
+            part = Characterization.from_state(part.to_state())
+    assert part.result() == whole.result()
+
+
+def test_interruption_begins_a_new_run_and_loses_nothing():
+    rows = still_imu(40_000)
+    stream = Characterization(kind='topic', topic='/imu')
+    for block in blocks(rows[:20_000], np.arange(20_000)):
+        stream.update(block)
+    stream.break_run()
+    for block in blocks(rows[20_000:], np.arange(20_000) + 10_000_000):
+        stream.update(block)
+    result = stream.result()
+    assert result.timeline.samples == 40_000
+    assert result.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(7e-5,
+                                                                                      rel=0.03)
+
+
+def test_absent_accelerometer_leaves_three_axes():
+    rows = still_imu(5_000)
+    stream = Characterization(kind='topic', topic='/imu')
+    for block in blocks(rows, np.arange(len(rows))):
+        absent = np.tile([False, True], (len(block), 1))
+        stream.update(ImuBlock(block.header_ns, block.receive_ns, block.samples, absent,
+                               block.frame_id))
+    assert list(stream.result().axes) == ['gyro_x', 'gyro_y', 'gyro_z']
+
+
+def test_constant_axis_is_named():
+    rows = still_imu(5_000)
+    rows[:, 1] = 0.0
+    warnings = {w.code: w.message for w in characterized(rows).warnings}
+    assert warnings['constant_axis'].startswith('gyro_y: every sample is 0 rad/s')
+
+
+def test_no_message_gives_no_axis():
+    result = Characterization(kind='topic', topic='/imu').result()
+    assert result.axes == {}
+    assert result.timeline.samples == 0
+
+
+def test_moving_recording_is_refused_in_one_line():
+    rows = still_imu(60_000)
+    moving = np.arange(60_000) > 12_000
+    rows[moving, :3] += np.sin(np.arange(moving.sum()) / 7)[:, None]
+    rows[moving, 3:] += 3 * np.sin(np.arange(moving.sum()) / 11)[:, None]
+    with pytest.raises(ImuAllanError, match='moves during most of the recording') as caught:
+        characterized(rows)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('damage', [
+    lambda s: s.pop('about'),
+    lambda s: s.update(about=np.array('{}')),
+    lambda s: s.pop('timeline/facts'),
+    lambda s: s.update({'estimator/chunk': np.zeros((2, 0))}),
+    lambda s: s.update({'estimator/counters': np.zeros(2, int)})])
+def test_damaged_state_is_refused(damage):
+    stream = Characterization(kind='topic', topic='/imu')
+    for block in blocks(still_imu(20_000), np.arange(20_000)):
+        stream.update(block)
+    state = dict(stream.to_state())
+    damage(state)
+    with pytest.raises(ImuAllanError, match='damaged'):
+        Characterization.from_state(state)
