@@ -57,3 +57,12 @@ def test_missing_cells_of_a_straight_line_are_filled_on_it():
 def test_a_whole_series_is_its_means():
     np.testing.assert_array_equal(filled(cells_of(ROWS, 0, 4, 2)),
                                   (ROWS[:, ::2] + ROWS[:, 1::2]) / 2)
+
+
+def test_noise_of_the_nearest_cells_is_not_stretched_over_a_gap():
+    rng = np.random.default_rng(4)
+    keys = np.delete(np.arange(400), np.arange(150, 250))
+    fills = [filled(Cells(keys, rng.standard_normal((1, 300)), np.ones(300, np.int64)))
+             for _ in range(200)]
+    # On a line between the two nearest cells alone it would be 0.7.
+    assert np.std([fill[0, 150:250].mean() for fill in fills]) < 0.1
