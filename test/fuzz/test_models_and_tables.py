@@ -56,13 +56,13 @@ def judge_csv(folder: Path, choice: Random) -> None:
     path = folder / 'a.csv'
     path.write_bytes(damaged(table(200, choice), choice, CSV_WORDS))
     run_command(['info', str(path), '--no-progress'])
-    if choice.random() < .2:
+    if choice.random() < .1:
         run_command(['analyze', str(path), '--no-progress'])
 
 
 @pytest.mark.parametrize('judge', [judge_model, judge_csv])
 def test_damaged_text_is_used_or_refused(tmp_path, judge):
-    each(100, 1, lambda choice: judge(tmp_path, choice))
+    each(60, 1, lambda choice: judge(tmp_path, choice))
 
 
 @pytest.mark.slow
