@@ -136,7 +136,7 @@ class CharacterizationNode(Node):
         self._output_dir: str = values['output_dir']
         self._export_for: list[str] = list(values['export_for'])
 
-        queue = max(QUEUE_MESSAGES, ceil(QUEUE_S * values['expected_rate']))
+        queue = queue_messages(values['expected_rate'])
         self._subscription = self._subscribe(queue)
         self._facts = Facts(self._subscription.topic, queue, values['expected_rate'],
                             values['state_file'])
@@ -571,6 +571,11 @@ class CharacterizationNode(Node):
         if self._state_file is not None:
             self._state_file.close()
         return status
+
+
+def queue_messages(expected_rate: float) -> int:
+    """Give the depth of the queue for a rate in Hz; 0 is unknown."""
+    return max(QUEUE_MESSAGES, ceil(QUEUE_S * expected_rate))
 
 
 def _no_events() -> PublisherEventCallbacks:

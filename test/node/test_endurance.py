@@ -78,7 +78,7 @@ def receive_everything(ros: Ros, rate_hz: float, seconds: float,
             longest = max(longest, reception['longest_hold_s'])
         assert simulator.wait() == 0
         # Best effort begins when both sides have found each other: the first may be missed.
-        reception.wait_for(count - 200, 30)
+        ros.until(lambda: reception['received'] + reception['lost'] >= count - 200)
     assert reception['lost'] == 0
     assert longest * rate_hz < reception['queue'] / 2
     assert node.stop() == 0

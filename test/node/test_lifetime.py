@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import SetBool, Trigger
 
 NOT_FOR_THE_NODE = ('rosbags', 'mcap', 'zstandard', 'lz4', 'plotly', 'jinja2')
@@ -209,12 +210,29 @@ def test_lost_messages_are_counted_by_their_numbers(
     assert 'were lost on the way' in status(reports, ros, 'reception').message
 
 
+def test_nothing_is_drawn_while_nobody_watches(
+        shared_ros: Ros, shared_driver: Driver, node: Process) -> None:
+    maps = Path(f'/proc/{node.popen.pid}/maps')
+    if not maps.exists():
+        pytest.skip('no /proc here')
+    arrays = shared_ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    shared_driver.publish(1000)
+    shared_ros.until(lambda: len(arrays) > 0)
+    assert 'matplotlib' not in maps.read_text()
+    images = shared_ros.listen(CompressedImage, 'imu_allan/plot/compressed')
+    shared_ros.until(lambda: images)
+    assert 'matplotlib' in maps.read_text()
+    assert shared_ros.call(Trigger, 'imu_allan/reset').success
+
+
 def test_a_pause_passes_samples_over_and_counts_as_a_gap(
         shared_ros: Ros, shared_driver: Driver, shared_reports: list[DiagnosticArray]) -> None:
     ros, driver, reports = shared_ros, shared_driver, shared_reports
 
+    before = driver.next
+
     def received(count: int) -> None:
-        ros.until(lambda: number(reports, ros, 'reception', 'received') == count)
+        ros.until(lambda: number(reports, ros, 'reception', 'received') == before + count)
 
     driver.publish(600)
     received(600)

@@ -7,6 +7,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from imu_allan.node.characterization_node import queue_messages
 from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
 from imu_allan.node.result_messages import (
     coefficients_message,
@@ -195,6 +196,11 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:
     assert entries(status)['next_observable_in_s'] == '900.0'
     assert entries(status)['observable/rate_random_walk'] == '1'
     assert entries(status)['observable/noise_density'] == '2'
+
+
+@pytest.mark.parametrize('rate_hz', [0.0, 100.0, 4000.0, 5000.0, 8000.0, 100_000.0])
+def test_the_queue_holds_two_seconds_at_every_rate(rate_hz: float) -> None:
+    assert queue_messages(rate_hz) >= max(2 * rate_hz, 10_000)
 
 
 def test_gaps_are_counted_with_the_longest() -> None:
