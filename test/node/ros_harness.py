@@ -42,8 +42,10 @@ RATE_HZ = 200.0
 class Process:
     """A node in a process of its own."""
 
-    def __init__(self, program: str, args: list[str], log: Path, env: Mapping[str, str]) -> None:
+    def __init__(self, program: str, args: list[str], log: Path, env: Mapping[str, str],
+                 polite: bool) -> None:
         self.log_path = log
+        self.polite = polite
         start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
         with log.open('wb') as output:
             self.popen = subprocess.Popen([sys.executable, '-c', start, *args], stdout=output,
@@ -95,6 +97,7 @@ class Ros:
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(self.node)
         self._processes: list[Process] = []
+        self._recorders: list[Node] = []
 
     def name(self, topic: str) -> str:
         """Full name of a topic, service or node of this test."""
@@ -103,8 +106,14 @@ class Ros:
     def start(self, program: str, parameters: Mapping[str, Any] | None = None,
               *, remaps: Mapping[str, str] | None = None, files: tuple[Path, ...] = (),
               env: Mapping[str, str] | None = None, namespace: str | None = None,
-              best_effort: bool = False, prepend_path: Path | None = None) -> Process:
-        """Start a node; unless `best_effort`, every sample reaches imu_allan_node."""
+              best_effort: bool = False, shared_memory: bool = False,
+              prepend_path: Path | None = None) -> Process:
+        """
+        Start a node.
+
+        Unless `best_effort`, every sample reaches imu_allan_node. With `shared_memory` it has the
+        transports that DDS chooses by default, and is ended in peace.
+        """
         args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
         for file in files:
             args += ['--params-file', str(file)]
@@ -122,10 +131,12 @@ class Ros:
             args += ['-r', f'{before}:={after}']
         log = self.folder / f'{program}_{len(self._processes)}.log'
         environment = dict(env or {})
+        if shared_memory:
+            environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'DEFAULT'
         if prepend_path is not None:
             paths = [str(prepend_path), os.environ.get('PYTHONPATH', '')]
             environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
-        process = Process(program, args, log, environment)
+        process = Process(program, args, log, environment, polite=shared_memory)
         self._processes.append(process)
         return process
 
@@ -149,14 +160,14 @@ class Ros:
         self.node.create_subscription(kind, full, callback or messages.append, qos)
         return messages
 
-    def recorder(self) -> DrainedSubscription:
-        """Subscribe to the Imu topic so that a simulator at full speed waits for it."""
-        topic = self.name('imu/data_raw')
-        self._recorder = Node('recorder', namespace=self.namespace, context=self._context,
-                              parameter_overrides=[
-                                  Parameter(key.replace('/imu/data_raw', topic), value=value)
-                                  for key, value in LOSSLESS.items()])
-        return DrainedSubscription(self._recorder, Imu, topic, 10_000)
+    def recorder(self, topic: str = 'imu/data_raw') -> DrainedSubscription:
+        """Subscribe to an Imu topic so that a simulator at full speed waits for it."""
+        full = self.name(topic)
+        self._recorders.append(Node(
+            f'recorder{len(self._recorders)}', namespace=self.namespace, context=self._context,
+            parameter_overrides=[Parameter(key.replace('/imu/data_raw', full), value=value)
+                                 for key, value in LOSSLESS.items()]))
+        return DrainedSubscription(self._recorders[-1], Imu, full, 10_000)
 
     def call(self, kind: type, service: str, request: Any = None, timeout: float = 30.0) -> Any:
         """Call a service and return its response."""
@@ -176,12 +187,14 @@ class Ros:
 
     def close(self) -> None:
         """End every process that is still running."""
-        for process in self._processes:
-            if process.running:
-                process.popen.kill()
-                process.popen.wait()
+        running = [process for process in self._processes if process.running]
+        for process in running:
+            process.popen.send_signal(signal.SIGTERM if process.polite else signal.SIGKILL)
+        for process in running:
+            process.wait()
         self.executor.shutdown()
-        self.node.destroy_node()
+        for node in (self.node, *self._recorders):
+            node.destroy_node()
 
 
 class Driver:
@@ -226,22 +239,25 @@ class Driver:
             self.next += 1
 
 
-def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]]) -> list[tuple[int, str]]:
-    """Start imu_allan_node with each arguments in turn, in one process; give status and output."""
+def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],
+                     program: str = 'imu_allan_node') -> list[tuple[int, str]]:
+    """Start a node with each arguments in turn, in one process; give status and output."""
     code = """
 import json, sys
 from imu_allan.node.process import run_process
 def serve(stop):
     from imu_allan.node.characterization_node import CharacterizationNode
-    CharacterizationNode().destroy_node()
+    from imu_allan.node.simulator_node import SimulatorNode
+    nodes = {'imu_allan_node': CharacterizationNode, 'imu_simulator': SimulatorNode}
+    nodes[sys.argv[2]]().destroy_node()
     return 0
 for arguments in json.loads(sys.argv[1]):
-    status = run_process('imu_allan_node', serve, ['--ros-args', *arguments])
+    status = run_process(sys.argv[2], serve, ['--ros-args', *arguments])
     print('== status', status, file=sys.stderr, flush=True)
 """
     given = [['-r', f'__ns:={ros.namespace}', *words] for words in arguments]
-    done = subprocess.run([sys.executable, '-c', code, json.dumps(given)], check=True, text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    done = subprocess.run([sys.executable, '-c', code, json.dumps(given), program], check=True,
+                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     parts = re.split(r'== status (\d+)\n', done.stdout)
     return [(int(status), text) for text, status in zip(parts[::2], parts[1::2], strict=False)]
 

@@ -46,10 +46,10 @@ def test_node_and_recording_agree_to_1e_9_on_what_was_published(ros: Ros) -> Non
     model = ros.folder / 'model.yaml'
     model.write_text(MODEL)
     recorder = ros.recorder()
-    ros.start('imu_allan_node', {'publish_period': 1.0})
+    ros.start('imu_allan_node', {'publish_period': 1.0}, shared_memory=True)
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': SAMPLES / RATE_HZ, 'speed': 0.0,
-        'seed': 11, 'wait_for_subscriptions': 2})
+        'seed': 11, 'wait_for_subscriptions': 2}, shared_memory=True)
     messages: list[bytes] = []
     receive_ns: list[np.ndarray[Any, Any]] = []
 

@@ -65,13 +65,14 @@ def receive_everything(ros: Ros, rate_hz: float, seconds: float,
     """Let an IMU publish in real time; nothing may be lost."""
     node = ros.start('imu_allan_node', {
         'publish_period': 2.0, 'state_file': str(ros.folder / 'state'),
-        'checkpoint_period': 5.0}, best_effort=True)
+        'checkpoint_period': 5.0}, best_effort=True, shared_memory=True)
     reception = Reception(ros)
     count = rate_hz * seconds
     longest = 0.0
     with beside:
         simulator = ros.start('imu_simulator', {
-            'rate': rate_hz, 'duration': seconds, 'wait_for_subscriptions': 1})
+            'rate': rate_hz, 'duration': seconds, 'wait_for_subscriptions': 1},
+            shared_memory=True)
         ros.until(lambda: 'publishing' in simulator.log)
         while simulator.running:
             ros.executor.spin_once(timeout_sec=1.0)
@@ -115,9 +116,10 @@ def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
 def run_accelerated(ros: Ros, hours: float) -> list[tuple[float, float, float]]:
     """Feed a 1 kHz IMU as fast as it is taken; give samples, memory, CPU at equal steps."""
     node = ros.start('imu_allan_node', {'publish_period': 5.0,
-                                        'state_file': str(ros.folder / 'state')})
+                                        'state_file': str(ros.folder / 'state')},
+                     shared_memory=True)
     simulator = ros.start('imu_simulator', {
-        'rate': 1000.0, 'duration': hours * 3600, 'speed': 0.0})
+        'rate': 1000.0, 'duration': hours * 3600, 'speed': 0.0}, shared_memory=True)
     reception = Reception(ros)
     total = hours * 3.6e6
     marks = []

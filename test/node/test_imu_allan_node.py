@@ -40,9 +40,10 @@ def live(shared_ros: Ros) -> Ros:
     model = ros.folder / 'model.yaml'
     model.write_text(MODEL)
     ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': RATE_HZ,
-                                 'export_for': ['kalibr', 'openvins']})
+                                 'export_for': ['kalibr', 'openvins']}, shared_memory=True)
     simulator = ros.start('imu_simulator', {
-        'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3})
+        'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3},
+        shared_memory=True)
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
     reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     ros.until(lambda: not simulator.running, 60)

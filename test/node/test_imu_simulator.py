@@ -12,7 +12,7 @@ from imu_allan.noise.model import load_model
 from imu_allan.simulator import SimulatedImu
 import numpy as np
 import pytest
-from ros_harness import Ros
+from ros_harness import Ros, start_repeatedly
 from std_srvs.srv import Trigger
 
 MODEL = Path(__file__).parents[2] / 'config' / 'consumer_mems.yaml'
@@ -74,28 +74,23 @@ def test_at_full_speed_every_sample_of_the_model_arrives_and_the_simulator_ends(
     assert values['noise_density/unit'] == 'rad/s/sqrt(Hz)'
 
 
-def test_in_real_time_samples_leave_at_their_own_time(ros: Ros, recording: Recording) -> None:
-    simulator = ros.start('imu_simulator', {
-        'model': 'tactical_mems', 'rate': 100.0, 'duration': 2.0, 'wait_for_subscriptions': 1})
-    ros.until(lambda: len(recording) == 200)
-    assert simulator.wait() == 0
-    late_s = (recording.receive_ns - recording.header_ns) * 1e-9
-    late_s -= np.median(late_s)
-    # A busy computer may hold single samples up, but not let them drift.
-    assert np.quantile(np.abs(late_s), 0.8) < 0.05
-    assert (recording.receive_ns[-1] - recording.receive_ns[0]) * 1e-9 == pytest.approx(
-        1.99, abs=0.5)
-
-
-def test_twice_as_fast_takes_half_the_time(ros: Ros, recording: Recording) -> None:
-    simulator = ros.start('imu_simulator', {
-        'model': 'consumer_mems', 'rate': 100.0, 'duration': 4.0, 'speed': 2.0,
-        'wait_for_subscriptions': 1})
-    ros.until(lambda: len(recording) == 400)
-    assert simulator.wait() == 0
-    assert (recording.header_ns[-1] - recording.header_ns[0]) * 1e-9 == pytest.approx(3.99)
-    assert (recording.receive_ns[-1] - recording.receive_ns[0]) * 1e-9 == pytest.approx(
-        2.0, abs=0.5)
+def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros: Ros) -> None:
+    recordings = {}
+    for speed in (1.0, 2.0):
+        topic = f'imu_at_{speed:.0f}'
+        recordings[speed] = Recording(ros.recorder(topic))
+        ros.start('imu_simulator', {'model': 'tactical_mems', 'rate': 100.0, 'speed': speed,
+                                    'duration': 2.0 * speed, 'wait_for_subscriptions': 1},
+                  remaps={'imu/data_raw': topic, '__node': topic})
+    for speed, recording in recordings.items():
+        count = round(200 * speed)
+        ros.until(lambda recording=recording, count=count: len(recording) == count)
+        header_s, receive_s = recording.header_ns * 1e-9, recording.receive_ns * 1e-9
+        assert header_s[-1] - header_s[0] == pytest.approx((count - 1) / 100.0)
+        assert receive_s[-1] - receive_s[0] == pytest.approx(2.0, abs=0.5)
+        late_s = receive_s - header_s / speed
+        # A busy computer may hold single samples up, but not let them drift.
+        assert np.quantile(np.abs(late_s - np.median(late_s)), 0.8) < 0.05
 
 
 def test_samples_are_dropped_and_the_imu_knocked_on_request(
@@ -120,16 +115,16 @@ def test_samples_are_dropped_and_the_imu_knocked_on_request(
     assert loud[-1] - loud[0] < 0.6 * 200
 
 
-@pytest.mark.parametrize(('parameters', 'line'), [
-    ({'model': 'no_such_imu'}, 'parameter model: no_such_imu: no such file'),
-    ({'rate': -1.0}, 'parameter rate is refused')])
-def test_a_wrong_parameter_is_one_line_and_status_1(
-        ros: Ros, parameters: dict[str, object], line: str) -> None:
-    simulator = ros.start('imu_simulator', parameters)
-    assert simulator.wait() == 1
-    assert simulator.log.startswith('imu_simulator: ')
-    assert line in simulator.log
-    assert simulator.log.count('\n') == 1
+def test_a_wrong_parameter_is_one_line_and_status_1(ros: Ros) -> None:
+    results = start_repeatedly(ros, [['-p', 'model:=no_such_imu'], ['-p', 'rate:=-1.0']],
+                               'imu_simulator')
+    for (status, text), line in zip(results, (
+            'parameter model: no_such_imu: no such file', 'parameter rate is refused'),
+            strict=True):
+        assert status == 1
+        assert text.startswith('imu_simulator: ')
+        assert line in text
+        assert text.count('\n') == 1
 
 
 def test_the_simulator_waits_for_a_slow_subscriber(ros: Ros) -> None:
