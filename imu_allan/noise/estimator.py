@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 State = dict[str, NDArray[np.generic]]
 
-CHUNK = 2 * BLOCK
-_RESOLUTION_SAMPLES = 8 * CHUNK
+CHUNK = 4 * BLOCK
+_RESOLUTION_SAMPLES = 65_536
 _MAX_LEVELS = 4096
 
 

@@ -49,16 +49,16 @@ class Pyramid:
     def __init__(self, axes: int) -> None:
         self.sums: Array = np.zeros((OVERLAP_OCTAVE + 1, axes))
         self.counts: NDArray[np.int64] = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
-        # By stage: the last values it saw, and one that waits for its partner.
+        # By stage: the last values it saw, and whether the very last waits for its partner.
         self._tails: list[Array] = [np.zeros((axes, 0))]
-        self._odd: list[Array] = [np.zeros((axes, 0))]
-        self._work: Array = np.empty((4, axes, 0))
+        self._odd: list[int] = [0]
+        self._work: Array = np.empty((5, axes, 0))
 
     def start_stretch(self) -> None:
         """Forget the last samples: no difference is taken across this point."""
         nothing = np.zeros((self.sums.shape[1], 0))
         self._tails = [nothing] * len(self._tails)
-        self._odd = [nothing] * len(self._odd)
+        self._odd = [0] * len(self._odd)
 
     def absorb(self, rows: Array) -> None:
         """
@@ -93,25 +93,26 @@ class Pyramid:
                     self.counts[octave + stage] += new
                 if octave < OVERLAP_OCTAVE:
                     window = np.add(window[:, m:], window[:, :left],
-                                    out=room[2 + octave % 2][:, :left])
+                                    out=room[2 + octave][:, :left])
             self._tails[stage] = track[:, -_TAIL:].copy()
-            waiting = np.concatenate((self._odd[stage], values), axis=1)
-            pairs = waiting.shape[1] // 2 * 2
-            self._odd[stage] = waiting[:, pairs:].copy()
-            values = waiting[:, :pairs:2] + waiting[:, 1:pairs:2]
+            # Every other sum of two, from the one that takes in the value left over.
+            pairs, left_over = divmod(self._odd[stage] + n, 2)
+            first = known - self._odd[stage]
+            values = room[2][:, first:first + 2 * pairs:2]
+            self._odd[stage] = left_over
             stage += 1
 
     def _room(self, length: int) -> Array:
-        """Return working memory for four arrays of `length` columns."""
+        """Return working memory for five arrays of `length` columns."""
         if self._work.shape[2] < length:
-            self._work = np.empty((4, self.sums.shape[1], length))
+            self._work = np.empty((5, self.sums.shape[1], length))
         return self._work
 
     def _grow(self, stages: int) -> None:
         """Make room for more stages."""
         axes, more = self.sums.shape[1], stages - len(self._tails)
         self._tails += [np.zeros((axes, 0))] * more
-        self._odd += [np.zeros((axes, 0))] * more
+        self._odd += [0] * more
         self.sums = np.concatenate((self.sums, np.zeros((more, axes))))
         self.counts = np.append(self.counts, np.zeros(more, dtype=np.int64))
 
@@ -134,13 +135,12 @@ class Pyramid:
     def to_state(self) -> dict[str, NDArray[np.generic]]:
         """Return the state as plain arrays."""
         stages, axes = len(self._tails), self.sums.shape[1]
-        tails = np.zeros((stages, axes, _TAIL + 1))
-        for padded, tail, odd in zip(tails, self._tails, self._odd, strict=True):
+        tails = np.zeros((stages, axes, _TAIL))
+        for padded, tail in zip(tails, self._tails, strict=True):
             padded[:, :tail.shape[1]] = tail
-            padded[:, _TAIL:_TAIL + odd.shape[1]] = odd
         return {
             'sums': self.sums, 'counts': self.counts, 'tails': tails,
-            'lengths': np.array([(tail.shape[1], odd.shape[1])
+            'lengths': np.array([(tail.shape[1], odd)
                                  for tail, odd in zip(self._tails, self._odd, strict=True)]),
         }
 
@@ -161,13 +161,13 @@ class Pyramid:
         tails = np.array(state['tails'], dtype=np.float64)
         lengths = np.array(state['lengths'], dtype=np.int64)
         stages = len(lengths)
-        if (self.sums.ndim != 2 or tails.shape != (stages, self.sums.shape[1], _TAIL + 1)
+        if (self.sums.ndim != 2 or tails.shape != (stages, self.sums.shape[1], _TAIL)
                 or lengths.shape != (stages, 2) or np.any((lengths < 0) | (lengths > (_TAIL, 1)))
+                or np.any(lengths[:, 1] > lengths[:, 0])
                 or self.counts.shape != (stages + OVERLAP_OCTAVE,)
                 or len(self.sums) != len(self.counts)):
             raise ValueError('arrays of the pyramid do not fit together')
         self._tails = [tail[:, :n].copy() for tail, n in zip(tails, lengths[:, 0], strict=True)]
-        self._odd = [tail[:, _TAIL:_TAIL + n].copy()
-                     for tail, n in zip(tails, lengths[:, 1], strict=True)]
-        self._work = np.empty((4, self.sums.shape[1], 0))
+        self._odd = lengths[:, 1].tolist()
+        self._work = np.empty((5, self.sums.shape[1], 0))
         return self
