@@ -33,6 +33,8 @@ _LOWEST_INDEX = 32
 _MOST = 32
 _MANY = 8
 _BROAD = 64
+_LOWEST_FLOOR = 1e-9
+_LEAST_LEFT = 0.5
 _LOBE_MARGIN = 2.0
 _LOBE_MARGIN_OF_ONE = 4.0
 
@@ -110,6 +112,9 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
             inside = (bins.frequency[here] > low - width) & (bins.frequency[here] < high + width)
             keep[here[inside]] = False
     lines.sort(key=lambda line: -line.amplitude)
+    if keep.mean() < _LEAST_LEFT:
+        # What is left is no spectrum to fit: the fit shall see all of it and say so.
+        keep[:] = True
     return lines[:_MOST], keep
 
 
@@ -178,6 +183,8 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
         level = np.interp(np.arange(count), good, mean[good])
         floor = (median_filter(level, neighbourhood, mode='reflect') if scale == 1
                  else _higher_side(level, neighbourhood)) / middle
+        # A strictly periodic signal has nothing between its lines.
+        floor = np.maximum(floor, _LOWEST_FLOOR * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
         if (found == hit).all():
             break

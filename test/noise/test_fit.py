@@ -178,3 +178,10 @@ def test_result_holds_only_plain_finite_numbers(record):
 def test_what_cannot_be_characterized_is_refused(samples, rate, quantity, match):
     with pytest.raises(ValueError, match=match):
         characterize(samples, rate, quantity)
+
+
+@pytest.mark.parametrize('period', [3, 7, 50])
+def test_strictly_periodic_signal_is_named_as_a_tone(period):
+    # Nothing at all stands between its lines.
+    axis = characterize(np.arange(100_000) % period * 1.0, RATE)
+    assert any(tone.frequency_hz == pytest.approx(RATE / period, abs=0.02) for tone in axis.tones)
