@@ -232,22 +232,24 @@ class TimelineStage:
 
     def _joined(self, n: int) -> _Window:
         """Give the first `n` pending messages."""
-        blocks, have = [], 0
+        # The last block may be far larger than what is still needed of it.
+        blocks: list[tuple[ImuBlock, int]] = []
+        have = 0
         for block in self._pending:
-            blocks.append(block)
+            blocks.append((block, min(len(block), n - have)))
             have += len(block)
             if have >= n:
                 break
         if len(blocks) == 1:
-            block = blocks[0]
+            block = blocks[0][0]
             return _Window(block.header_ns[:n], block.receive_ns[:n], block.samples[:n],
                            block.absent[:n], n)
         stamps: list[Stamps] = [np.empty(0, dtype=np.int64)]
         return _Window(
-            np.concatenate(stamps + [block.header_ns for block in blocks])[:n],
-            np.concatenate(stamps + [block.receive_ns for block in blocks])[:n],
-            np.concatenate([np.empty((0, 6)), *(block.samples for block in blocks)])[:n],
-            np.concatenate([np.empty((0, 2), bool), *(block.absent for block in blocks)])[:n], n)
+            np.concatenate(stamps + [block.header_ns[:part] for block, part in blocks]),
+            np.concatenate(stamps + [block.receive_ns[:part] for block, part in blocks]),
+            np.concatenate([np.empty((0, 6)), *(b.samples[:part] for b, part in blocks)]),
+            np.concatenate([np.empty((0, 2), bool), *(b.absent[:part] for b, part in blocks)]), n)
 
     def _window(self, n: int, consumed: int) -> _Window:
         """Give the first `n` pending messages and let go of `consumed` of them."""
