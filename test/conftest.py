@@ -1,0 +1,10 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What holds for every test."""
+
+import signal
+
+# A suite that a script starts in the background inherits that Ctrl-C is ignored, and so would
+# every process that the tests start and interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
