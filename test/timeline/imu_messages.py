@@ -64,5 +64,7 @@ def codes(summary: TimelineSummary) -> set[str]:
 def rows_by_place(blocks: Iterable[EvenBlock]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Give the grid places of all rows, and the rows."""
     blocks = [block for block in blocks if len(block)]
-    return (np.concatenate([block.first_index + np.arange(len(block)) for block in blocks]),
-            np.concatenate([block.samples for block in blocks]))
+    places = [np.empty(0, np.int64)]
+    places += [block.first_index + np.arange(len(block)) for block in blocks]
+    return np.concatenate(places), np.concatenate([np.empty((0, 6)),
+                                                   *(block.samples for block in blocks)])

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline import TimelineOptions, TimelineStage
@@ -76,6 +76,7 @@ def test_a_saved_timeline_goes_on_as_if_it_had_not_been_saved(seed, at):
 
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 20), at=st.integers(1, 12_000))
+@example(seed=10, at=390)
 def test_a_flushed_copy_tells_what_the_stream_would_and_leaves_it_alone(seed, at):
     block = faulty(seed)
     stage = TimelineStage()
