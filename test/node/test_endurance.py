@@ -31,8 +31,9 @@ def resident_mb(process: Process) -> float:
 class Reception:
     """What the node has received, from its last report."""
 
-    def __init__(self, ros: Ros) -> None:
+    def __init__(self, ros: Ros, node: Process) -> None:
         self._ros = ros
+        self._node = node
         self._facts: dict[str, float] = {}
         ros.listen(DiagnosticArray, '/diagnostics', 10, self._hear)
 
@@ -48,7 +49,11 @@ class Reception:
         return self._facts[key]
 
     def wait_for(self, received: float, timeout: float) -> None:
-        self._ros.until(lambda: self['received'] >= received, timeout)
+        def arrived() -> bool:
+            assert self._node.running, self._node.log
+            return self['received'] >= received
+
+        self._ros.until(arrived, timeout)
 
 
 @contextmanager
@@ -66,7 +71,7 @@ def receive_everything(ros: Ros, rate_hz: float, seconds: float,
     node = ros.start('imu_allan_node', {
         'publish_period': 2.0, 'state_file': str(ros.folder / 'state'),
         'checkpoint_period': 5.0}, best_effort=True, shared_memory=True)
-    reception = Reception(ros)
+    reception = Reception(ros, node)
     count = rate_hz * seconds
     longest = 0.0
     with beside:
@@ -90,10 +95,11 @@ def test_nothing_is_lost_at_1_khz_beside_a_busy_core(ros: Ros) -> None:
 
 
 def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
-    ros.start('imu_allan_node', {'publish_period': 0.5})
-    ros.start('imu_simulator', {'rate': 1000.0, 'wait_for_subscriptions': 1})
+    node = ros.start('imu_allan_node', {'publish_period': 0.5}, shared_memory=True)
+    ros.start('imu_simulator', {'rate': 1000.0, 'wait_for_subscriptions': 1},
+              shared_memory=True)
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
-    reception = Reception(ros)
+    reception = Reception(ros, node)
     reception.wait_for(3000, 30)
     longest = 0.0
     while len(images) < 3:
@@ -120,12 +126,13 @@ def run_accelerated(ros: Ros, hours: float) -> list[tuple[float, float, float]]:
                      shared_memory=True)
     simulator = ros.start('imu_simulator', {
         'rate': 1000.0, 'duration': hours * 3600, 'speed': 0.0}, shared_memory=True)
-    reception = Reception(ros)
+    reception = Reception(ros, node)
     total = hours * 3.6e6
     marks = []
     for part in range(1, 9):
         reception.wait_for(total * part / 8, 7200)
         marks.append((reception['received'], resident_mb(node), cpu_seconds(node)))
+        print('{:12.0f} samples {:6.1f} MB {:8.1f} s of CPU'.format(*marks[-1]), flush=True)
     assert simulator.wait(120) == 0
     assert reception['received'] == total
     assert reception['lost'] == 0
@@ -141,8 +148,6 @@ def test_memory_and_cost_stay_as_samples_pile_up(ros: Ros) -> None:
 @pytest.mark.slow
 def test_memory_and_cost_are_flat_over_a_day_at_1_khz(ros: Ros) -> None:
     marks = run_accelerated(ros, 24.0)
-    for count, memory, cpu in marks:
-        print(f'{count / 3.6e6:6.1f} h  {memory:6.1f} MB  {cpu / count * 1e6:6.2f} us a message')
     memories = [memory for _, memory, _ in marks]
     assert max(memories) < LARGEST_MB
     assert memories[-1] < 1.1 * memories[0]
