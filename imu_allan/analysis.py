@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from imu_allan.block import ImuBlock
-from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording
-from imu_allan.recordings.read_ahead import read_ahead
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
@@ -51,11 +49,13 @@ def analyze(path: str | Path, topic: str | None = None, *,
     """
     with open_recording(path, rate_hz=options.rate_hz) as recording:
         name = choose_topic(recording, topic)
-        stream = Characterization(kind='recording', path=str(path), topic=name, options=options)
         blocks: Iterable[ImuBlock] = recording.blocks(name, progress)
+        # Reading has begun in a process of its own: numerics are imported meanwhile.
+        from imu_allan.characterization import Characterization
+        stream = Characterization(kind='recording', path=str(path), topic=name, options=options)
         if start_s > 0 or duration_s is not None:
             blocks = between(blocks, start_s, duration_s)
-        stream.take(blocks, read_ahead)
+        stream.take(blocks)
         result = stream.result(recording.remarks)
     if not result.axes:
         raise ImuAllanError(f'{path}: topic {name} holds no usable sample'

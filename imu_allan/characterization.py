@@ -9,7 +9,7 @@ in where blocks come from and where results go, and in nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 import json
 from typing import Literal
 
@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 State = Mapping[str, NDArray[np.generic]]
-Ahead = Callable[[Iterator[EvenBlock]], Iterable[EvenBlock]]
 
 
 class Characterization:
@@ -64,7 +63,7 @@ class Characterization:
         """
         self._absorb(self._timeline.push(block))
 
-    def take(self, blocks: Iterable[ImuBlock], ahead: Ahead | None = None) -> None:
+    def take(self, blocks: Iterable[ImuBlock]) -> None:
         """
         Take in a whole recording.
 
@@ -72,9 +71,6 @@ class Characterization:
         ----------
         blocks : iterable of ImuBlock
             Its messages, in order.
-        ahead : callable, optional
-            Runs an iterator ahead of its consumer, in a thread: the timeline then works beside the
-            estimator.
 
         Raises
         ------
@@ -82,16 +78,11 @@ class Characterization:
             If the blocks cannot be read, or the timeline cannot make sense of them.
 
         """
-        even = self._even(blocks)
-        self._absorb(even if ahead is None else ahead(even))
-
-    def _even(self, blocks: Iterable[ImuBlock]) -> Iterator[EvenBlock]:
         for block in blocks:
             try:
-                parts = self._timeline.push(block)
+                self.update(block)
             except ImuAllanError as error:
                 raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error
-            yield from parts
 
     def finish(self) -> None:
         """Take in what the timeline still holds back: the recording has ended."""

@@ -4,6 +4,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +13,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.read_ahead import larger_blocks, read_ahead
+from imu_allan.recordings.reading_process import pays, ReadingProcess
 from imu_allan.result import Remark
 
 IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
@@ -71,7 +73,8 @@ class Recording(ABC):
         """
         Read the messages of `topic` in the order in which they were recorded.
 
-        Reading, decompression and decoding run in a thread of their own, a few blocks ahead.
+        Reading, decompression and decoding run some blocks ahead, in a process of their own where
+        the recording is large, else in a thread. They begin with this call.
 
         Parameters
         ----------
@@ -87,9 +90,22 @@ class Recording(ABC):
 
         """
         choose_topic(self, topic)
+        return self._taken(self._ahead(topic), topic, progress)
+
+    def _ahead(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        if pays(self):
+            # Where no further process is allowed, a thread does.
+            with suppress(OSError):
+                return ReadingProcess(self, topic).blocks()
+        return read_ahead(larger_blocks(self.decoded(topic)))
+
+    def _taken(
+        self, ahead: Iterator[tuple[ImuBlock, int]], topic: str,
+        progress: Callable[[int], None] | None,
+    ) -> Iterator[ImuBlock]:
         empty = True
         try:
-            for block, position in read_ahead(larger_blocks(self.decoded(topic))):
+            for block, position in ahead:
                 empty = False
                 if progress is not None:
                     progress(position)

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings as other programs write them, and what is read from a recording."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 import sqlite3
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
-from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings import choose_topic, open_recording, Recording
 from imu_allan.result import Remark
 from mcap.writer import CompressionType, Writer
 import numpy as np
@@ -112,3 +112,21 @@ def write_metadata(folder: Path, files: list[str], topics: Iterable[tuple[str, s
     path = folder / 'metadata.yaml'
     path.write_text('\n'.join(lines) + '\n', encoding='utf-8')
     return path
+
+
+class FailingRecording(Recording):
+    """A recording whose reading fails after one block."""
+
+    def __init__(self, messages: ImuBlock, error: Exception) -> None:
+        super().__init__(Path('failing'))
+        self._messages = messages
+        self._error = error
+
+    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        """Yield the block, whatever the topic, then raise."""
+        del topic
+        yield self._messages, 1
+        raise self._error
+
+    def close(self) -> None:
+        """Release nothing."""

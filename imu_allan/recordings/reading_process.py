@@ -1,0 +1,272 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Reading ahead of the estimator in a process of its own.
+
+A thread shares the interpreter lock with the estimator, and both hand it to and fro some ten
+thousand times a second: over a long recording that costs most of what the second core gives. A
+process costs a tenth of a second at its start and then nothing. It is a fresh interpreter, not a
+fork of this one, whose threads and locks are therefore of no concern.
+
+The process gets the open recording on its standard input, and memory that both share. It fills one
+slot of that memory after the other and tells on its standard output which; a slot comes back on
+its standard input once its messages are copied. Whoever ends first, the other one finds the pipe
+closed and ends too; the memory has no name and is gone with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from mmap import mmap
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import traceback
+from typing import IO, TYPE_CHECKING
+
+from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError, printable
+import numpy as np
+
+if TYPE_CHECKING:
+    from imu_allan.recordings.recording import Recording
+
+WORTHWHILE_BYTES = 1 << 26
+"""Bytes of the smallest recording that is read by a process of its own."""
+SLOT_MESSAGES = 1 << 13
+"""Messages that fit into a slot."""
+SLOTS = 8
+
+_SLOT = np.dtype([
+    ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
+    ('samples', np.float64, (SLOT_MESSAGES, 6)), ('absent', np.bool_, (SLOT_MESSAGES, 2))])
+_FIELDS = ('header_ns', 'receive_ns', 'samples', 'absent')
+_PROGRAM = """
+import pickle, sys
+sys.path[:] = pickle.load(sys.stdin.buffer)
+from imu_allan.recordings.reading_process import serve
+serve()
+"""
+_PATIENCE_S = 10.0
+_LARGER_THAN_BLOCKS = 1 << 24
+
+
+class ReadingProcess:
+    """
+    A process that reads the messages of one topic, from now on.
+
+    Parameters
+    ----------
+    recording : Recording
+        Open; must stay open for as long as blocks are taken.
+    topic : str
+        One of its topics.
+
+    Raises
+    ------
+    OSError
+        If no process can be started, or no memory be shared.
+
+    """
+
+    def __init__(self, recording: Recording, topic: str) -> None:
+        self._recording = recording
+        keep_memory()
+        memory = _shared_memory()
+        try:
+            self._slots = _Slots(memory)
+            # In a session of its own, Ctrl-C does not reach it: it ends with the pipe.
+            self._process = subprocess.Popen(
+                [sys.executable, '-c', _PROGRAM], bufsize=0, stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE, pass_fds=[memory], start_new_session=True)
+        finally:
+            os.close(memory)
+        with suppress(BrokenPipeError):
+            self._stdin.write(
+                pickle.dumps(sys.path) + pickle.dumps((memory, recording, topic)))
+
+    @property
+    def _stdin(self) -> IO[bytes]:
+        assert self._process.stdin is not None
+        return self._process.stdin
+
+    def blocks(self) -> Iterator[tuple[ImuBlock, int]]:
+        """
+        Take blocks, each with the bytes of the recording consumed so far.
+
+        Raises
+        ------
+        ImuAllanError
+            If the process was ended from outside.
+        Exception
+            What reading raised, after the blocks before it.
+
+        """
+        assert self._process.stdout is not None
+        try:
+            with open(self._process.stdout.fileno(), 'rb', closefd=False) as told:
+                while (item := pickle.load(told)) is not None:
+                    slot, messages, frame_id, position = item
+                    block = self._slots.take(slot, messages, frame_id)
+                    with suppress(BrokenPipeError):
+                        self._stdin.write(bytes([slot]))
+                    yield block, position
+                failure, remarks = pickle.load(told)
+                self._process.wait(_PATIENCE_S)
+        except (EOFError, pickle.UnpicklingError):
+            raise ImuAllanError(
+                f'{printable(self._recording.path)}: the process that reads it was ended from '
+                f'outside ({_status(self._process.wait())}), perhaps for want of memory'
+            ) from None
+        finally:
+            self._end()
+        self._recording.remarks[:] = remarks
+        if failure is not None:
+            error, where = failure
+            raise error from (None if isinstance(error, (ImuAllanError, OSError))
+                              else RuntimeError(f'in the reading process:\n{where}'))
+
+    def _end(self) -> None:
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            pipe.close()
+        self._process.terminate()
+        try:
+            self._process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def pays(recording: Recording) -> bool:
+    """Whether a process of its own reads a recording sooner than a thread would."""
+    return (recording.size_bytes >= WORTHWHILE_BYTES and bool(sys.executable)
+            and hasattr(os, 'memfd_create') and len(os.sched_getaffinity(0)) > 1)
+
+
+def serve() -> None:
+    """Be the reading process."""
+    # An end from outside still removes what was unpacked into a temporary folder.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    memory, recording, topic = pickle.load(sys.stdin.buffer)
+    keep_memory()
+    writer = _Writer(_Slots(memory), os.dup(1))
+    # What a library might print must not get among the reports.
+    os.dup2(2, 1)
+    failure = None
+    with suppress(BrokenPipeError):
+        try:
+            for block, position in recording.decoded(topic):
+                writer.put(block, position)
+            writer.flush()
+        except BrokenPipeError:
+            raise
+        except Exception as error:
+            writer.flush()
+            failure = _portable(error), traceback.format_exc()
+        writer.tell(None)
+        writer.tell((failure, recording.remarks))
+    # Nothing is left to tidy up, and the other process waits.
+    os._exit(0)
+
+
+def keep_memory() -> None:
+    """
+    Let the memory of blocks be used again instead of going back to the system each time.
+
+    The GNU C library takes arrays of this size as fresh pages from the system and returns them
+    when they are freed, until it has seen a larger one come and go. Here is one, of which no page
+    is ever used.
+    """
+    np.empty(_LARGER_THAN_BLOCKS, np.uint8)
+
+
+class _Slots:
+    """Messages in shared memory: `SLOTS` times room for `SLOT_MESSAGES`."""
+
+    def __init__(self, memory: int) -> None:
+        self._slots = np.frombuffer(mmap(memory, SLOTS * _SLOT.itemsize), _SLOT)
+
+    def put(self, slot: int, at: int, block: ImuBlock, start: int, stop: int) -> None:
+        """Copy messages of a block into a slot, to `at` and on."""
+        for name in _FIELDS:
+            self._slots[name][slot, at:at + stop - start] = getattr(block, name)[start:stop]
+
+    def take(self, slot: int, messages: int, frame_id: str) -> ImuBlock:
+        """Copy the first messages out of a slot."""
+        return ImuBlock(frame_id=frame_id, **{
+            name: self._slots[name][slot, :messages].copy() for name in _FIELDS})
+
+
+class _Writer:
+    """Fills slots and reports them."""
+
+    def __init__(self, slots: _Slots, reports: int) -> None:
+        self._slots = slots
+        self._reports = os.fdopen(reports, 'wb')
+        self._free = list(range(SLOTS))
+        self._slot = self._held = self._position = 0
+        self._frame_id = ''
+
+    def put(self, block: ImuBlock, position: int) -> None:
+        """Copy a block; it is reported once its slot is full, or another frame_id comes."""
+        if block.frame_id != self._frame_id:
+            self.flush()
+        self._frame_id, self._position = block.frame_id, position
+        start = 0
+        while start < len(block):
+            if not self._held:
+                self._slot = self._free_slot()
+            stop = min(start + SLOT_MESSAGES - self._held, len(block))
+            self._slots.put(self._slot, self._held, block, start, stop)
+            self._held += stop - start
+            start = stop
+            if self._held == SLOT_MESSAGES:
+                self.flush()
+
+    def flush(self) -> None:
+        """Report what is held."""
+        if self._held:
+            self.tell((self._slot, self._held, self._frame_id, self._position))
+            self._held = 0
+
+    def tell(self, item: object) -> None:
+        """Write a report."""
+        pickle.dump(item, self._reports)
+        self._reports.flush()
+
+    def _free_slot(self) -> int:
+        if not self._free:
+            given_back = os.read(0, SLOTS)
+            if not given_back:
+                raise BrokenPipeError
+            self._free.extend(given_back)
+        return self._free.pop(0)
+
+
+def _shared_memory() -> int:
+    """Return the descriptor of memory for all slots."""
+    memory = os.memfd_create('imu_allan')
+    try:
+        # Allocated now: where there is no room, a thread can still do without.
+        os.posix_fallocate(memory, 0, SLOTS * _SLOT.itemsize)
+    except OSError:
+        os.close(memory)
+        raise
+    return memory
+
+
+def _portable(error: Exception) -> Exception:
+    """Return the error itself where it can be sent, else another one that tells of it."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f'{type(error).__name__}: {error}')
+    return error
+
+
+def _status(code: int) -> str:
+    return f'signal {-code}' if code < 0 else f'exit status {code}'

@@ -1,0 +1,210 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reading in a process of its own: the same messages, and no process left behind."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+from bags import assert_same, block, FailingRecording, joined, write_mcap
+from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording, reading_process
+from imu_allan.recordings.write import write_recording
+from imu_allan.result import Remark
+import pytest
+import zstandard
+
+MESSAGES = block(50_000)
+
+
+@pytest.fixture(autouse=True)
+def every_recording_is_worth_a_process(monkeypatch):
+    monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0)
+
+
+def children() -> list[int]:
+    own = os.getpid()
+    found = []
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            fields = stat.read_text().rpartition(')')[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == own:
+            found.append(int(stat.parent.name))
+    return found
+
+
+def wait_until(reached, timeout: float = 20.0) -> None:
+    end = time.monotonic() + timeout
+    while not reached():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def read_here(path: Path) -> tuple[ImuBlock, list[Remark]]:
+    with open_recording(path) as recording:
+        blocks = [piece for piece, _ in recording.decoded(choose_topic(recording))]
+        return joined(blocks), recording.remarks
+
+
+def read_beside(path: Path) -> tuple[ImuBlock, list[Remark]]:
+    before = children()
+    with open_recording(path) as recording:
+        blocks = recording.blocks(choose_topic(recording))
+        [_] = set(children()) - set(before)
+        taken = joined(list(blocks))
+        assert children() == before
+        return taken, recording.remarks
+
+
+@pytest.mark.parametrize(('storage', 'compression'), [
+    ('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')])
+def test_the_messages_are_those_that_this_process_reads(tmp_path, storage, compression):
+    bag = write_recording(tmp_path / 'bag', [MESSAGES], storage=storage, compression=compression)
+    after, remarks = read_beside(bag)
+    assert_same(MESSAGES, after)
+    assert remarks == []
+
+
+def test_every_change_of_frame_id_begins_a_block(tmp_path):
+    parts = [ImuBlock(MESSAGES.header_ns[a:b], MESSAGES.receive_ns[a:b], MESSAGES.samples[a:b],
+                      MESSAGES.absent[a:b], name)
+             for a, b, name in [(0, 10, 'one'), (10, 20_000, 'two'), (20_000, 20_001, 'one')]]
+    bag = write_recording(tmp_path / 'bag', parts)
+    with open_recording(bag) as recording:
+        after = list(recording.blocks(choose_topic(recording)))
+    frames = [piece.frame_id for piece in after]
+    changes = [name for name, before in zip(frames, [None, *frames[:-1]], strict=True)
+               if name != before]
+    assert changes == ['one', 'two', 'one']
+    for name in ('one', 'two'):
+        assert_same(joined([part for part in parts if part.frame_id == name]),
+                    joined([piece for piece in after if piece.frame_id == name]))
+
+
+def test_remarks_of_the_reading_come_back(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', MESSAGES)
+    with path.open('rb+') as file:
+        file.truncate(path.stat().st_size // 2)
+    expected, remarks = read_here(path)
+    assert [remark.code for remark in remarks] == ['truncated_recording']
+    after, told = read_beside(path)
+    assert told == remarks
+    assert_same(expected, after)
+
+
+@pytest.mark.parametrize('error', [
+    ImuAllanError('bag: this and that'), OSError(5, 'Input/output error'), MemoryError('little'),
+    ZeroDivisionError('a defect')], ids=lambda error: type(error).__name__)
+def test_an_exception_comes_after_the_blocks_before_it(error):
+    blocks = reading_process.ReadingProcess(FailingRecording(MESSAGES, error), '/imu').blocks()
+    taken = []
+    with pytest.raises(type(error)) as caught:
+        taken.extend(piece for piece, _ in blocks)
+    assert str(caught.value) == str(error)
+    assert_same(MESSAGES, joined(taken))
+    if isinstance(error, ZeroDivisionError):
+        # A defect shows where it is.
+        assert 'in decoded' in str(caught.value.__cause__)
+
+
+def test_whoever_stops_early_leaves_no_process(tmp_path):
+    before = children()
+    bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
+    with open_recording(bag) as recording:
+        blocks = recording.blocks(choose_topic(recording))
+        next(blocks)
+        assert len(children()) == len(before) + 1
+        blocks.close()
+        assert children() == before
+
+
+def test_a_process_ended_from_outside_is_one_clear_error(tmp_path):
+    before = set(children())
+    bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
+    with open_recording(bag) as recording:
+        blocks = recording.blocks(choose_topic(recording))
+        next(blocks)
+        [child] = set(children()) - before
+        os.kill(child, signal.SIGKILL)
+        with pytest.raises(ImuAllanError, match=r'bag: the process that reads it was ended from '
+                                                r'outside \(signal 9\)'):
+            list(blocks)
+    assert set(children()) == before
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL, signal.SIGTERM])
+def test_an_end_of_the_analysis_ends_the_reading_and_what_it_unpacked(tmp_path, number):
+    bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
+    [file] = bag.glob('*.mcap')
+    file.with_name(f'{file.name}.zstd').write_bytes(
+        zstandard.ZstdCompressor(1).compress(file.read_bytes()))
+    file.unlink()
+    temporary = tmp_path / 'tmp'
+    temporary.mkdir()
+    program = (
+        'import sys, time\n'
+        'from imu_allan.recordings import choose_topic, open_recording, reading_process\n'
+        'reading_process.WORTHWHILE_BYTES = 0\n'
+        f'with open_recording({str(bag)!r}) as recording:\n'
+        '    for block in recording.blocks(choose_topic(recording)):\n'
+        '        print("reading", flush=True)\n'
+        '        time.sleep(100)\n')
+    process = subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE,
+                               stderr=subprocess.DEVNULL, text=True,
+                               env={**os.environ, 'TMPDIR': str(temporary)})
+    assert process.stdout.readline() == 'reading\n'
+    reader = next(int(path.parent.name) for path in Path('/proc').glob('[0-9]*/stat')
+                  if parent_of(path) == process.pid)
+    assert list(temporary.iterdir())
+    process.send_signal(number)
+    process.wait(20)
+    process.stdout.close()
+    wait_until(lambda: not running(reader))
+    assert list(temporary.iterdir()) == []
+
+
+def parent_of(stat: Path) -> int:
+    try:
+        return int(stat.read_text().rpartition(')')[2].split()[1])
+    except OSError:
+        return 0
+
+
+def running(process: int) -> bool:
+    try:
+        state = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()[0]
+    except OSError:
+        return False
+    return state != 'Z'
+
+
+def test_where_no_process_can_be_started_a_thread_reads(tmp_path, monkeypatch):
+    bag = write_recording(tmp_path / 'bag', [MESSAGES])
+
+    def refuse(*_args, **_options):
+        raise OSError(11, 'Resource temporarily unavailable')
+
+    monkeypatch.setattr(subprocess, 'Popen', refuse)
+    with open_recording(bag) as recording:
+        blocks = recording.blocks(choose_topic(recording))
+        first = next(blocks)
+        assert any(thread.name == 'imu_allan read-ahead' for thread in threading.enumerate())
+        assert_same(MESSAGES, joined([first, *blocks]))
+
+
+def test_small_recordings_are_read_by_a_thread(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 1 << 26)
+    bag = write_recording(tmp_path / 'bag', [MESSAGES])
+    before = children()
+    with open_recording(bag) as recording:
+        blocks = recording.blocks(choose_topic(recording))
+        next(blocks)
+        assert children() == before
+        list(blocks)
