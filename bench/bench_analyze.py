@@ -5,8 +5,11 @@ Time and memory of `imu_allan analyze`, whole process, over a plain pass through
 
 The plain pass is a process of its own that reads and decompresses every chunk with the library
 imu_allan uses (MCAP), or fetches every row (sqlite3), and looks at nothing. Both alternate, so
-that what else the machine does falls on both; the medians of the ratios are printed. Memory is the
-largest resident size, at one eighth of the messages and at all of them.
+that what else the machine does falls on both; the medians of the ratios are printed. An
+uncompressed MCAP has two plain passes: over its bytes, chunk by chunk, and over its messages,
+record by record with the library of the format, which takes so long that it is timed once, on one
+eighth of the messages. Memory is the largest resident size of any one process, at one eighth of
+the messages and at all of them.
 
     python bench/bench_analyze.py                       # 10.8 million messages: 1 kHz for 3 h
     python bench/bench_analyze.py --messages 1000000
@@ -22,7 +25,12 @@ import sys
 import tempfile
 import time
 
-from bench_reading import plain_mcap_pass, plain_sqlite_pass, white_noise
+from bench_reading import (
+    plain_mcap_pass,
+    plain_records_pass,
+    plain_sqlite_pass,
+    white_noise,
+)
 from imu_allan.recordings.write import write_recording
 
 KINDS = (('mcap', 'zstd', 2.0), ('mcap', '', 3.0), ('sqlite3', '', 3.0))
@@ -70,12 +78,14 @@ def main() -> int:
     parser.add_argument('--messages', type=int, default=10_800_000)
     parser.add_argument('--repeats', type=int, default=3)
     parser.add_argument('--plain-pass', metavar='PATH', help=argparse.SUPPRESS)
+    parser.add_argument('--records', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--peers', type=int, metavar='MESSAGES', default=0,
                         help='also time peers fed by rosbags, on so many messages')
     options = parser.parse_args()
     if options.plain_pass:
         file = Path(options.plain_pass)
-        (plain_sqlite_pass if file.suffix == '.db3' else plain_mcap_pass)(file)
+        (plain_records_pass if options.records else plain_sqlite_pass if file.suffix == '.db3'
+         else plain_mcap_pass)(file)
         return 0
     analyze = [sys.executable, '-m', 'imu_allan', 'analyze']
     with tempfile.TemporaryDirectory() as folder:
@@ -100,6 +110,10 @@ def main() -> int:
                       f'{median(ratios):.2f} x plain pass (aim {aim:g}), '
                       f'{1e6 * median(ours) / messages:.2f} us a message, '
                       f'{median(peaks):.0f} MB', flush=True)
+                if (storage, compression) == ('mcap', '') and messages < options.messages:
+                    base, _ = measured([*plain, '--records'])
+                    print(f'{name:12} {messages:>10} messages: record by record {base:.2f} s, of '
+                          f'which imu_allan takes {median(ours) / base:.3f}', flush=True)
                 shutil.rmtree(bag)
             small, large = memory.values()
             print(f'{name:12} memory at eight times the length: {large / small:.2f} times')

@@ -80,7 +80,7 @@ def measure(kind: str, rate: float, seconds: float) -> float:
             [sys.executable, *arguments.get(kind, [__file__, '--as', kind])],
             env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            imu.wait_for_subscription()
+            imu.wait_for_subscription(subscriber)
             imu.publish(WARM_UP_S)
             before = cpu_seconds(subscriber.pid)
             published = imu.publish(seconds)
@@ -116,9 +116,11 @@ class Publisher:
         self._node.destroy_node()
         rclpy.shutdown()
 
-    def wait_for_subscription(self) -> None:
+    def wait_for_subscription(self, subscriber: 'subprocess.Popen[bytes]') -> None:
         """Return when the subscriber is matched."""
         while not self._publisher.get_subscription_count():
+            if subscriber.poll() is not None:
+                raise SystemExit(f'the subscriber ended with status {subscriber.returncode}')
             time.sleep(0.02)
 
     def publish(self, seconds: float) -> int:

@@ -62,7 +62,7 @@ QUEUE_S = 2.5
 """The queue holds so many seconds of samples at the expected rate."""
 QUEUE_MESSAGES = 10_000
 """The queue holds at least so many messages: 2 s of an IMU at 5 kHz."""
-TICK_S = 0.1
+TICK_S = 0.2
 FEED_S = 0.5
 SILENCE_S = 5.0
 
