@@ -3,25 +3,21 @@
 """
 Motion and knocks: found against the axis's own noise, and left out.
 
-Half-second windows are compared with the windows before them by three statistics: the power within
-parts of 20 ms, that of the differences of their means, and the second difference of window means.
-These keep noise of every term stationary and nearly Gaussian however far it drifts, so thresholds
-follow from the median and the spread of the past and need no tuning to rate, noise level,
-quantization or steady vibration. A last test knows physics: no
-sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2 within two seconds, unless its white noise
-does it.
+Half-second windows are compared with the windows before them, in the terms of
+`imu_allan.timeline.rest`. A last test knows physics: no sensor at rest changes its mean by 3 deg/s
+or 0.5 m/s^2 within two seconds, unless its white noise does it.
 """
 
 from collections.abc import Mapping
 from copy import copy as shallow_copy
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 import json
 from math import sqrt
 from typing import Any
 
 from imu_allan.block import EvenBlock
+from imu_allan.timeline.rest import Baseline, baseline_of, describe, resolution_of, settle
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,14 +34,10 @@ _MARGIN = 2
 _LAGS = (1, 4)
 _LONGEST_LAG_S = 6.0
 _CONTEXT = _MARGIN + max(_LAGS) + 1
-_QUIET_PERCENT = 12.5
 _REMEMBERED = 512
 _REFRESH = 256
 _PERSISTENT = 128
 _PERSISTENT_SHARE = 0.25
-_SIGMAS = 8.0
-_LEAST_EXCESS = 0.35
-_DITHER = 0.75
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
 _PLAUSIBLE_SIGMAS = 10.0
 _ADOPTED_RATIO = 3.0
@@ -87,161 +79,6 @@ class EvenPiece:
     def block(self) -> EvenBlock:
         """Give all rows."""
         return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run)
-
-
-@dataclass(frozen=True)
-class Baseline:
-    """
-    What the windows of a sensor at rest look like.
-
-    Attributes
-    ----------
-    loudness, spread : ndarray, shape (12,)
-        Median and robust standard deviation of the loudness of a window, as `describe` gives it.
-    wander : ndarray, shape (6,)
-        Robust standard deviation of the second difference of window means.
-    resolution : ndarray, shape (6,)
-        Smallest change between two samples that was seen; infinite while constant.
-
-    """
-
-    loudness: Floats
-    spread: Floats
-    wander: Floats
-    resolution: Floats
-
-    def loudest(self, shorter: float = 1.0) -> Floats:
-        """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
-        excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
-                            _LEAST_EXCESS * self.loudness)
-        stepping = np.cbrt(_DITHER * self._steps() ** 2)
-        loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
-        return loudest
-
-    @cached_property
-    def limits(self) -> tuple[Floats, Floats]:
-        """Largest loudness of a whole window, and largest second difference of means, at rest."""
-        return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
-
-    def _steps(self) -> Floats:
-        """Resolution where the noise does not dither it: there whole steps are no motion."""
-        coarse = self.loudness[:6] ** 1.5 < 0.7 * self.resolution
-        return np.where(coarse, self.resolution, 0.0)
-
-
-def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
-    """
-    Find the windows at rest, starting from the quietest.
-
-    Parameters
-    ----------
-    loudness : ndarray, shape (n, 12)
-        As `describe` gives it.
-    wander : ndarray, shape (n, 6)
-        Second difference of window means, NaN at the ends of a stretch.
-    resolution : ndarray, shape (6,)
-        Smallest change between two samples.
-
-    Returns
-    -------
-    Baseline
-        From the windows at rest.
-    ndarray of bool, shape (n,)
-        Which they are: the set grows from the quietest eighth as far as the distribution of
-        loudness has no hole of many standard deviations.
-
-    """
-    quiet = np.percentile(loudness, _QUIET_PERCENT, axis=0)
-    noisy = quiet > 0
-    if noisy.any():
-        louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
-        rest = louder <= np.percentile(louder, _QUIET_PERCENT)
-    else:
-        rest = np.ones(len(loudness), dtype=bool)
-    for _ in range(50):
-        baseline = _baseline(loudness[rest], wander[rest], resolution)
-        grown = np.all(loudness <= baseline.loudest(), axis=1)
-        if np.array_equal(grown, rest):
-            break
-        rest = grown
-    return baseline, rest
-
-
-def _baseline(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
-    centre = np.median(loudness, axis=0)
-    spread = 1.4826 * np.median(np.abs(loudness - centre), axis=0)
-    known = wander[~np.isnan(wander[:, 0])]
-    wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
-            else np.full(6, np.inf))
-    return Baseline(centre, spread, wide, resolution)
-
-
-def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
-    """
-    Mean and loudness of windows.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (windows, size, 6)
-        Even samples; NaN columns of absent axes are taken for zero.
-    part : int
-        Samples in a part of a window.
-
-    Returns
-    -------
-    means : ndarray, shape (windows, 6)
-        Mean of each axis.
-    loudness : ndarray, shape (windows, 12)
-        Cube root of the variance within parts (six axes), and of that of their means as the
-        differences of neighbouring ones tell it. A cube root makes a chi-square nearly normal
-        whatever its degrees of freedom.
-
-    """
-    windows, size, _ = rows.shape
-    power = np.zeros((windows, 12))
-    parts = size // part
-    if part == 1 or parts < 2:
-        steps = rows[:, 1:] - rows[:, :-1]
-        power[:, :6] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / max(size - 1, 1))
-        power[:, 6:] = power[:, :6]
-        means = rows.mean(axis=1)
-    else:
-        split = rows[:, :parts * part].reshape(windows * parts, part, 6)
-        # Short sums are faster row by row than as many small products.
-        sums = (sum(split[:, row] for row in range(1, part)) + split[:, 0] if part <= 8
-                else np.matmul(np.ones(part), split))
-        sums /= part
-        within = (split - sums[:, None]).reshape(windows, parts * part, 6)
-        power[:, :6] = np.einsum('kpi,kpi->ki', within, within) / (parts * (part - 1))
-        coarse = sums.reshape(windows, parts, 6)
-        means = coarse.mean(axis=1)
-        steps = coarse[:, 1:] - coarse[:, :-1]
-        power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / (parts - 1))
-    if np.isnan(means[-1]).any():
-        np.nan_to_num(means, copy=False)
-        np.nan_to_num(power, copy=False)
-    return means, np.cbrt(power)
-
-
-def resolution_of(samples: Floats) -> Floats:
-    """
-    Smallest change between neighbouring samples, per axis.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n, 6)
-        Even samples.
-
-    Returns
-    -------
-    ndarray, shape (6,)
-        Infinite for an axis that does not change.
-
-    """
-    change = np.abs(np.diff(samples, axis=0))
-    change[change == 0] = np.inf
-    smallest: Floats = np.min(change, axis=0, initial=np.inf)
-    return smallest
 
 
 @dataclass
@@ -592,7 +429,7 @@ class MotionDetector:
         if sum(map(len, self._news)) >= _REFRESH:
             self._past = np.concatenate([self._past, *self._news])[-_REMEMBERED:]
             self._news = []
-            self._adopt(_baseline(self._past[:, :12], self._past[:, 12:],
+            self._adopt(baseline_of(self._past[:, :12], self._past[:, 12:],
                                   self._baseline.resolution), time_s)
         if len(self._lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)

@@ -36,6 +36,7 @@ from imu_allan.timeline.grid import (
 )
 from imu_allan.timeline.motion import EvenPiece, MotionDetector, MotionSummary
 from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.pending import Pending, Window
 from imu_allan.timeline.summary import Facts, summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray
@@ -60,17 +61,6 @@ _SPARSE = 16
 _FEWEST_FOR_RATE = 64
 _NONE = np.empty(0, dtype=np.int64)
 _DEFAULTS = TimelineOptions()
-
-
-@dataclass(frozen=True)
-class _Window:
-    """Messages as they came; the first `consumed` of them are to be worked off."""
-
-    header: Stamps
-    receive: Stamps
-    samples: Floats
-    absent: Bools
-    consumed: int
 
 
 @dataclass(frozen=True)
@@ -106,8 +96,7 @@ class TimelineStage:
 
     def __init__(self, options: TimelineOptions = _DEFAULTS) -> None:
         self._options = options
-        self._pending: list[ImuBlock] = []
-        self._pending_messages = 0
+        self._pending = Pending()
         self._ready: list[EvenBlock] = []
         self._tail = np.empty((0, 6))
         self._facts = Facts()
@@ -134,9 +123,8 @@ class TimelineStage:
                 return blocks
             facts.frame_id = block.frame_id
         self._pending.append(block)
-        self._pending_messages += n
-        while self._pending_messages >= WINDOW:
-            blocks += self._work_off(self._window(WINDOW, WINDOW - LOOK_AHEAD))
+        while len(self._pending) >= WINDOW:
+            blocks += self._work_off(self._pending.take(WINDOW, WINDOW - LOOK_AHEAD))
         return blocks
 
     def flush(self) -> list[EvenBlock]:
@@ -162,7 +150,7 @@ class TimelineStage:
     def copy(self) -> 'TimelineStage':
         """Give an independent copy; arrays are shared, for they are never written to."""
         twin = TimelineStage(self._options)
-        twin._pending, twin._pending_messages = list(self._pending), self._pending_messages
+        twin._pending = self._pending.copy()
         twin._ready, twin._tail = list(self._ready), self._tail
         twin._facts = self._facts.copy()
         twin._motion = self._motion.copy() if self._motion is not None else None
@@ -170,7 +158,7 @@ class TimelineStage:
 
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Everything needed to go on later, as a flat dict of arrays."""
-        window = self._joined(self._pending_messages)
+        window = self._pending.look(len(self._pending))
         text = json.dumps({'options': asdict(self._options), 'facts': vars(self._facts)})
         state = {'facts': np.array(text), 'header_ns': window.header,
                  'receive_ns': window.receive, 'samples': window.samples,
@@ -197,12 +185,11 @@ class TimelineStage:
             samples = np.asarray(state['samples'], dtype=np.float64).reshape(-1, 6)
             n = len(samples)
             if n:
-                stage._pending = [ImuBlock(
+                stage._pending.append(ImuBlock(
                     np.asarray(state['header_ns'], dtype=np.int64).reshape(n),
                     np.asarray(state['receive_ns'], dtype=np.int64).reshape(n),
                     samples, np.asarray(state['absent'], dtype=bool).reshape(n, 2),
-                    stage._facts.frame_id or '')]
-            stage._pending_messages = n
+                    stage._facts.frame_id or ''))
             stage._tail = np.asarray(state['tail'], dtype=np.float64).reshape(-1, 6)
             if 'motion' in state:
                 stage._motion = MotionDetector.from_state(state)
@@ -213,14 +200,14 @@ class TimelineStage:
     def summary(self) -> TimelineSummary:
         """Tell what was seen of every message so far, those still held back included."""
         stage = self
-        if self._pending_messages or (self._motion is not None and self._motion.holds_back):
+        if self._pending or (self._motion is not None and self._motion.holds_back):
             stage = self.copy()
             try:
                 stage.flush()
             except ImuAllanError:
                 stage = self
         motion = stage._motion.summary if stage._motion is not None else MotionSummary()
-        return summarize(stage._facts, self._options, motion, stage._pending_messages)
+        return summarize(stage._facts, self._options, motion, len(stage._pending))
 
     def _reject_frame(self, frame_id: str, messages: int) -> None:
         facts = self._facts
@@ -230,55 +217,18 @@ class TimelineStage:
         name = frame_id if known else '...'
         facts.other_frames[name] = facts.other_frames.get(name, 0) + messages
 
-    def _joined(self, n: int) -> _Window:
-        """Give the first `n` pending messages."""
-        # The last block may be far larger than what is still needed of it.
-        blocks: list[tuple[ImuBlock, int]] = []
-        have = 0
-        for block in self._pending:
-            blocks.append((block, min(len(block), n - have)))
-            have += len(block)
-            if have >= n:
-                break
-        if len(blocks) == 1:
-            block = blocks[0][0]
-            return _Window(block.header_ns[:n], block.receive_ns[:n], block.samples[:n],
-                           block.absent[:n], n)
-        stamps: list[Stamps] = [np.empty(0, dtype=np.int64)]
-        return _Window(
-            np.concatenate(stamps + [block.header_ns[:part] for block, part in blocks]),
-            np.concatenate(stamps + [block.receive_ns[:part] for block, part in blocks]),
-            np.concatenate([np.empty((0, 6)), *(b.samples[:part] for b, part in blocks)]),
-            np.concatenate([np.empty((0, 2), bool), *(b.absent[:part] for b, part in blocks)]), n)
-
-    def _window(self, n: int, consumed: int) -> _Window:
-        """Give the first `n` pending messages and let go of `consumed` of them."""
-        window = self._joined(n)
-        left, whole = consumed, 0
-        while left and len(self._pending[whole]) <= left:
-            left -= len(self._pending[whole])
-            whole += 1
-        del self._pending[:whole]
-        if left:
-            block = self._pending[0]
-            self._pending[0] = ImuBlock(block.header_ns[left:], block.receive_ns[left:],
-                                        block.samples[left:], block.absent[left:],
-                                        block.frame_id)
-        self._pending_messages -= consumed
-        return _Window(window.header, window.receive, window.samples, window.absent, consumed)
-
     def _work_off_pending(self) -> list[EvenBlock]:
         blocks, self._ready = self._ready, []
-        if self._pending_messages:
-            n = self._pending_messages
-            blocks += self._work_off(self._window(n, n))
+        if self._pending:
+            n = len(self._pending)
+            blocks += self._work_off(self._pending.take(n, n))
         return blocks
 
-    def _work_off(self, window: _Window) -> list[EvenBlock]:
+    def _work_off(self, window: Window) -> list[EvenBlock]:
         facts = self._facts
         if facts.clock is not None and self._is_even(window):
             return self._put_even(window)
-        window = _Window(bounded(window.header), bounded(window.receive), window.samples,
+        window = Window(bounded(window.header), bounded(window.receive), window.samples,
                          window.absent, window.consumed)
         if facts.clock is None:
             self._decide(window)
@@ -307,7 +257,7 @@ class TimelineStage:
             rows = np.flatnonzero(~(unusable | twice))
         return self._order(window, stamps, other, rows)
 
-    def _is_even(self, window: _Window) -> bool:
+    def _is_even(self, window: Window) -> bool:
         """Tell whether nothing at all is wrong with the messages, as is usual."""
         facts = self._facts
         if (facts.last_ns is None or facts.fresh_run or facts.other_rate or facts.counting
@@ -324,7 +274,7 @@ class TimelineStage:
             and abs(int(stamps[c - 1]) - facts.last_ns - c * interval) < 4 * interval
             and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST)
 
-    def _put_even(self, window: _Window) -> list[EvenBlock]:
+    def _put_even(self, window: Window) -> list[EvenBlock]:
         """Put messages without any fault on the grid."""
         facts, c = self._facts, window.consumed
         stamps, other = self._stamps(window)
@@ -350,7 +300,7 @@ class TimelineStage:
         messages = _Messages(stamps, other, window.samples, c)
         return self._advance(messages, [piece], late, passed, c, passed, c)
 
-    def _decide(self, window: _Window) -> None:
+    def _decide(self, window: Window) -> None:
         """Choose clock, axes and pace from the first messages."""
         facts, options = self._facts, self._options
         samples = window.samples
@@ -408,7 +358,7 @@ class TimelineStage:
         facts.interval_ns, facts.spread, facts.counting = (
             pace.interval_ns, pace.spread, pace.counting)
 
-    def _choose_clock(self, window: _Window) -> None:
+    def _choose_clock(self, window: Window) -> None:
         facts, options = self._facts, self._options
         repeats = _repeats(window.samples)
         quality = {'header': judge_clock(window.header, repeats, bursts=False),
@@ -430,7 +380,7 @@ class TimelineStage:
                 'and missing ones cannot be seen')
         facts.clock = choice
 
-    def _doubt_header(self, window: _Window) -> None:
+    def _doubt_header(self, window: Window) -> None:
         """Go on by receive stamps where header stamps have become unusable."""
         facts = self._facts
         repeats = _repeats(window.samples)
@@ -445,7 +395,7 @@ class TimelineStage:
             f'header stamps are {header.flaw} from about {facts.elapsed_ns / SECOND:.6g} s on: '
             'receive stamps are used from there')
 
-    def _stamps(self, window: _Window) -> tuple[Stamps, Stamps]:
+    def _stamps(self, window: Window) -> tuple[Stamps, Stamps]:
         """Stamps of the chosen clock, and of the other one."""
         facts = self._facts
         if facts.counted_only:
@@ -456,7 +406,7 @@ class TimelineStage:
             return window.header, window.receive
         return window.receive, window.header
 
-    def _twice(self, window: _Window, stamps: Stamps) -> Bools | None:
+    def _twice(self, window: Window, stamps: Stamps) -> Bools | None:
         """Messages that came twice, by a clock on which different messages share stamps."""
         facts = self._facts
         if facts.counted_only:
@@ -473,7 +423,7 @@ class TimelineStage:
                        and bool(np.array_equal(window.samples[0], self._tail[-1])))
         return same if same.any() else None
 
-    def _unusable(self, window: _Window) -> Bools | None:
+    def _unusable(self, window: Window) -> Bools | None:
         """Messages with NaN, infinite or absurd values, or with fields declared absent."""
         samples = window.samples
         present = np.array(self._facts.present)
@@ -489,7 +439,7 @@ class TimelineStage:
                 bad = wild if bad is None else bad | wild
         return bad
 
-    def _order(self, window: _Window, stamps: Stamps, other: Stamps,
+    def _order(self, window: Window, stamps: Stamps, other: Stamps,
                rows: Ints | None) -> list[EvenBlock]:
         """Order the usable messages and split them where the clock jumps."""
         facts, c = self._facts, window.consumed

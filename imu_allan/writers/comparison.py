@@ -18,7 +18,7 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.noise.units import engineering
 from imu_allan.result import Coefficient, Result
-from imu_allan.writers.plot import (
+from imu_allan.writers.panels import (
     COLOURS,
     draw_curve,
     empty_figure,

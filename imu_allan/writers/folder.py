@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.plot import FORMATS, overview_figure, render, sensor_figure, sensors_of
+from imu_allan.writers.panels import sensors_of
+from imu_allan.writers.plot import FORMATS, overview_figure, render, sensor_figure
 from imu_allan.writers.result_file import save_curves, save_result
 
 if TYPE_CHECKING:

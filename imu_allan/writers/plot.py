@@ -3,53 +3,45 @@
 """
 Figures of a result: Allan deviation, power spectral density, and what was left out when.
 
-Drawn with matplotlib's object interface, without pyplot and without a display. The three axes have
-colours that stay apart in colour-blind vision and markers that stay apart in print; every curve
-is labelled where it ends.
+Every figure is one sheet, put together from the parts in `imu_allan.writers.panels`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 import io
-from math import inf
-from typing import Any, Literal, TYPE_CHECKING
+from typing import TYPE_CHECKING
 import warnings
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.noise import spectrum
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, Term, TERMS
+from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.noise.units import engineering, typeset
-from imu_allan.result import AxisResult, GaussMarkov, Result, Timeline
+from imu_allan.result import AxisResult, Result
+from imu_allan.writers.panels import (
+    axes_of,
+    COLOURS,
+    density_limits,
+    draw_curve,
+    draw_density,
+    draw_terms,
+    draw_timeline,
+    empty_figure,
+    frame_allan,
+    frame_density,
+    label_ends,
+    limits_of,
+    MARKERS,
+    plot_style,
+    SENSORS,
+    sensors_of,
+    shorten,
+    Theme,
+)
 from imu_allan.writers.table import duration, number
-import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
-Theme = Literal['light', 'dark']
-
 FORMATS = ('png', 'svg', 'pdf')
-
-# After Okabe and Ito's palette for colour-blind readers, with a deeper blue: to tritanopes theirs
-# is close to the green.
-COLOURS: dict[Theme, dict[str, str]] = {
-    'light': {'x': '#d55e00', 'y': '#009e73', 'z': '#2340a0', 'ink': '#1a1a1a', 'soft': '#6b6b6b',
-              'grid': '#e3e3e3', 'paper': '#ffffff', 'gap': '#8c8c8c', 'motion': '#e69f00',
-              'good': '#eef3f7'},
-    'dark': {'x': '#ff8c42', 'y': '#4fe3b4', 'z': '#5a8cf0', 'ink': '#ececec', 'soft': '#a5a5a5',
-             'grid': '#333840', 'paper': '#16181c', 'gap': '#8c8c8c', 'motion': '#e69f00',
-             'good': '#232a33'},
-}
-_MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
-_DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
-                           'bias_instability': (0, (8, 2, 1, 2)),
-                           'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
-_SLOPES = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
-_SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
-_SAMPLE_NAMES = {'gyro': 'angular rate', 'accel': 'acceleration'}
 
 
 def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
@@ -81,9 +73,9 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
                         sensor, axes, theme)
             panel = figure.add_axes((left + 0.135 * width, 0.205, 0.735 * width, 0.495))
             for name, axis in axes.items():
-                draw_curve(panel, axis, COLOURS[theme][name[-1]], _MARKERS[name[-1]])
+                draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]])
             frame_allan(panel, sensor, limits_of(axes.values()))
-            _label_ends(panel, axes, theme)
+            label_ends(panel, axes, theme)
         draw_timeline(figure.add_axes((0.02, 0.072, 0.96, 0.03)), result.timeline, theme)
         return figure
 
@@ -117,11 +109,11 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
         figure = empty_figure(5.2 * len(axes) + 0.6, 10.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.885, bottom=0.145, wspace=0.09, hspace=0.2)
-        _write_heading(figure, result, theme, _SENSORS[sensor])
+        _write_heading(figure, result, theme, SENSORS[sensor])
         limits = limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
         for column, (name, axis) in enumerate(axes.items()):
-            colour, marker = COLOURS[theme][name[-1]], _MARKERS[name[-1]]
+            colour, marker = COLOURS[theme][name[-1]], MARKERS[name[-1]]
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
             frame_allan(allan, sensor, limits, **ends)
@@ -131,7 +123,7 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
             density = figure.add_subplot(grid[1, column], sharey=first[1])
             draw_density(density, axis, result.timeline, colour, theme)
             frame_density(density, sensor, **ends)
-            density.set_ylim(*_density_limits(axes.values(), result.timeline))
+            density.set_ylim(*density_limits(axes.values(), result.timeline))
             first = [first[0] or allan, first[1] or density]
         draw_timeline(figure.add_axes((0.062, 0.055, 0.873, 0.022)), result.timeline, theme)
         return figure
@@ -164,272 +156,13 @@ def render(figure: 'Figure', format: str = 'png',  # noqa: A002
     return content.getvalue()
 
 
-def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o') -> None:
-    """Draw the Allan deviation with its 68 % and 95 % bands and the fitted model."""
-    curve = axis.curve
-    tau, adev = np.array(curve.tau_s), np.array(curve.adev)
-    seen = adev > 0
-    if not seen.any():
-        panel.text(0.5, 0.5, 'constant signal:\nAllan deviation 0', ha='center', va='center',
-                   transform=panel.transAxes, color=colour)
-        return
-    for band, strength in ((curve.ci95, 0.16), (curve.ci68, 0.3)):
-        low, high = np.array(band).T
-        panel.fill_between(tau[seen], np.maximum(low, adev * 1e-3)[seen], high[seen],
-                           color=colour, alpha=strength, linewidth=0, zorder=2)
-    model = np.array(curve.model_adev)
-    fitted = model > 0
-    panel.plot(tau[fitted], model[fitted], color=colour, linewidth=1.3, zorder=3)
-    panel.plot(tau[seen], adev[seen], marker, color=colour, markersize=4.2, zorder=4,
-               markeredgecolor=panel.get_facecolor(), markeredgewidth=0.5)
-
-
-def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
-               truth: Mapping[str, float] | None = None) -> None:
-    """
-    Draw each observable term's own line, its slope, and a ring where its coefficient is read.
-
-    Parameters
-    ----------
-    panel : matplotlib.axes.Axes
-        With its limits set.
-    axis : AxisResult
-        Whose terms.
-    theme : 'light' or 'dark'
-        Colours of the paper.
-    truth : mapping of term key to float, optional
-        Draw these coefficients (SI) instead of the estimated ones.
-
-    """
-    ink, paper = COLOURS[theme]['ink'], COLOURS[theme]['paper']
-    curve = axis.curve
-    if not curve.tau_s:
-        return
-    tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
-    shown = coefficients_of(axis) if truth is None else dict(truth)
-    low, high = panel.get_ylim()
-    places = dict(_LABEL_PLACES)
-    if {'quantization_noise', 'noise_density'} <= set(shown):
-        # Their rings are neighbours: Q, the steeper, gets the room above the curve.
-        places.update(quantization_noise=(18, 26), noise_density=(-14, -24))
-    if axis.gauss_markov is not None and truth is None:
-        _draw_gauss_markov(panel, axis, axis.gauss_markov, tau, theme)
-    for key, value in shown.items():
-        term = TERMS[key]
-        line = term.adev(value, tau)
-        inside = (line > low) & (line < high)
-        if value == 0 or not inside.any():
-            continue
-        panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
-                   linestyle=_DASHES[key], zorder=2.5)
-        converted, unit = engineering(abs(value), axis.coefficients[key].unit)
-        label = f'{term.symbol} = {number(converted)} {typeset(unit)}\n'
-        at = _reading_point(term, shown, tau)
-        height = float(term.adev(value, at))
-        ringed = tau[0] <= at <= tau[-1] and low < height < high
-        if ringed:
-            label += f'slope {_SLOPES[term.slope]}, '
-            label += f'read at {READ_AT[key]}' if term.read_at else f'at {FLICKER_FLOOR:.3f} B'
-            panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
-                       markeredgecolor=ink, markeredgewidth=1.2, zorder=8)
-        else:
-            label += f'slope {_SLOPES[term.slope]}'
-            place = int(inside.sum()) * 2 // 5
-            at, height = float(tau[inside][place]), float(line[inside][place])
-        share = float(np.log(at / tau[0]) / np.log(tau[-1] / tau[0]))
-        turned = share > (0.6 if ringed else 0.8)
-        right, up = places[key] if ringed else (16, -10)
-        panel.annotate(
-            label, (at, height), xytext=(-abs(right) if turned else right, up),
-            textcoords='offset points', fontsize=7.5, color=ink, va='center', zorder=7,
-            ha='right' if right < 0 or turned else 'left',
-            bbox={'boxstyle': 'round,pad=0.15', 'facecolor': paper, 'edgecolor': 'none',
-                  'alpha': 0.85},
-            arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,
-                        'shrinkB': 4})
-
-
-def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, tau: Array,
-                       theme: Theme) -> None:
-    """Draw the bump of a correlated process and name it at its top."""
-    line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau))
-    low, high = panel.get_ylim()
-    inside = (line > low) & (line < high)
-    if not inside.any():
-        return
-    panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
-               linestyle=(0, (6, 1)), zorder=2.5)
-    sigma, unit = engineering(process.sigma, axis.unit)
-    top = int(np.argmax(np.where(inside, line, 0.0)))
-    panel.annotate(
-        f'Gauss-Markov, {number(sigma)} {typeset(unit)}\n'
-        f'correlated over {duration(process.correlation_time_s)}', (tau[top], line[top]),
-        xytext=(-14, 24), textcoords='offset points', fontsize=7.5, ha='right', va='center',
-        color=COLOURS[theme]['ink'], zorder=7,
-        bbox={'boxstyle': 'round,pad=0.15', 'edgecolor': 'none', 'alpha': 0.85,
-              'facecolor': COLOURS[theme]['paper']},
-        arrowprops={'arrowstyle': '-', 'color': COLOURS[theme]['ink'], 'linewidth': 0.6,
-                    'shrinkA': 0, 'shrinkB': 2})
-
-
-READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
-           'rate_ramp': '√2 s'}
-_LABEL_PLACES = {'quantization_noise': (-12, -22), 'noise_density': (18, 26),
-                 'bias_instability': (12, -26), 'rate_random_walk': (14, -16),
-                 'rate_ramp': (14, -10)}
-
-
-def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str,
-                 theme: Theme = 'light') -> None:
-    """
-    Draw the two-sided power spectral density: measured where given, the model's, and the tones.
-
-    Parameters
-    ----------
-    panel : matplotlib.axes.Axes
-        Where to draw.
-    axis : AxisResult
-        Whose density.
-    timeline : Timeline
-        Gives the sample rate and the lowest frequency.
-    colour : str
-        Colour of the axis.
-    theme : 'light' or 'dark'
-        Colours of the paper.
-
-    """
-    rate = timeline.sample_rate_hz
-    if rate is None or timeline.duration_s <= 0:
-        return
-    if axis.spectrum is not None:
-        frequency, power = np.array(axis.spectrum.frequency_hz), np.array(axis.spectrum.psd)
-        seen = power > 0
-        panel.plot(frequency[seen], power[seen], color=colour, linewidth=1.0, alpha=0.75,
-                   drawstyle='steps-mid', zorder=2)
-    frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 300)
-    model = model_density(axis, frequency, rate)
-    fitted = model > 0
-    panel.plot(frequency[fitted], model[fitted],
-               color=COLOURS[theme]['ink'] if axis.spectrum is not None else colour,
-               linewidth=1.3, zorder=3)
-    soft = COLOURS[theme]['soft']
-    for key, value in coefficients_of(axis).items():
-        own = model_density(axis, frequency, rate, {key: value})
-        inside = own > model[fitted].min(initial=inf) * 0.3
-        panel.plot(frequency[inside], own[inside], color=soft, linewidth=0.9,
-                   linestyle=_DASHES[key], zorder=2.5)
-    for place, tone in enumerate(axis.tones[:8]):
-        panel.axvline(tone.frequency_hz, color=soft, linewidth=0.8, alpha=0.7, zorder=1)
-        if place < 3:
-            panel.annotate(f'tone {tone.frequency_hz:.4g} Hz', (tone.frequency_hz, 1),
-                           xycoords=('data', 'axes fraction'), xytext=(-2, -3 - 38 * place),
-                           textcoords='offset points', rotation=90, ha='right', va='top',
-                           fontsize=7, color=soft)
-
-
-def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
-                  coefficients: Mapping[str, float] | None = None) -> Array:
-    """
-    Two-sided power spectral density of the samples under the fitted model.
-
-    Parameters
-    ----------
-    axis : AxisResult
-        Whose model.
-    frequency_hz : ndarray, shape (n,)
-        Above zero, up to half of `sample_rate_hz`.
-    sample_rate_hz : float
-        Of the samples.
-    coefficients : mapping of term key to float, optional
-        These terms alone (SI) instead of the fitted ones.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In squared sample units per Hz. The ramp is deterministic and has no spectrum.
-
-    """
-    dt = 1 / sample_rate_hz
-    nu = np.asarray(frequency_hz) * dt
-    shapes: dict[str, Callable[[Array, float], Array]] = {
-        'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
-        'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
-    shown = coefficients_of(axis) if coefficients is None else coefficients
-    total = np.zeros(nu.shape)
-    for key, value in shown.items():
-        if key in shapes:
-            total += value**2 * shapes[key](nu, dt) * dt
-    if axis.gauss_markov is not None and coefficients is None:
-        process = axis.gauss_markov
-        total += process.sigma**2 * dt * spectrum.gauss_markov(nu, dt, process.correlation_time_s)
-    return total
-
-
-def coefficients_of(axis: AxisResult) -> dict[str, float]:
-    """Return the observable coefficients of an axis by key, in SI units."""
-    return {key: axis.coefficients[key].value or 0.0 for key in TERMS
-            if axis.coefficients[key].observable}
-
-
-def draw_timeline(panel: 'Axes', timeline: Timeline, theme: Theme = 'light') -> None:
-    """Draw the recording as a strip with its gaps and the motion that was left out."""
-    colours = COLOURS[theme]
-    scale, unit = next(((s, u) for s, u in ((86400, 'days'), (3600, 'h'), (60, 'min'), (1, 's'))
-                        if timeline.duration_s >= 2 * s), (1, 's'))
-    length = max(timeline.duration_s, 1e-9) / scale
-    panel.barh([0], [length], color=colours['good'], height=1, linewidth=0)
-    for spans, colour, hatch in ((timeline.motion, colours['motion'], None),
-                                 (timeline.gaps, colours['ink'], None)):
-        for span in spans[:2000]:
-            # A gap of a second in a day is still one visible line.
-            width = max(span.duration_s / scale, length * 1.5e-3)
-            panel.barh([0], [width], left=[span.start_s / scale], color=colour, height=1,
-                       linewidth=0, hatch=hatch)
-    panel.set_xlim(0, length)
-    panel.set_ylim(-0.5, 0.5)
-    panel.set_yticks([])
-    panel.set_xlabel(f'time [{unit}]', labelpad=1)
-    for side in ('top', 'left', 'right'):
-        panel.spines[side].set_visible(False)
-    parts = [(f'recording of {duration(timeline.duration_s)}', colours['soft'])]
-    for spans, name, colour in ((timeline.motion, 'motion, left out', colours['motion']),
-                                (timeline.gaps, 'gap', colours['ink'])):
-        if spans:
-            total = duration(sum(span.duration_s for span in spans))
-            parts.append((f'■ {len(spans)} × {name} ({total})', colour))
-    write_in_a_row(panel, parts)
-
-
-def write_in_a_row(panel: 'Axes', parts: Sequence[tuple[str, str]]) -> None:
-    """Write coloured texts one after the other above `panel`."""
-    from matplotlib.artist import Artist
-    from matplotlib.offsetbox import AnchoredOffsetbox, HPacker, TextArea
-
-    areas: list[Artist] = [TextArea(text, textprops={'color': colour, 'fontsize': 8,
-                                                     'parse_math': False})
-                           for text, colour in parts]
-    panel.add_artist(AnchoredOffsetbox(
-        'lower left', child=HPacker(children=areas, pad=0, sep=14), frameon=False, pad=0,
-        borderpad=0.2, bbox_to_anchor=(0, 1), bbox_transform=panel.transAxes))
-
-
-def _reading_point(term: Term, shown: Mapping[str, float], tau: Array) -> float:
-    if term.read_at is not None:
-        return term.read_at
-    total = sum((TERMS[key].adev(value, tau) ** 2 for key, value in shown.items()),
-                np.zeros(tau.shape))
-    if np.ptp(total) == 0:
-        return float(np.sqrt(tau[0] * tau[-1]))
-    return float(tau[np.argmin(total)])
-
-
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], theme: Theme) -> None:
     """Draw the coefficients that at least one axis shows, with their intervals."""
     ink, soft = COLOURS[theme]['ink'], COLOURS[theme]['soft']
     panel.axis('off')
     panel.set_xlim(0, 1)
     panel.set_ylim(0, 4.3)
-    panel.text(0, 4.1, _SENSORS[sensor], fontsize=11, fontweight='bold', color=ink, va='center')
+    panel.text(0, 4.1, SENSORS[sensor], fontsize=11, fontweight='bold', color=ink, va='center')
     terms = [term for key, term in TERMS.items()
              if any(axis.coefficients[key].observable for axis in axes.values())]
     for column, term in enumerate(terms):
@@ -456,128 +189,9 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                            color=soft)
     for row, name in enumerate(axes):
         colour = COLOURS[theme][name[-1]]
-        panel.plot([0.012], [2.3 - 0.9 * row], _MARKERS[name[-1]], color=colour, markersize=5)
+        panel.plot([0.012], [2.3 - 0.9 * row], MARKERS[name[-1]], color=colour, markersize=5)
         panel.text(0.035, 2.3 - 0.9 * row, name[-1], color=colour, va='center', fontsize=9.5,
                    fontweight='bold')
-
-
-def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
-    """
-    Lowest and highest Allan deviation to show.
-
-    The curves and their bands as far as they are not absurd; with `rings` also the points where
-    the coefficients are read, unless that would make the curve a small thing at the top.
-    """
-    low, high = inf, 0.0
-    reading = []
-    for axis in axes:
-        for value, band in zip(axis.curve.adev, axis.curve.ci95, strict=True):
-            if value > 0:
-                low = min(low, max(band[0], value / 3))
-                high = max(high, min(band[1], value * 3))
-        reading += [abs(value) for key, value in coefficients_of(axis).items()
-                    if TERMS[key].read_at and value]
-    if high == 0:
-        return 0.1, 10.0
-    if rings:
-        low = min([low, *(value / 1.8 for value in reading if value > low / 60)])
-    return low / 1.6, high * 1.6
-
-
-def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
-                left: bool = True, right: bool = True) -> None:
-    """Set scales, limits and labels of an Allan deviation panel; SI left, engineering right."""
-    panel.set_xscale('log')
-    panel.set_yscale('log')
-    panel.set_ylim(*limits)
-    panel.grid(True, which='major')
-    panel.set_xlabel('averaging time τ [s]')
-    unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
-    _two_units(panel, unit, 1, f'Allan deviation of {_SAMPLE_NAMES[sensor]}', left, right)
-
-
-def _density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:
-    """Lowest and highest density to show: not every dip of a single bin of a periodogram."""
-    low, high = inf, 0.0
-    for axis in axes:
-        if timeline.sample_rate_hz is not None and timeline.duration_s > 0:
-            rate = timeline.sample_rate_hz
-            ends = np.array([min(1 / timeline.duration_s, rate / 4), rate / 2])
-            model = model_density(axis, ends, rate)
-            if (model > 0).all():
-                low, high = min(low, float(model.min())), max(high, float(model.max()))
-        if axis.spectrum is not None:
-            measured = np.array([value for value in axis.spectrum.psd if value > 0])
-            if len(measured):
-                low = min(low, float(np.quantile(measured, 0.1)))
-                high = max(high, float(measured.max()))
-    return (low / 6, high * 3) if high > 0 else (0.1, 10.0)
-
-
-def frame_density(panel: 'Axes', sensor: str, *, left: bool, right: bool) -> None:
-    """Set scales and labels of a spectrum panel; SI left, engineering right."""
-    panel.set_xscale('log')
-    panel.set_yscale('log')
-    panel.grid(True, which='major')
-    panel.set_xlabel('frequency [Hz]')
-    unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
-    _two_units(panel, unit, 2, 'PSD (two-sided)', left, right)
-
-
-def _two_units(panel: 'Axes', unit: str, power: int, title: str, left: bool, right: bool) -> None:
-    factor, other = engineering(1.0, unit)
-    factor **= power
-
-    def written(text: str) -> str:
-        return f'({typeset(text)})²/Hz' if power == 2 else typeset(text)
-
-    if left:
-        panel.set_ylabel(f'{title} [{written(unit)}]')
-    else:
-        panel.tick_params(labelleft=False)
-    if right:
-        second = panel.secondary_yaxis(
-            'right', functions=(lambda v: np.asarray(v) * factor,
-                                lambda v: np.asarray(v) / factor))
-        second.set_ylabel(f'[{written(other)}]')
-
-
-def _label_ends(panel: 'Axes', axes: Mapping[str, AxisResult], theme: Theme) -> None:
-    """Name each curve at its right end, moved apart where two would overlap."""
-    ends = []
-    for name, axis in axes.items():
-        seen = [(t, v) for t, v in zip(axis.curve.tau_s, axis.curve.adev, strict=True) if v > 0]
-        if seen:
-            ends.append((*seen[-1], name))
-    if not ends:
-        return
-    low, high = np.log(panel.get_ylim())
-    apart = 0.055 * (high - low)
-    heights = _spread([float(np.log(value)) for _, value, _ in ends], apart)
-    edge = max(tau for tau, _, _ in ends)
-    start = min(axis.curve.tau_s[0] for axis in axes.values())
-    panel.set_xlim(start / 1.6, edge * 4.0)
-    for (tau, value, name), height in zip(ends, heights, strict=True):
-        panel.annotate(name[-1], (tau, value), xytext=(edge * 2.1, float(np.exp(height))),
-                       color=COLOURS[theme][name[-1]], fontweight='bold', va='center', zorder=8,
-                       arrowprops={'arrowstyle': '-', 'color': COLOURS[theme][name[-1]],
-                                   'linewidth': 0.7, 'shrinkA': 1, 'shrinkB': 3})
-
-
-def _spread(values: list[float], apart: float) -> list[float]:
-    """Return `values` moved so that neighbours in order are at least `apart`."""
-    order = sorted(range(len(values)), key=values.__getitem__)
-    moved = [values[i] for i in order]
-    for _ in range(50):
-        for i in range(len(moved) - 1):
-            lack = apart - (moved[i + 1] - moved[i])
-            if lack > 1e-9:
-                moved[i] -= lack / 2
-                moved[i + 1] += lack / 2
-    result = list(values)
-    for place, i in enumerate(order):
-        result[i] = moved[place]
-    return result
 
 
 def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '') -> None:
@@ -602,51 +216,3 @@ def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '
         # Names from a recording are text, not formulas: a dollar sign is a dollar sign.
         figure.text(0.02, 1 - below / top, text, fontsize=size, color=COLOURS[theme][colour],
                     fontweight=weight, va='center', parse_math=False)
-
-
-def shorten(text: str, longest: int) -> str:
-    """`text`, its middle left out where it is longer than `longest`."""
-    if len(text) <= longest:
-        return text
-    half = (longest - 1) // 2
-    return f'{text[:half]}…{text[-half:]}'
-
-
-def sensors_of(result: Result) -> list[str]:
-    """Return which of gyro and accel the result has."""
-    return [sensor for sensor in _SENSORS if axes_of(result, sensor)]
-
-
-def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
-    """Return the axes of gyro or accel by name, in order."""
-    return {name: result.axes[name] for name in AXES
-            if name.startswith(sensor) and name in result.axes}
-
-
-def empty_figure(width: float, height: float) -> 'Figure':
-    """Return a figure of this size in inches that needs no display."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
-    return figure
-
-
-@contextmanager
-def plot_style(theme: Theme = 'light') -> Iterator[None]:
-    """Fonts, lines and colours of every figure, for as long as the context lasts."""
-    import matplotlib
-
-    colours = COLOURS[theme]
-    with matplotlib.rc_context({
-            'font.family': 'DejaVu Sans', 'font.size': 9, 'axes.labelsize': 9,
-            'axes.titlesize': 10, 'axes.titleweight': 'bold', 'xtick.labelsize': 8,
-            'ytick.labelsize': 8, 'figure.facecolor': colours['paper'],
-            'axes.facecolor': colours['paper'], 'text.color': colours['ink'],
-            'axes.labelcolor': colours['ink'], 'xtick.color': colours['soft'],
-            'ytick.color': colours['soft'], 'axes.edgecolor': colours['soft'],
-            'axes.linewidth': 0.7, 'grid.color': colours['grid'], 'grid.linewidth': 0.7,
-            'axes.axisbelow': True, 'pdf.fonttype': 42, 'svg.fonttype': 'path',
-            'svg.hashsalt': 'imu_allan', 'path.simplify': True}):
-        yield

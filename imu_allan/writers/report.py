@@ -24,7 +24,7 @@ from imu_allan.result import AxisResult, Coefficient, Result, Span
 from imu_allan.version import __version__
 from imu_allan.writers.comparison import compare, Difference, result_colours, shown
 from imu_allan.writers.filters import CONSUMERS, export
-from imu_allan.writers.plot import (
+from imu_allan.writers.panels import (
     axes_of,
     coefficients_of,
     COLOURS,

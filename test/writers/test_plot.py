@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import allan_variance
 from imu_allan.result import Curve, Remark, Source, Span, Spectrum, Timeline
-from imu_allan.writers import plot
+from imu_allan.writers import panels, plot
 import matplotlib
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
@@ -27,7 +27,7 @@ def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, kind, star
 
 @pytest.mark.parametrize('theme', ['light', 'dark'])
 def test_every_sheet_is_drawn_on_light_and_on_dark_paper(result, theme):
-    paper = tuple(round(255 * part) for part in to_rgb(plot.COLOURS[theme]['paper']))
+    paper = tuple(round(255 * part) for part in to_rgb(panels.COLOURS[theme]['paper']))
     for figure in (plot.overview_figure(result, theme),
                    plot.sensor_figure(result, 'accel', theme=theme)):
         image = imread(io.BytesIO(plot.render(figure, 'png', 40)))
@@ -64,7 +64,7 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     panel = figure.axes[0]
     rings = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in panel.lines
              if line.get_markerfacecolor() == 'none']
-    values = plot.coefficients_of(result.axes['gyro_x'])
+    values = panels.coefficients_of(result.axes['gyro_x'])
     assert len(rings) == 3
     assert (1.0, pytest.approx(values['noise_density'])) in rings
     assert (3.0, pytest.approx(values['rate_random_walk'])) in rings
@@ -78,7 +78,7 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
 
 def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):
     axis = make_axis('gyro_x', {'noise_density': 3e-3})
-    density = plot.model_density(axis, np.array([0.01, 1.0, 50.0]), 100.0)
+    density = panels.model_density(axis, np.array([0.01, 1.0, 50.0]), 100.0)
     assert density == pytest.approx([9e-6] * 3)
 
 
@@ -86,7 +86,7 @@ def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):
     axis = make_axis('gyro_x', {'bias_instability': 2e-4, 'rate_random_walk': 1e-5})
     frequency = np.array([1e-3, 1e-2])
     expected = (2e-4)**2 / (2 * np.pi * frequency) + (1e-5)**2 / (2 * np.pi * frequency)**2
-    assert plot.model_density(axis, frequency, 100.0) == pytest.approx(expected, rel=1e-3)
+    assert panels.model_density(axis, frequency, 100.0) == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
@@ -94,7 +94,7 @@ def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
     axis = make_axis('gyro_x', values)
     rate, m = 50.0, 40
     frequency = (np.arange(400_000) + 0.5) / 400_000 * rate / 2
-    density = plot.model_density(axis, frequency, rate)
+    density = panels.model_density(axis, frequency, rate)
     nu = frequency / rate
     kernel = 2 * np.sin(np.pi * m * nu)**4 / (m * np.sin(np.pi * nu))**2
     variance = 2 * np.sum(density * kernel) * (frequency[1] - frequency[0])
@@ -161,7 +161,7 @@ def brightness(colour):
 @pytest.mark.parametrize('theme', ['light', 'dark'])
 def test_every_colour_stands_out_from_its_paper(theme):
     """WCAG 2.1: 3 to 1 for graphics, 4.5 to 1 for text."""
-    colours = plot.COLOURS[theme]
+    colours = panels.COLOURS[theme]
     paper = brightness(colours['paper'])
     for name, least in (('x', 3), ('y', 3), ('z', 3), ('ink', 4.5), ('soft', 4.5)):
         ink = brightness(colours[name])
@@ -195,7 +195,7 @@ VISION = {
 @pytest.mark.parametrize('vision', VISION)
 def test_the_axes_stay_apart_in_colour_blind_vision(theme, vision):
     """A difference of 25 in CIE Lab is ten times what is just noticed."""
-    x, y, z = (cie_lab(np.array(VISION[vision]) @ linear(plot.COLOURS[theme][axis]))
+    x, y, z = (cie_lab(np.array(VISION[vision]) @ linear(panels.COLOURS[theme][axis]))
                for axis in 'xyz')
     assert min(np.linalg.norm(x - y), np.linalg.norm(x - z), np.linalg.norm(y - z)) > 25
 

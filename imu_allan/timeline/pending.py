@@ -1,0 +1,100 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that wait until enough of them have come to be worked off together."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from imu_allan.block import ImuBlock
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Window:
+    """
+    Messages as they came; the first `consumed` of them are to be worked off.
+
+    Attributes
+    ----------
+    header, receive : ndarray of int64, shape (n,)
+        Stamps in nanoseconds.
+    samples : ndarray of float64, shape (n, 6)
+        As in `ImuBlock`.
+    absent : ndarray of bool, shape (n, 2)
+        As in `ImuBlock`.
+    consumed : int
+        The others are seen again in the next window.
+
+    """
+
+    header: Ints
+    receive: Ints
+    samples: NDArray[np.float64]
+    absent: NDArray[np.bool_]
+    consumed: int
+
+
+class Pending:
+    """Messages in the order they came, whatever blocks they came in."""
+
+    def __init__(self) -> None:
+        self._blocks: list[ImuBlock] = []
+        self._messages = 0
+
+    def __len__(self) -> int:
+        """Messages that wait."""
+        return self._messages
+
+    def append(self, block: ImuBlock) -> None:
+        """Let the messages of a block wait behind the others."""
+        self._blocks.append(block)
+        self._messages += len(block)
+
+    def copy(self) -> 'Pending':
+        """Give an independent copy; arrays are shared, for they are never written to."""
+        twin = Pending()
+        twin._blocks, twin._messages = list(self._blocks), self._messages
+        return twin
+
+    def look(self, n: int) -> Window:
+        """Give the first `n` messages; they go on waiting."""
+        # The last block may be far larger than what is still needed of it.
+        parts = list(self._first(n))
+        if len(parts) == 1:
+            block = parts[0][0]
+            return Window(block.header_ns[:n], block.receive_ns[:n], block.samples[:n],
+                          block.absent[:n], n)
+        stamps: list[Ints] = [np.empty(0, dtype=np.int64)]
+        return Window(
+            np.concatenate(stamps + [block.header_ns[:part] for block, part in parts]),
+            np.concatenate(stamps + [block.receive_ns[:part] for block, part in parts]),
+            np.concatenate([np.empty((0, 6)), *(b.samples[:part] for b, part in parts)]),
+            np.concatenate([np.empty((0, 2), bool), *(b.absent[:part] for b, part in parts)]), n)
+
+    def take(self, n: int, consumed: int) -> Window:
+        """Give the first `n` messages and let go of `consumed` of them."""
+        window = self.look(n)
+        left, whole = consumed, 0
+        while left and len(self._blocks[whole]) <= left:
+            left -= len(self._blocks[whole])
+            whole += 1
+        del self._blocks[:whole]
+        if left:
+            block = self._blocks[0]
+            self._blocks[0] = ImuBlock(block.header_ns[left:], block.receive_ns[left:],
+                                       block.samples[left:], block.absent[left:],
+                                       block.frame_id)
+        self._messages -= consumed
+        return Window(window.header, window.receive, window.samples, window.absent, consumed)
+
+    def _first(self, n: int) -> Iterator[tuple[ImuBlock, int]]:
+        """Blocks that hold the first `n` messages, and how many of each these are."""
+        have = 0
+        for block in self._blocks:
+            yield block, min(len(block), n - have)
+            have += len(block)
+            if have >= n:
+                return

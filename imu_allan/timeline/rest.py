@@ -1,0 +1,181 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What windows of a sensor at rest look like.
+
+A window is told by three statistics of each axis: the power within parts of 20 ms, that of the
+differences of their means, and the second difference of window means. These keep noise of every
+term stationary and nearly Gaussian however far it drifts, so thresholds follow from the median and
+the spread of the past and need no tuning to rate, noise level, quantization or steady vibration.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_QUIET_PERCENT = 12.5
+_SIGMAS = 8.0
+_LEAST_EXCESS = 0.35
+_DITHER = 0.75
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """
+    What the windows of a sensor at rest look like.
+
+    Attributes
+    ----------
+    loudness, spread : ndarray, shape (12,)
+        Median and robust standard deviation of the loudness of a window, as `describe` gives it.
+    wander : ndarray, shape (6,)
+        Robust standard deviation of the second difference of window means.
+    resolution : ndarray, shape (6,)
+        Smallest change between two samples that was seen; infinite while constant.
+
+    """
+
+    loudness: Floats
+    spread: Floats
+    wander: Floats
+    resolution: Floats
+
+    def loudest(self, shorter: float = 1.0) -> Floats:
+        """Give the largest loudness at rest; `shorter` is the window over the rows at hand."""
+        excess = np.maximum(_SIGMAS * sqrt(shorter) * self.spread,
+                            _LEAST_EXCESS * self.loudness)
+        stepping = np.cbrt(_DITHER * self._steps() ** 2)
+        loudest: Floats = np.maximum(self.loudness + excess, np.tile(stepping, 2))
+        return loudest
+
+    @cached_property
+    def limits(self) -> tuple[Floats, Floats]:
+        """Largest loudness of a whole window, and largest second difference of means, at rest."""
+        return self.loudest(), np.maximum(_SIGMAS * self.wander, 3 * self._steps())
+
+    def _steps(self) -> Floats:
+        """Resolution where the noise does not dither it: there whole steps are no motion."""
+        coarse = self.loudness[:6] ** 1.5 < 0.7 * self.resolution
+        return np.where(coarse, self.resolution, 0.0)
+
+
+def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseline, Bools]:
+    """
+    Find the windows at rest, starting from the quietest.
+
+    Parameters
+    ----------
+    loudness : ndarray, shape (n, 12)
+        As `describe` gives it.
+    wander : ndarray, shape (n, 6)
+        Second difference of window means, NaN at the ends of a stretch.
+    resolution : ndarray, shape (6,)
+        Smallest change between two samples.
+
+    Returns
+    -------
+    Baseline
+        From the windows at rest.
+    ndarray of bool, shape (n,)
+        Which they are: the set grows from the quietest eighth as far as the distribution of
+        loudness has no hole of many standard deviations.
+
+    """
+    quiet = np.percentile(loudness, _QUIET_PERCENT, axis=0)
+    noisy = quiet > 0
+    if noisy.any():
+        louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
+        rest = louder <= np.percentile(louder, _QUIET_PERCENT)
+    else:
+        rest = np.ones(len(loudness), dtype=bool)
+    for _ in range(50):
+        baseline = baseline_of(loudness[rest], wander[rest], resolution)
+        grown = np.all(loudness <= baseline.loudest(), axis=1)
+        if np.array_equal(grown, rest):
+            break
+        rest = grown
+    return baseline, rest
+
+
+def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
+    """Describe windows at rest; the arguments are those of `settle`."""
+    centre = np.median(loudness, axis=0)
+    spread = 1.4826 * np.median(np.abs(loudness - centre), axis=0)
+    known = wander[~np.isnan(wander[:, 0])]
+    wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
+            else np.full(6, np.inf))
+    return Baseline(centre, spread, wide, resolution)
+
+
+def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
+    """
+    Mean and loudness of windows.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (windows, size, 6)
+        Even samples; NaN columns of absent axes are taken for zero.
+    part : int
+        Samples in a part of a window.
+
+    Returns
+    -------
+    means : ndarray, shape (windows, 6)
+        Mean of each axis.
+    loudness : ndarray, shape (windows, 12)
+        Cube root of the variance within parts (six axes), and of that of their means as the
+        differences of neighbouring ones tell it. A cube root makes a chi-square nearly normal
+        whatever its degrees of freedom.
+
+    """
+    windows, size, _ = rows.shape
+    power = np.zeros((windows, 12))
+    parts = size // part
+    if part == 1 or parts < 2:
+        steps = rows[:, 1:] - rows[:, :-1]
+        power[:, :6] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / max(size - 1, 1))
+        power[:, 6:] = power[:, :6]
+        means = rows.mean(axis=1)
+    else:
+        split = rows[:, :parts * part].reshape(windows * parts, part, 6)
+        # Short sums are faster row by row than as many small products.
+        sums = (sum(split[:, row] for row in range(1, part)) + split[:, 0] if part <= 8
+                else np.matmul(np.ones(part), split))
+        sums /= part
+        within = (split - sums[:, None]).reshape(windows, parts * part, 6)
+        power[:, :6] = np.einsum('kpi,kpi->ki', within, within) / (parts * (part - 1))
+        coarse = sums.reshape(windows, parts, 6)
+        means = coarse.mean(axis=1)
+        steps = coarse[:, 1:] - coarse[:, :-1]
+        power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / (parts - 1))
+    if np.isnan(means[-1]).any():
+        np.nan_to_num(means, copy=False)
+        np.nan_to_num(power, copy=False)
+    return means, np.cbrt(power)
+
+
+def resolution_of(samples: Floats) -> Floats:
+    """
+    Smallest change between neighbouring samples, per axis.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 6)
+        Even samples.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Infinite for an axis that does not change.
+
+    """
+    change = np.abs(np.diff(samples, axis=0))
+    change[change == 0] = np.inf
+    smallest: Floats = np.min(change, axis=0, initial=np.inf)
+    return smallest
