@@ -23,3 +23,11 @@ def printable(text: object) -> str:
     return ''.join(
         character if character.isprintable() else character.encode('unicode_escape').decode()
         for character in str(text))
+
+
+def shorten(text: str, longest: int = 200) -> str:
+    """`text`, its middle left out where it is longer than `longest`."""
+    if len(text) <= longest:
+        return text
+    half = (longest - 1) // 2
+    return f'{text[:half]}…{text[-half:]}'

@@ -14,7 +14,7 @@ import math
 import types
 from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
 
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, shorten
 
 SCHEMA = 'imu_allan.result/1'
 
@@ -220,7 +220,8 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
         return _typed(next(arg for arg in get_args(kind) if arg is not type(None)), value, where)
     if origin is Literal:
         if value not in get_args(kind):
-            raise ImuAllanError(f'{where}: {value!r} is not one of {", ".join(get_args(kind))}')
+            raise ImuAllanError(f'{where}: {shorten(repr(value))} is not one of '
+                                f'{", ".join(get_args(kind))}')
         return value
     if origin is tuple:
         args = get_args(kind)
@@ -236,7 +237,7 @@ def _typed(kind: Any, value: Any, where: str) -> Any:
         if not isinstance(value, Mapping):
             raise ImuAllanError(f'{where}: expected an object')
         item_kind = get_args(kind)[1]
-        return {str(key): _typed(item_kind, item, f'{where}.{key}')
+        return {str(key): _typed(item_kind, item, f'{where}.{shorten(str(key))}')
                 for key, item in value.items()}
     if hasattr(kind, '__dataclass_fields__'):
         if not isinstance(value, Mapping):

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.read_ahead import larger_blocks, read_ahead
 from imu_allan.recordings.reading_process import pays, ReadingProcess
 from imu_allan.result import Remark
@@ -237,4 +237,4 @@ def _list_topics(recording: Recording) -> str:
 
 
 def _shown(name: str) -> str:
-    return printable(name if len(name) <= 200 else f'{name[:200]}...')
+    return printable(shorten(name))

@@ -430,7 +430,7 @@ class MotionDetector:
             self._past = np.concatenate([self._past, *self._news])[-_REMEMBERED:]
             self._news = []
             self._adopt(baseline_of(self._past[:, :12], self._past[:, 12:],
-                                  self._baseline.resolution), time_s)
+                                    self._baseline.resolution), time_s)
         if len(self._lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)
             self._lately = np.concatenate(

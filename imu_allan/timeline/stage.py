@@ -229,7 +229,7 @@ class TimelineStage:
         if facts.clock is not None and self._is_even(window):
             return self._put_even(window)
         window = Window(bounded(window.header), bounded(window.receive), window.samples,
-                         window.absent, window.consumed)
+                        window.absent, window.consumed)
         if facts.clock is None:
             self._decide(window)
         c = window.consumed

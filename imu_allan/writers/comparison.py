@@ -14,7 +14,7 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.noise.units import engineering
 from imu_allan.result import Coefficient, Result
@@ -25,7 +25,6 @@ from imu_allan.writers.panels import (
     frame_allan,
     limits_of,
     plot_style,
-    shorten,
     Theme,
     write_in_a_row,
 )

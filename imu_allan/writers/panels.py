@@ -423,14 +423,6 @@ def _spread(values: list[float], apart: float) -> list[float]:
     return result
 
 
-def shorten(text: str, longest: int) -> str:
-    """`text`, its middle left out where it is longer than `longest`."""
-    if len(text) <= longest:
-        return text
-    half = (longest - 1) // 2
-    return f'{text[:half]}…{text[-half:]}'
-
-
 def sensors_of(result: Result) -> list[str]:
     """Return which of gyro and accel the result has."""
     return [sensor for sensor in SENSORS if axes_of(result, sensor)]

@@ -11,7 +11,7 @@ import io
 from typing import TYPE_CHECKING
 import warnings
 
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.noise.units import engineering, typeset
 from imu_allan.result import AxisResult, Result
@@ -32,7 +32,6 @@ from imu_allan.writers.panels import (
     plot_style,
     SENSORS,
     sensors_of,
-    shorten,
     Theme,
 )
 from imu_allan.writers.table import duration, number

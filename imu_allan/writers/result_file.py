@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import Any, NoReturn
 
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.writers.atomic import write_atomically
@@ -61,12 +61,13 @@ def load_result(path: str | os.PathLike[str]) -> Result:
                             'written by: imu_allan analyze RECORDING --json FILE') from error
     result = Result.from_dict(document, str(path))
     timeline = result.timeline
-    if timeline.sample_rate_hz is not None and not 0 < timeline.sample_rate_hz < _LARGEST:
+    if timeline.sample_rate_hz is not None and not (
+            1 / _LARGEST < timeline.sample_rate_hz < _LARGEST):
         raise ImuAllanError(f'{path}.timeline.sample_rate_hz: expected a number above zero')
     if not 0 <= timeline.duration_s < _LARGEST:
         raise ImuAllanError(f'{path}.timeline.duration_s: expected zero or more seconds')
     for name, axis in result.axes.items():
-        _check_axis(axis, name, f'{path}.axes.{name}')
+        _check_axis(axis, name, f'{path}.axes.{shorten(name)}')
     return result
 
 

@@ -138,3 +138,26 @@ def test_an_absurd_gauss_markov_process_is_drawn_or_refused(
     document['axes']['gyro_x']['gauss_markov'] = {
         'sigma': sigma, 'correlation_time_s': correlation_time_s}
     Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
+
+
+@pytest.mark.parametrize('rate', [5e-324, 1e-200, 2e-60])
+def test_an_absurd_sample_rate_is_drawn_or_refused(tmp_path, rate):
+    # Found by mutation: a quarter of the smallest number there is, is zero.
+    document = RESULT.to_dict()
+    document['timeline']['sample_rate_hz'] = rate
+    Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
+
+
+@pytest.mark.parametrize('place', [('source', 'kind'), ('axes', None)])
+def test_a_very_long_word_does_not_make_a_very_long_line(tmp_path, place):
+    # Found by mutation: what was not understood stood in the message as a whole.
+    document = RESULT.to_dict()
+    word = 'a' * 100_000
+    if place[1] is None:
+        document[place[0]][word] = document[place[0]]['gyro_x']
+    else:
+        document[place[0]][place[1]] = word
+    Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
+    with pytest.raises(ImuAllanError, match='aaa…aaa') as refused:
+        load_result(tmp_path / 'result.json')
+    assert len(str(refused.value)) < 600 + len(str(tmp_path))
