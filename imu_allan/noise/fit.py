@@ -320,6 +320,8 @@ def _estimate(trial: _Trial, column: int) -> Estimate:
         kept = 0.0 if column in trial.fixed else value
         return Estimate(False, kept, 0.0, 0.0, _crossing(rise, value, scale, _UPPER95))
     high = _crossing(rise, value, scale, _CI95)
+    if not np.isfinite(high):
+        return Estimate(False, value, 0.0, 0.0, high)
     low = _crossing(rise, value, -scale, _CI95)
     return Estimate(True, value, low, high, high)
 
@@ -344,7 +346,11 @@ def _spread(trial: _Trial, best: Solution, column: int) -> float:
 
 def _crossing(rise: Callable[[float], float], value: float, scale: float, level: float
               ) -> float:
-    """Find where the likelihood ratio reaches `level`, going from `value` by steps of `scale`."""
+    """
+    Find where the likelihood ratio reaches `level`, going from `value` by steps of `scale`.
+
+    Infinity where it never does, zero on the side of smaller coefficients.
+    """
     root = float(np.sqrt(level))
     inner, inner_height = value, -root
     outer, outer_height = value + root * scale, 0.0
@@ -356,6 +362,8 @@ def _crossing(rise: Callable[[float], float], value: float, scale: float, level:
             break
         inner, inner_height = outer, outer_height
         outer = value + (outer - value) * 1.7 if scale > 0 else value - (value - outer) * 1.4
+    else:
+        return np.inf if scale > 0 else 0.0
     for _ in range(12):
         if abs(outer_height) < 0.01 * root:
             return outer

@@ -271,3 +271,15 @@ def test_a_record_with_a_long_hole_gives_what_its_parts_give():
         found = other[0].coefficients['noise_density']
         assert found.value == pytest.approx(expected.value, rel=.01)
         assert found.ci95[0] < SENSOR['noise_density'] < found.ci95[1]
+
+
+def test_a_run_of_a_few_samples_has_no_spectrum_of_its_own():
+    noise = np.random.default_rng(1).normal(size=(500, 1))
+    alone, followed = Estimator(), Estimator()
+    alone.update(noise)
+    followed.update(noise)
+    followed.start_run()
+    followed.update(noise[:5])
+    [one] = alone.finished().periodogram.pieces()
+    [other] = followed.finished().periodogram.pieces()
+    np.testing.assert_array_equal(one.power, other.power)

@@ -2,8 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What real sensors do to a fit: low-pass, tones, drift, and terms that are not there."""
 
-from imu_allan.noise.axis import characterize
+from dataclasses import replace
+import re
+
+from imu_allan.noise import axis as axis_module, fit as fit_module
+from imu_allan.noise.axis import axis_results, characterize
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.likelihood import bins_of, grouped
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
@@ -185,3 +192,73 @@ def test_strictly_periodic_signal_is_named_as_a_tone(period):
     # Nothing at all stands between its lines.
     axis = characterize(np.arange(100_000) % period * 1.0, RATE)
     assert any(tone.frequency_hz == pytest.approx(RATE / period, abs=0.02) for tone in axis.tones)
+
+
+def remarks_of(samples, rate):
+    estimator = Estimator()
+    estimator.update(samples)
+    [(axis, remarks)] = axis_results(estimator, rate, [AXES['gyro_x']])
+    return axis, {remark.code: remark.message for remark in remarks}
+
+
+def test_steep_low_pass_is_told_with_the_frequency_below_which_the_fit_stands():
+    white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
+    axis, remarks = remarks_of(lfilter(*butter(4, 5, fs=200.0), white), 200.0)
+    edge = float(re.search(r'bent above ([\d.]+) Hz', remarks['band_limited'])[1])
+    assert 0.5 < edge < 5
+    assert near(axis.coefficients['noise_density'], 1e-3)
+
+
+def test_roll_off_seen_only_at_the_edge_of_the_band_is_told_with_its_window():
+    fitted = fit_module.Fit({}, 0.01, None, 0.5, 0.0, True)
+    [remark] = axis_module._fit_remarks(fitted, AXES['gyro_x'])
+    assert remark.code == 'band_limited'
+    assert 'effective window is 0.01 s' in remark.message
+
+
+def test_low_passed_record_too_short_for_a_gauss_markov_process_has_none():
+    white = simulate({'noise_density': 1e-3}, 300, 100.0, seed=1)
+    axis = characterize(lfilter(*butter(4, 0.1), white), 100.0)
+    assert axis.gauss_markov is None
+
+
+@pytest.mark.parametrize(('level', 'scale'), [(3.84, 0.1), (3.84, -0.1), (2.7, 3.0),
+                                              (3.84, -3.0)])
+@pytest.mark.parametrize('power', [1.0, 2.0, 0.5, 3.0])
+def test_interval_ends_where_the_likelihood_ratio_reaches_its_level(level, scale, power):
+    # Steeper and flatter than a parabola, with steps far too short and far too long.
+    def rise(x):
+        return abs(np.log(x)) ** power * 2 if x > 0 else np.inf
+
+    end = fit_module._crossing(rise, 1.0, scale, level)
+    assert (end > 1) == (scale > 0)
+    assert np.sqrt(rise(end)) == pytest.approx(np.sqrt(level), rel=0.011)
+
+
+def test_interval_without_an_end_goes_on_for_ever():
+    assert fit_module._crossing(lambda _: 0.0, 1.0, 0.1, 3.84) == np.inf
+    assert fit_module._crossing(lambda _: 0.0, 1.0, -0.1, 3.84) == 0
+
+
+def test_without_bins_that_know_the_ramp_nothing_is_said_of_it():
+    estimator = Estimator()
+    estimator.update(simulate({'noise_density': 1e-3}, 30_000, 100.0, seed=1))
+    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0)
+    nothing = np.zeros_like(groups.ramp)
+    estimate = fit_module.fit(replace(groups, ramp=nothing, cross=nothing), 0.01).estimates[
+        'rate_ramp']
+    assert not estimate.observable
+    assert np.isnan(estimate.upper)
+
+
+def test_interval_ends_behind_a_leap_of_the_likelihood_ratio():
+    end = fit_module._crossing(lambda x: 100.0 * (x > 2), 1.0, 0.7, 3.84)
+    assert 2 < end < 3
+
+
+def test_coefficient_whose_interval_has_no_end_is_not_observable(monkeypatch):
+    white = simulate({'noise_density': 1e-3}, 3_000, 100.0, seed=1)
+    monkeypatch.setattr(fit_module, '_crossing', lambda *_: np.inf)
+    axis = characterize(white, 100.0)
+    assert not axis.coefficients['noise_density'].observable
+    assert axis.coefficients['noise_density'].upper95 is None

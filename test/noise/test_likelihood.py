@@ -108,3 +108,14 @@ def test_white_noise_of_bridged_samples_is_given_back():
     mended = maximise(grouped(bins_of(pieces, 1.0, share), 0), fixed={QUANTIZATION: 0.0})
     assert abs(np.sqrt(mended.theta[WHITE]) - 1) < abs(np.sqrt(plain.theta[WHITE]) - 1)
     assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)
+
+
+def test_columns_that_cannot_be_told_apart_share_what_they_explain():
+    from imu_allan.noise.likelihood import _non_negative
+
+    column = np.array([1.0, 2.0, 3.0])
+    a = np.column_stack((column, column, [0.0, 0.0, 1.0]))
+    for b in ([1.0, 2.0, 3.0], [1.0, 2.0, 9.0], [-1.0, -2.0, -3.0], [1.0, 2.0, -9.0]):
+        part = _non_negative(a.T @ a, a.T @ np.array(b))
+        assert (part >= 0).all()
+        np.testing.assert_allclose(a @ part, a @ nnls(a, np.array(b))[0], atol=1e-6)
