@@ -60,7 +60,7 @@ test: $(STAMP)
 	$(RUN)/python -m pytest $(PYTEST_ARGS)
 
 test-slow: $(STAMP)
-	$(RUN)/python -m pytest -m slow $(PYTEST_ARGS)
+	$(RUN)/python -m pytest -m slow -o faulthandler_timeout=0 $(PYTEST_ARGS)
 
 coverage: $(STAMP)
 	$(RUN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(PYTEST_ARGS)

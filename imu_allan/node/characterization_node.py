@@ -10,6 +10,7 @@ that the middleware's queue never has to hold more than moments.
 
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil, inf
 from pathlib import Path
@@ -116,6 +117,14 @@ class _Job:
     done: Callable[[Future[Any]], None]
 
 
+@dataclass
+class _NextSave:
+    """The save asked for last; `snapshot` is empty once the worker has begun with it."""
+
+    snapshot: list[Characterization]
+    future: 'Future[list[Path]]'
+
+
 class CharacterizationNode(Node):
     """
     Characterizes the IMU on ``imu/data_raw``.
@@ -158,6 +167,7 @@ class CharacterizationNode(Node):
 
         self._worker = ThreadPoolExecutor(1, 'imu_allan_worker')
         self._jobs: list[_Job] = []
+        self._next_save: _NextSave | None = None
         self._saved_at: float | None = None
         now = time.monotonic()
         self._last_take = self._last_feed = self._last_message = now
@@ -419,11 +429,17 @@ class CharacterizationNode(Node):
     def _start_save(self) -> 'Future[list[Path]]':
         self._feed(time.monotonic())
         snapshot = self._run.characterization.snapshot()
+        if self._next_save is not None:
+            # Whoever asks while a save waits for the worker is served by that one.
+            with suppress(IndexError):
+                self._next_save.snapshot[0] = snapshot
+                return self._next_save.future
+        waiting = [snapshot]
         name, folder = self.get_fully_qualified_name(), self._output_dir
         consumers = [name for name in self._export_for if name]
 
         def save() -> list[Path]:
-            result = snapshot.result()
+            result = waiting.pop().result()
             if not result.axes:
                 raise _NothingToSave('nothing to save: too few usable samples have come from '
                                      f'{self._setup.topic} yet')
@@ -432,7 +448,8 @@ class CharacterizationNode(Node):
         def note(future: 'Future[list[Path]]') -> None:
             self._facts.save_error = self._failure(future)
 
-        return self._start('save', save, note)
+        self._next_save = _NextSave(waiting, self._start('save', save, note))
+        return self._next_save.future
 
     # -- services ------------------------------------------------------------------------------
 

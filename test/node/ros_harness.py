@@ -43,13 +43,14 @@ class Process:
     """A node in a process of its own."""
 
     def __init__(self, program: str, args: list[str], log: Path, env: Mapping[str, str],
-                 polite: bool) -> None:
+                 polite: bool, wrapper: Sequence[str] = ()) -> None:
         self.log_path = log
         self.polite = polite
         start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
         with log.open('wb') as output:
-            self.popen = subprocess.Popen([sys.executable, '-c', start, *args], stdout=output,
-                                          stderr=subprocess.STDOUT, env={**os.environ, **env})
+            self.popen = subprocess.Popen([*wrapper, sys.executable, '-c', start, *args],
+                                          stdout=output, stderr=subprocess.STDOUT,
+                                          env={**os.environ, **env})
 
     @property
     def log(self) -> str:
@@ -107,12 +108,13 @@ class Ros:
               *, remaps: Mapping[str, str] | None = None, files: tuple[Path, ...] = (),
               env: Mapping[str, str] | None = None, namespace: str | None = None,
               best_effort: bool = False, shared_memory: bool = False,
-              prepend_path: Path | None = None) -> Process:
+              prepend_path: Path | None = None, wrapper: Sequence[str] = ()) -> Process:
         """
         Start a node.
 
         Unless `best_effort`, every sample reaches imu_allan_node. With `shared_memory` it has the
-        transports that DDS chooses by default, and is ended in peace.
+        transports that DDS chooses by default, and is ended in peace. A `wrapper` is a command
+        that runs the one that follows it.
         """
         args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
         for file in files:
@@ -136,7 +138,7 @@ class Ros:
         if prepend_path is not None:
             paths = [str(prepend_path), os.environ.get('PYTHONPATH', '')]
             environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
-        process = Process(program, args, log, environment, polite=shared_memory)
+        process = Process(program, args, log, environment, polite=shared_memory, wrapper=wrapper)
         self._processes.append(process)
         return process
 

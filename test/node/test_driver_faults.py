@@ -1,9 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver and its clock do to a node that is running."""
+"""What a driver, its clock and the computer do to a node that is running."""
 
 import json
+import os
 from pathlib import Path
+import subprocess
 import time
 from typing import Any
 
@@ -63,3 +65,24 @@ def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
     assert [remark['code'] for remark in document['warnings']
             if 'clock' in remark['code']] != []
     assert node.running
+
+
+# A mount of its own, so that nobody else's shared memory is full.
+WITHOUT_SHARED_MEMORY = [
+    'unshare', '--mount', '--propagation', 'private', 'sh', '-c',
+    'mount -t tmpfs -o size=16k tmpfs /dev/shm && head -c 16k /dev/zero > /dev/shm/full; '
+    'exec "$@"', 'sh']
+
+
+def test_where_shared_memory_is_full_samples_come_all_the_same(ros: Ros) -> None:
+    if os.geteuid() != 0 or subprocess.run([*WITHOUT_SHARED_MEMORY, 'true'],
+                                           capture_output=True, check=False).returncode:
+        pytest.skip('only root can mount a small /dev/shm')
+    node = ros.start('imu_allan_node', shared_memory=True, wrapper=WITHOUT_SHARED_MEMORY)
+    simulator = ros.start('imu_simulator', {'rate': 1000.0, 'duration': 4.0,
+                                            'wait_for_subscriptions': 1},
+                          shared_memory=True, wrapper=WITHOUT_SHARED_MEMORY)
+    assert simulator.wait() == 0, simulator.log
+    assert saved(ros, 4000)['timeline']['samples'] == 4000
+    assert 'Traceback' not in node.log
+    assert node.stop() == 0

@@ -1,0 +1,189 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Services and parameters in any order and at any pace, while samples come in."""
+
+from collections import Counter
+from itertools import count
+import random
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters
+from ros_harness import Driver, Process, Ros
+from std_srvs.srv import SetBool, Trigger
+
+NAMES = ('publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion', 'clock',
+         'expected_rate', 'gap_tolerance', 'export_for', 'use_sim_time', 'no_such_parameter', '',
+         'qos_overrides./imu/data_raw.subscription.depth')
+NUMBERS = (0, 1, -1, 5, 2**31, 2**63 - 1, -2**63)
+DOUBLES = (0.0, -0.0, 0.5, 1.0, 1e-300, 1e300, -1.0, float('nan'), float('inf'))
+TEXTS = ('', 'keep', 'header', 'kalibr', '/', '\0', '\x1b[2J', 'ü' * 50, '../..', 'a\nb', '%s{}')
+
+
+def any_value(draw: random.Random) -> ParameterValue:
+    kind = draw.randrange(10)
+    texts = [draw.choice(TEXTS) for _ in range(draw.randrange(4))]
+    return ParameterValue(
+        type=kind, bool_value=draw.random() < 0.5, integer_value=draw.choice(NUMBERS),
+        double_value=draw.choice(DOUBLES), string_value=draw.choice(TEXTS).replace('\0', ''),
+        byte_array_value=[b'\0', b'\xff'], bool_array_value=[True, False],
+        integer_array_value=[draw.choice(NUMBERS)], double_array_value=[draw.choice(DOUBLES)],
+        string_array_value=[text.replace('\0', '') for text in texts])
+
+
+AT_A_TIME = 5
+"""Requests to one service that wait for their answer; the queue of a client holds ten answers."""
+
+
+class Client:
+    """Asks without waiting for every answer, and keeps what was answered."""
+
+    def __init__(self, ros: Ros) -> None:
+        self._ros = ros
+        self._clients: dict[str, Any] = {}
+        self._unanswered: Counter[str] = Counter()
+        self.asked = 0
+        self.answers: list[tuple[str, Any]] = []
+
+    def ask(self, kind: type, service: str, request: Any = None) -> None:
+        if service not in self._clients:
+            client = self._ros.node.create_client(kind, self._ros.name(f'imu_allan/{service}'))
+            self._ros.until(client.service_is_ready)
+            self._clients[service] = client
+        self._ros.until(lambda: self.has_room(service))
+        future = self._clients[service].call_async(request or kind.Request())
+        future.add_done_callback(lambda done: self._note(service, done.result()))
+        self._unanswered[service] += 1
+        self.asked += 1
+
+    def has_room(self, service: str) -> bool:
+        """Whether a further request to the service need not wait."""
+        return self._unanswered[service] < AT_A_TIME
+
+    def _note(self, service: str, answer: Any) -> None:
+        self._unanswered[service] -= 1
+        self.answers.append((service, answer))
+
+    def ask_anything(self, draw: random.Random) -> None:
+        kind = draw.choice(('save', 'reset', 'pause', 'set', 'set', 'get'))
+        if kind in ('save', 'reset'):
+            self.ask(Trigger, kind)
+        elif kind == 'pause':
+            self.ask(SetBool, 'pause', SetBool.Request(data=draw.random() < 0.5))
+        elif kind == 'get':
+            self.ask(GetParameters, 'get_parameters',
+                     GetParameters.Request(names=[draw.choice(NAMES)]))
+        else:
+            # Not where the node writes: these tests leave nothing outside of their folder.
+            names = [draw.choice([name for name in NAMES if name != 'output_dir'])
+                     for _ in range(draw.randrange(3))]
+            self.ask(SetParameters, 'set_parameters', SetParameters.Request(
+                parameters=[Parameter(name=name, value=any_value(draw)) for name in names]))
+
+    def wait(self) -> None:
+        self._ros.until(lambda: len(self.answers) == self.asked, 20)
+
+
+def assert_well(node: Process) -> None:
+    assert node.running, node.log
+    assert 'Traceback' not in node.log, node.log
+
+
+def ask_in_any_order(ros: Ros, requests: int, seed: int) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'checkpoint_period': 1.0,
+                                        'state_file': str(ros.folder / 'state')})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    draw, client = random.Random(seed), Client(ros)
+    for _ in range(requests):
+        client.ask_anything(draw)
+        if draw.random() < 0.5:
+            driver.publish(draw.randrange(200))
+        if draw.random() < 0.1:
+            ros.executor.spin_once(timeout_sec=draw.random() * 0.2)
+        assert_well(node)
+    client.wait()
+    for service, answer in client.answers:
+        if service in ('save', 'reset', 'pause'):
+            assert answer.message, service
+        elif service == 'set_parameters':
+            assert all(result.successful or result.reason for result in answer.results)
+    # After all that it still does what it is for.
+    assert ros.call(SetParameters, 'imu_allan/set_parameters', SetParameters.Request(
+        parameters=[Parameter(name='export_for', value=ParameterValue(
+            type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=['kalibr']))]
+    )).results[0].successful
+    assert ros.call(SetBool, 'imu_allan/pause').success
+    assert ros.call(Trigger, 'imu_allan/reset').success
+    driver.publish(3000)
+    response = ros.until(lambda: saved(ros))
+    assert 'result.json' in response.message
+    assert_well(node)
+    assert node.stop() == 0
+
+
+def saved(ros: Ros) -> Any:
+    response = ros.call(Trigger, 'imu_allan/save')
+    assert response.success or 'nothing to save' in response.message
+    return response if response.success else None
+
+
+def test_services_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
+    ask_in_any_order(ros, 150, 1)
+
+
+@pytest.mark.slow
+def test_ten_thousand_requests_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
+    ask_in_any_order(ros, 10_000, 2)
+
+
+def call_at_100_hz(ros: Ros, seconds: float) -> None:
+    """Call services beside a 1 kHz IMU: nothing may be lost, all must be answered."""
+    node = ros.start('imu_allan_node', {'publish_period': 2.0}, best_effort=True,
+                     shared_memory=True)
+    facts: dict[str, float] = {}
+
+    def hear(report: DiagnosticArray) -> None:
+        for status in report.status:
+            if status.hardware_id.startswith(f'{ros.namespace}/'):
+                facts.update({v.key: float(v.value) for v in status.values
+                              if v.key in ('received', 'lost', 'queue', 'longest_hold_s')})
+
+    ros.listen(DiagnosticArray, '/diagnostics', 10, hear)
+    client = Client(ros)
+    simulator = ros.start('imu_simulator', {
+        'rate': 1000.0, 'duration': seconds, 'wait_for_subscriptions': 1}, shared_memory=True)
+    ros.until(lambda: 'publishing' in simulator.log)
+    began, longest = time.monotonic(), 0.0
+    for number in count():
+        if not simulator.running:
+            break
+        if number % 3 or not client.has_room('save'):
+            client.ask(*((SetBool, 'pause'), (GetParameters, 'get_parameters'))[number % 2])
+        else:
+            client.ask(Trigger, 'save')
+        while time.monotonic() < began + number / 100:
+            ros.executor.spin_once(timeout_sec=0.002)
+        longest = max(longest, facts.get('longest_hold_s', 0.0))
+    assert simulator.wait() == 0
+    assert client.asked > 50 * seconds
+    client.wait()
+    ros.until(lambda: facts.get('received', 0) >= seconds * 1000 - 200)
+    assert facts['lost'] == 0
+    assert longest * 1000 < facts['queue'] / 2
+    assert all(answer.success or 'nothing to save' in answer.message
+               for service, answer in client.answers if service == 'save')
+    assert_well(node)
+    assert node.stop() == 0
+
+
+def test_a_hundred_calls_a_second_lose_no_sample(ros: Ros) -> None:
+    call_at_100_hz(ros, 5.0)
+
+
+@pytest.mark.slow
+def test_a_hundred_calls_a_second_for_a_minute_lose_no_sample(ros: Ros) -> None:
+    call_at_100_hz(ros, 60.0)
