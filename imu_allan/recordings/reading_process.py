@@ -17,7 +17,7 @@ closed and ends too; the memory has no name and is gone with them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from mmap import mmap
 import os
 import pickle
@@ -29,6 +29,7 @@ from typing import IO, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.read_ahead import larger_blocks, read_ahead
 import numpy as np
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class ReadingProcess:
     """
 
     def __init__(self, recording: Recording, topic: str) -> None:
-        self._recording = recording
+        self._recording, self._topic = recording, topic
         keep_memory()
         memory = _shared_memory()
         try:
@@ -81,7 +82,8 @@ class ReadingProcess:
             # In a session of its own, Ctrl-C does not reach it: it ends with the pipe.
             self._process = subprocess.Popen(
                 [sys.executable, '-c', _PROGRAM], bufsize=0, stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE, pass_fds=[memory], start_new_session=True)
+                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, pass_fds=[memory],
+                start_new_session=True)
         finally:
             os.close(memory)
         with suppress(BrokenPipeError):
@@ -106,8 +108,10 @@ class ReadingProcess:
 
         """
         assert self._process.stdout is not None
+        ready = False
         try:
             with open(self._process.stdout.fileno(), 'rb', closefd=False) as told:
+                ready = pickle.load(told)
                 while (item := pickle.load(told)) is not None:
                     slot, messages, frame_id, position = item
                     block = self._slots.take(slot, messages, frame_id)
@@ -117,12 +121,17 @@ class ReadingProcess:
                 failure, remarks = pickle.load(told)
                 self._process.wait(_PATIENCE_S)
         except (EOFError, pickle.UnpicklingError):
-            raise ImuAllanError(
-                f'{printable(self._recording.path)}: the process that reads it was ended from '
-                f'outside ({_status(self._process.wait())}), perhaps for want of memory'
-            ) from None
+            if ready:
+                raise ImuAllanError(
+                    f'{printable(self._recording.path)}: the process that reads it was ended '
+                    f'from outside ({_status(self._process.wait())}), perhaps for want of memory'
+                ) from None
         finally:
             self._end()
+        if not ready:
+            # sys.executable is no Python, as in a program that embeds one.
+            yield from read_ahead(larger_blocks(self._recording.decoded(self._topic)))
+            return
         self._recording.remarks[:] = remarks
         if failure is not None:
             error, where = failure
@@ -143,7 +152,8 @@ class ReadingProcess:
 
 def pays(recording: Recording) -> bool:
     """Whether a process of its own reads a recording sooner than a thread would."""
-    return (recording.size_bytes >= WORTHWHILE_BYTES and bool(sys.executable)
+    interpreter = bool(sys.executable) and not getattr(sys, 'frozen', False)
+    return (recording.size_bytes >= WORTHWHILE_BYTES and interpreter
             and hasattr(os, 'memfd_create') and len(os.sched_getaffinity(0)) > 1)
 
 
@@ -154,13 +164,16 @@ def serve() -> None:
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     keep_memory()
     writer = _Writer(_Slots(memory), os.dup(1))
+    writer.tell(True)
     # What a library might print must not get among the reports.
     os.dup2(2, 1)
     failure = None
     with suppress(BrokenPipeError):
         try:
-            for block, position in recording.decoded(topic):
-                writer.put(block, position)
+            # Closed whatever comes, since a recording may have unpacked files to remove.
+            with closing(recording.decoded(topic)) as blocks:
+                for block, position in blocks:
+                    writer.put(block, position)
             writer.flush()
         except BrokenPipeError:
             raise

@@ -57,6 +57,10 @@ class Recording(ABC):
     remarks : list of Remark
         What the user should know about the file; grows while it is read.
 
+    Notes
+    -----
+    It holds paths and numbers, no open file: a large one is pickled for the process that reads it.
+
     """
 
     def __init__(self, path: Path) -> None:

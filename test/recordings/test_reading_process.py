@@ -199,6 +199,13 @@ def test_where_no_process_can_be_started_a_thread_reads(tmp_path, monkeypatch):
         assert_same(MESSAGES, joined([first, *blocks]))
 
 
+def test_where_the_executable_is_no_python_a_thread_reads(tmp_path, monkeypatch):
+    bag = write_recording(tmp_path / 'bag', [MESSAGES])
+    monkeypatch.setattr(sys, 'executable', '/bin/true')
+    with open_recording(bag) as recording:
+        assert_same(MESSAGES, joined(recording.blocks(choose_topic(recording))))
+
+
 def test_small_recordings_are_read_by_a_thread(tmp_path, monkeypatch):
     monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 1 << 26)
     bag = write_recording(tmp_path / 'bag', [MESSAGES])
