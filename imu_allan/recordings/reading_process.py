@@ -139,15 +139,16 @@ class ReadingProcess:
                               else RuntimeError(f'in the reading process:\n{where}'))
 
     def _end(self) -> None:
-        for pipe in (self._process.stdin, self._process.stdout):
-            assert pipe is not None
-            pipe.close()
+        # The pipes stay open until it has tidied up: told twice to end, it would not finish that.
         self._process.terminate()
         try:
             self._process.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            pipe.close()
 
 
 def pays(recording: Recording) -> bool:
@@ -160,7 +161,7 @@ def pays(recording: Recording) -> bool:
 def serve() -> None:
     """Be the reading process."""
     # An end from outside still removes what was unpacked into a temporary folder.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    signal.signal(signal.SIGTERM, _end_in_peace)
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     keep_memory()
     writer = _Writer(_Slots(memory), os.dup(1))
@@ -195,6 +196,11 @@ def keep_memory() -> None:
     is ever used.
     """
     np.empty(_LARGER_THAN_BLOCKS, np.uint8)
+
+
+def _end_in_peace(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit()
 
 
 class _Slots:
