@@ -104,8 +104,9 @@ def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
             found.append(None)
             continue
         whole = grouped(bins, axis)
-        lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
-        fitted = fit(whole if keep.all() else grouped(bins, axis, keep), dt)
+        first = maximise(whole, ramp=None)
+        lines, keep = find_lines(pieces, bins, axis, dt, first)
+        fitted = fit(whole if keep.all() else grouped(bins, axis, keep), dt, first)
         # A column for unit white noise turns power into density, whatever stage it comes from.
         density = whole.power / whole.design[:, WHITE]
         found.append(AxisFit(fitted, lines, Spectrum(tuple(whole.frequency.tolist()),

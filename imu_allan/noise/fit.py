@@ -17,7 +17,7 @@ likelihood ratio, and its law at a boundary.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.likelihood import (
@@ -133,7 +133,7 @@ class _Trial:
         return self.described or self.misfit <= _TOLERATED_MISFIT
 
 
-def fit(groups: Groups, dt: float) -> Fit:
+def fit(groups: Groups, dt: float, start: Solution | None = None) -> Fit:
     """
     Fit one axis.
 
@@ -143,13 +143,15 @@ def fit(groups: Groups, dt: float) -> Fit:
         Spectrum of the axis, lines left out.
     dt : float
         Sample interval in seconds.
+    start : Solution, optional
+        Where to begin.
 
     Returns
     -------
     Fit
 
     """
-    trial, markov = _try(groups, None), None
+    trial, markov = _try(groups, None, start=start), None
     if trial.p_value < _BENT_P:
         trial = _without_fine_octaves(groups, dt, trial)
         if not trial.described or (trial.edge_hz or np.inf) * dt < _DEEP:
@@ -168,7 +170,7 @@ def fit(groups: Groups, dt: float) -> Fit:
 
 
 def _try(groups: Groups, edge_hz: float | None, rolling: bool = False,
-         extra: Array | None = None) -> _Trial:
+         extra: Array | None = None, start: Solution | None = None) -> _Trial:
     """Fit the terms over a band; drop quantization noise and ramp unless the data asks."""
     if edge_hz is not None:
         groups = groups.below(edge_hz)
@@ -182,7 +184,7 @@ def _try(groups: Groups, edge_hz: float | None, rolling: bool = False,
     if extra is not None:
         groups = groups.with_design(np.column_stack((groups.design, extra)))
     fixed: dict[int, float] = {}
-    solution = maximise(groups)
+    solution = maximise(groups, start)
     if not rolling and solution.theta[QUANTIZATION] > 0:
         without = maximise(groups, solution, fixed={QUANTIZATION: 0.0})
         if 2 * (without.loss - solution.loss) < OBSERVABLE:
@@ -233,16 +235,24 @@ def _without_fine_octaves(groups: Groups, dt: float, first: _Trial) -> _Trial:
         if tried[-1].described:
             # A roll-off of another shape passes unseen while it still bends the density by a
             # multiple of its error; an octave further down the bend is a quarter.
-            further = _try(groups, edge, rolling=True)
+            further = _try(groups, edge, rolling=True, start=_start(tried[-1], True))
             worth = _error_of_density(further) < _WORTH * _error_of_density(tried[-1])
             return further if further.described and worth else tried[-1]
         for rolling in (False, True):
             if decimation == 1 and not rolling:
                 continue
-            tried.append(_try(groups, edge if decimation > 1 else None, rolling))
+            tried.append(_try(groups, edge if decimation > 1 else None, rolling,
+                              start=_start(tried[-1], rolling)))
             if tried[-1].described:
                 break
     return min(tried, key=_error_of_density)
+
+
+def _start(before: _Trial, rolling: bool) -> Solution:
+    """Where to begin in another band: at the same terms, the white noise flat to its edge."""
+    theta = before.solution.theta.copy()
+    theta[QUANTIZATION] = theta[WHITE] if rolling else 0.0
+    return replace(before.solution, theta=theta)
 
 
 def _error_of_density(trial: _Trial) -> float:
@@ -271,10 +281,14 @@ def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, 
         density = dt * gauss_markov(np.minimum(groups.frequency * dt, 0.5), dt, time)
         return np.asarray(white * density)
 
+    nearest: Solution | None = None
+
     def attempt(log_time: float) -> float:
+        nonlocal nearest
         design = np.column_stack((groups.design, column(float(np.exp(log_time)))))
-        return maximise(groups.with_design(design), fixed={QUANTIZATION: 0.0},
-                        tolerance=1e-3).loss
+        nearest = maximise(groups.with_design(design), nearest, fixed={QUANTIZATION: 0.0},
+                           tolerance=1e-3)
+        return nearest.loss
 
     times = np.linspace(np.log(_SHORTEST_CORRELATION * dt), np.log(longest), 12)
     best = int(np.argmin([attempt(time) for time in times]))
