@@ -206,17 +206,19 @@ class Characterization:
                     if key.startswith(f'{name}/')}
 
         try:
-            about = json.loads(str(state['about']))
-            self = cls(kind=about['kind'], path=about['path'], topic=about['topic'])
-            self._next = int(about['next'])
-            self._columns = np.array(about['columns'], dtype=np.int64)
-            self._timeline = TimelineStage.from_state(part('timeline'))
-            estimator = part('estimator')
-            if estimator:
-                self._estimator = Estimator.from_state(estimator)
-                if self._estimator.axes != len(self._columns):
-                    raise ValueError('axes of the estimator and their names differ in number')
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            # A number that is none of the integers it should be is an error, not a warning.
+            with np.errstate(invalid='raise'):
+                about = json.loads(str(state['about']))
+                self = cls(kind=about['kind'], path=about['path'], topic=about['topic'])
+                self._next = int(about['next'])
+                self._columns = np.array(about['columns'], dtype=np.int64)
+                self._timeline = TimelineStage.from_state(part('timeline'))
+                estimator = part('estimator')
+                if estimator:
+                    self._estimator = Estimator.from_state(estimator)
+                    if self._estimator.axes != len(self._columns):
+                        raise ValueError('axes of the estimator and their names differ in number')
+        except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise ImuAllanError(f'saved characterization is damaged: {error}') from error
         return self
 

@@ -29,7 +29,7 @@ from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import diagnostics_message, Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.parameters import declare, Setting, warn_of_unknown
-from imu_allan.node.process import StopRequest
+from imu_allan.node.process import give_back_memory, StopRequest
 from imu_allan.node.result_messages import (
     result_messages,
     ResultMessages,
@@ -331,6 +331,7 @@ class CharacterizationNode(Node):
                 return
             result, messages, self._facts.fit_s = future.result()
             self._result = result
+            give_back_memory()
             self._publish(messages)
             self._draw_if_watched()
 

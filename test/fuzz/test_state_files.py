@@ -103,6 +103,13 @@ def test_damaged_states_are_gone_on_with_or_refused():
     each(60, 1, judge_state)
 
 
+def test_stamps_that_are_no_integers_are_refused():
+    # Found by mutation: NaN as an integer is a warning and an absurd stamp.
+    state = dict(STATE)
+    state['timeline/receive_ns'] = np.full(state['timeline/receive_ns'].shape, np.nan)
+    assert not resumed(checkpoint.encode_state(state))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', range(2, 12))
 def test_many_damaged_states_are_gone_on_with_or_refused(seed):
