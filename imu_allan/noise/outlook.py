@@ -5,6 +5,7 @@
 from collections.abc import Mapping
 
 from imu_allan.noise import spectrum
+from imu_allan.noise.fit import OBSERVABLE
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +14,6 @@ Array = NDArray[np.float64]
 _KEYS = ('noise_density', 'bias_instability', 'rate_random_walk')
 _OCTAVES = 12
 _SINGLE = 32
-_NEEDED = 3.84
 
 
 def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], dt: float,
@@ -53,7 +53,7 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
             reached = errors[:, i] <= errors[0, i] / 2
             found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2, reached))
         else:
-            wanted = theta[i] / np.sqrt(_NEEDED)
+            wanted = theta[i] / np.sqrt(OBSERVABLE)
             reached = errors[:, i] <= wanted
             found[key] = (_first(lengths, errors[:, i], wanted, reached), None)
     return found
@@ -82,11 +82,9 @@ def _standard_errors(theta: Array, dt: float, duration: float) -> Array:
     nu = np.minimum(j / (2 * n), 0.5)
     shapes = np.stack((spectrum.white(nu, dt), spectrum.flicker(nu, dt),
                        spectrum.random_walk(nu, dt)), axis=1)
-    active = np.array([0, *(i for i in (1, 2) if theta[i] > 0)])
-    relative = shapes[:, active] / (shapes @ theta)[:, None]
+    # A term at zero counts too: it may pass for the one that is awaited.
+    relative = shapes / (shapes @ theta)[:, None]
     information = (relative * modes[:, None] / 2).T @ relative
     scale = np.sqrt(np.diag(information))
     inverse = np.linalg.pinv(information / np.outer(scale, scale))
-    errors = np.full(3, np.inf)
-    errors[active] = np.sqrt(np.maximum(np.diag(inverse), 0)) / scale
-    return errors
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0)) / scale)

@@ -1,7 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise import spectrum
+from imu_allan.noise.axis import characterize
+from imu_allan.noise.fit import OBSERVABLE
 from imu_allan.noise.outlook import outlook
+from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -14,15 +17,15 @@ SENSOR = {'noise_density': 1.0, 'bias_instability': 0.05, 'rate_random_walk': 0.
 
 
 def standard_errors(coefficients, duration):
-    """Cramer-Rao bound of the squared coefficients that are not zero, summed over every mode."""
+    """Cramer-Rao bound of the squared coefficients, summed over every mode."""
     n = int(duration / DT)
     nu = np.arange(1, n) / (2 * n)
-    used = [i for i, key in enumerate(KEYS) if coefficients.get(key)]
-    columns = np.array([SHAPES[i](nu, DT) for i in used])
-    relative = columns / sum(coefficients[KEYS[i]] ** 2 * column
-                             for i, column in zip(used, columns, strict=True))
-    errors = np.sqrt(np.diag(np.linalg.inv(relative @ relative.T / 2)))
-    return dict(zip((KEYS[i] for i in used), errors, strict=True))
+    columns = np.array([shape(nu, DT) for shape in SHAPES])
+    relative = columns / sum(coefficients.get(key, 0.0) ** 2 * column
+                             for key, column in zip(KEYS, columns, strict=True))
+    scale = np.sqrt(np.diag(relative @ relative.T / 2))
+    inverse = np.linalg.inv(relative @ relative.T / 2 / np.outer(scale, scale))
+    return dict(zip(KEYS, np.sqrt(np.diag(inverse)) / scale, strict=True))
 
 
 def whole_time(coefficients, key, wanted):
@@ -48,10 +51,10 @@ def test_halving_takes_as_long_as_the_fisher_information_says(coefficients, key)
 
 @pytest.mark.parametrize(('key', 'value'), [
     ('bias_instability', 0.05), ('rate_random_walk', 0.002)])
-def test_a_term_is_expected_once_it_is_1_96_standard_errors(key, value):
+def test_a_term_is_expected_once_it_is_as_many_standard_errors_as_make_it_observable(key, value):
     coefficients = {'noise_density': 1.0, key: value}
     found = outlook(coefficients, {'noise_density': True}, DT, LENGTH)
-    expected = whole_time(coefficients, key, value**2 / 1.96)
+    expected = whole_time(coefficients, key, value**2 / OBSERVABLE**0.5)
     assert expected > LENGTH
     assert LENGTH + found[key][0] == pytest.approx(expected, rel=.04)
     assert found[key][1] is None
@@ -90,3 +93,18 @@ def test_forecasts_reach_as_far_as_4096_times_the_record():
              ['rate_random_walk'][0] for walk in walks]
     assert waits[0] is None
     assert 3000 * LENGTH < max(wait for wait in waits if wait is not None) < 4096 * LENGTH
+
+
+@pytest.mark.parametrize(('key', 'value'), [
+    ('bias_instability', 3e-4), ('rate_random_walk', 1e-4)])
+def test_a_term_shows_by_then_in_most_records(key, value):
+    coefficients = {'noise_density': 1e-3, key: value}
+    wait = outlook(coefficients, {'noise_density': True}, 0.01, 60.0)[key][0]
+    samples = round((60 + wait) * 100)
+    shown = [characterize(simulate(coefficients, samples, 100.0, seed), 100.0)
+             .coefficients[key].observable for seed in range(20)]
+    assert np.mean(shown) > 0.25
+    # Nor does it show in most records a sixth of that length.
+    shown = [characterize(simulate(coefficients, samples // 6, 100.0, seed), 100.0)
+             .coefficients[key].observable for seed in range(20)]
+    assert np.mean(shown) < 0.5
