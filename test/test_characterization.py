@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole path with the faults of a real driver, held against the clean run."""
 
+from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
+from imu_allan.recordings import reading_process
+from imu_allan.recordings.write import write_recording
 import numpy as np
 import pytest
 
@@ -165,3 +168,29 @@ def test_damaged_state_is_refused(damage):
     damage(state)
     with pytest.raises(ImuAllanError, match='damaged'):
         Characterization.from_state(state)
+
+
+CONTAINERS = [('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')]
+
+
+def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
+        tmp_path, monkeypatch):
+    messages = list(blocks(still_imu(30_000), np.arange(30_000)))
+    expected = None
+    for beside in (False, True):
+        # Read by a thread in blocks as they come, or by a process in blocks of another size.
+        monkeypatch.setattr(reading_process, 'WORTHWHILE_BYTES', 0 if beside else 1 << 40)
+        for storage, compression in CONTAINERS:
+            bag = write_recording(tmp_path / f'{storage}_{compression}_{beside}', messages,
+                                  storage=storage, compression=compression)
+            document = analyze(bag).to_dict()
+            document['source']['path'] = None
+            expected = expected or document
+            assert document == expected
+    stream = Characterization(kind='recording', topic='/imu/data_raw')
+    for block in messages:
+        for at in range(0, len(block), 777):
+            part = slice(at, at + 777)
+            stream.update(ImuBlock(block.header_ns[part], block.receive_ns[part],
+                                   block.samples[part], block.absent[part], block.frame_id))
+    assert stream.result().to_dict() == expected
