@@ -262,3 +262,12 @@ def test_coefficient_whose_interval_has_no_end_is_not_observable(monkeypatch):
     axis = characterize(white, 100.0)
     assert not axis.coefficients['noise_density'].observable
     assert axis.coefficients['noise_density'].upper95 is None
+
+
+def test_gentle_low_pass_costs_an_octave_or_two_and_leaves_the_density_alone():
+    white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
+    axis, remarks = remarks_of(lfilter([0.5, 0.5], [1.0], white), 200.0)
+    edge = float(re.search(r'bent above ([\d.]+) Hz', remarks['band_limited'])[1])
+    assert 12 < edge < 100
+    assert near(axis.coefficients['noise_density'], 1e-3)
+    assert axis.gauss_markov is None

@@ -1,0 +1,55 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.likelihood import bins_of, grouped, maximise
+from imu_allan.noise.periodogram import Periodogram, Piece
+from imu_allan.noise.tones import _rises, find_lines
+import numpy as np
+import pytest
+
+DT = 0.01
+
+
+def lines_of(samples, keep=None):
+    spectrum = Periodogram(1)
+    spectrum.absorb(samples[None], 0, 0)
+    spectrum.finish()
+    pieces = spectrum.pieces() if keep is None else keep(spectrum.pieces())
+    bins = bins_of(pieces, DT)
+    return find_lines(pieces, bins, 0, DT, maximise(grouped(bins, 0)))
+
+
+@pytest.mark.parametrize('frequency', [3.21, 17.0, 44.4])
+def test_a_sharp_line_is_found_with_its_amplitude_and_its_bins_are_left_out(frequency):
+    noise = np.random.default_rng(1).normal(size=8192)
+    tone = 0.5 * np.sin(2 * np.pi * frequency * np.arange(8192) * DT + 0.3)
+    [line], keep = lines_of(noise + tone)
+    assert line.frequency_hz == pytest.approx(frequency, abs=1 / (8192 * DT))
+    assert line.amplitude == pytest.approx(0.5, rel=0.2)
+    assert 0 < (~keep).mean() < 0.02
+
+
+def test_white_noise_has_no_line():
+    lines, keep = lines_of(np.random.default_rng(2).normal(size=8192))
+    assert lines == []
+    assert keep.all()
+
+
+def test_nothing_rises_above_too_few_neighbours():
+    ratio = np.ones(200)
+    ratio[100] = 1e6
+    assert _rises(ratio, 1, 1) == []
+    assert len(_rises(np.concatenate((ratio, np.ones(200))), 1, 1)) == 1
+
+
+def test_no_line_is_sought_in_a_part_of_a_few_bins():
+    tone = np.sin(2 * np.pi * 17.0 * np.arange(8192) * DT)
+    samples = np.random.default_rng(1).normal(size=8192) + tone
+
+    def few(pieces):
+        [piece] = pieces
+        return [Piece(piece.step, piece.length, piece.blocks, 2 * 1383, 2 * 1403, piece.power,
+                      piece.coefficients)]
+
+    lines, keep = lines_of(samples, few)
+    assert lines == []
+    assert keep.all()
