@@ -5,6 +5,7 @@
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import ctypes
+import os
 import signal
 import sys
 from types import FrameType
@@ -13,6 +14,14 @@ from imu_allan.errors import ImuAllanError
 
 ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
                 'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
+
+
+LEAST_SHARED_BYTES = 65_536
+"""Room in /dev/shm without which no process of ROS starts."""
+ENOUGH_SHARED_BYTES = 8_000_000
+"""Room in /dev/shm below which Fast DDS is kept from using it."""
+
+_TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 
 
 class StopRequest:
@@ -64,6 +73,7 @@ def run_process(program: str, serve: Callable[[StopRequest], int],
     """
     stop = StopRequest()
     try:
+        _do_without_shared_memory(program)
         with _told_to_stop(stop), _ros(args):
             return serve(stop)
     except ImuAllanError as error:
@@ -74,6 +84,33 @@ def run_process(program: str, serve: Callable[[StopRequest], int],
         return _fail(program, f'needs ROS 2, which {sys.executable} cannot import ({error}); '
                      'source a ROS 2 installation (source /opt/ros/jazzy/setup.bash) or install '
                      "the wheels: pip install 'imu_allan[ros]'")
+
+
+def _do_without_shared_memory(program: str) -> None:
+    """
+    Keep the middleware from a full /dev/shm, which would end the process with SIGBUS.
+
+    Fast DDS can use the network alone. LTTng, which the libraries of ROS are linked with for
+    tracing, needs a page of it as soon as it is loaded, and cannot be told otherwise.
+
+    Raises
+    ------
+    ImuAllanError
+        If there is no room even for that.
+
+    """
+    try:
+        shared = os.statvfs('/dev/shm')
+    except (OSError, AttributeError):
+        return
+    room = shared.f_bavail * shared.f_frsize
+    remedy = 'remove files from it, or give it room, such as with --shm-size of docker run'
+    if room < LEAST_SHARED_BYTES:
+        raise ImuAllanError(f'/dev/shm is full, so the libraries of ROS would crash; {remedy}')
+    if room < ENOUGH_SHARED_BYTES and os.environ.get(_TRANSPORTS, 'DEFAULT') == 'DEFAULT':
+        os.environ[_TRANSPORTS] = 'UDPv4'
+        print(f'{program}: /dev/shm has only {room / 1e6:.2g} MB of room: messages come over the '
+              f'network, at more cost; {remedy}', file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -67,22 +67,33 @@ def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
     assert node.running
 
 
-# A mount of its own, so that nobody else's shared memory is full.
-WITHOUT_SHARED_MEMORY = [
-    'unshare', '--mount', '--propagation', 'private', 'sh', '-c',
-    'mount -t tmpfs -o size=16k tmpfs /dev/shm && head -c 16k /dev/zero > /dev/shm/full; '
-    'exec "$@"', 'sh']
-
-
-def test_where_shared_memory_is_full_samples_come_all_the_same(ros: Ros) -> None:
-    if os.geteuid() != 0 or subprocess.run([*WITHOUT_SHARED_MEMORY, 'true'],
-                                           capture_output=True, check=False).returncode:
+def with_shared_memory(size: str, filled: str) -> list[str]:
+    """Return a command that mounts a small /dev/shm for what it runs, and nobody else."""
+    command = ['unshare', '--mount', '--propagation', 'private', 'sh', '-c',
+               f'mount -t tmpfs -o size={size} tmpfs /dev/shm && '
+               f'head -c {filled} /dev/zero > /dev/shm/full; exec "$@"', 'sh']
+    if os.geteuid() != 0 or subprocess.run([*command, 'true'], capture_output=True,
+                                           check=False).returncode:
         pytest.skip('only root can mount a small /dev/shm')
-    node = ros.start('imu_allan_node', shared_memory=True, wrapper=WITHOUT_SHARED_MEMORY)
+    return command
+
+
+def test_where_shared_memory_is_short_samples_come_over_the_network(ros: Ros) -> None:
+    short = with_shared_memory('1m', '500k')
+    node = ros.start('imu_allan_node', shared_memory=True, wrapper=short)
     simulator = ros.start('imu_simulator', {'rate': 1000.0, 'duration': 4.0,
                                             'wait_for_subscriptions': 1},
-                          shared_memory=True, wrapper=WITHOUT_SHARED_MEMORY)
+                          shared_memory=True, wrapper=short)
     assert simulator.wait() == 0, simulator.log
     assert saved(ros, 4000)['timeline']['samples'] == 4000
     assert 'Traceback' not in node.log
+    assert '/dev/shm has only' in node.log
     assert node.stop() == 0
+
+
+def test_where_shared_memory_is_full_a_node_ends_with_one_line(ros: Ros) -> None:
+    node = ros.start('imu_allan_node', shared_memory=True,
+                     wrapper=with_shared_memory('16k', '16k'))
+    assert node.wait() == 1
+    assert node.log.startswith('imu_allan_node: /dev/shm is full')
+    assert node.log.count('\n') == 1
