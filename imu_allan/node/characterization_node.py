@@ -121,6 +121,7 @@ class _Job:
 class _NextSave:
     """The save asked for last; `snapshot` is empty once the worker has begun with it."""
 
+    of: tuple[_Run, str, list[str]]
     snapshot: list[Characterization]
     future: 'Future[list[Path]]'
 
@@ -430,14 +431,15 @@ class CharacterizationNode(Node):
     def _start_save(self) -> 'Future[list[Path]]':
         self._feed(time.monotonic())
         snapshot = self._run.characterization.snapshot()
-        if self._next_save is not None:
-            # Whoever asks while a save waits for the worker is served by that one.
+        name, folder = self.get_fully_qualified_name(), self._output_dir
+        consumers = [name for name in self._export_for if name]
+        of = self._run, folder, consumers
+        if self._next_save is not None and self._next_save.of == of:
+            # Whoever asks while a save of the same waits for the worker is served by that one.
             with suppress(IndexError):
                 self._next_save.snapshot[0] = snapshot
                 return self._next_save.future
         waiting = [snapshot]
-        name, folder = self.get_fully_qualified_name(), self._output_dir
-        consumers = [name for name in self._export_for if name]
 
         def save() -> list[Path]:
             result = waiting.pop().result()
@@ -449,7 +451,7 @@ class CharacterizationNode(Node):
         def note(future: 'Future[list[Path]]') -> None:
             self._facts.save_error = self._failure(future)
 
-        self._next_save = _NextSave(waiting, self._start('save', save, note))
+        self._next_save = _NextSave(of, waiting, self._start('save', save, note))
         return self._next_save.future
 
     # -- services ------------------------------------------------------------------------------

@@ -3,8 +3,8 @@
 """
 Reading ahead of the estimator in a process of its own.
 
-A thread shares the interpreter lock with the estimator, and both hand it to and fro some ten
-thousand times a second: over a long recording that costs most of what the second core gives. A
+A thread shares the interpreter lock with the estimator, and both hand it to and fro with every
+call of numpy: over ten million messages that takes a third longer (bench/bench_analyze.py). A
 process costs a tenth of a second at its start and then nothing. It is a fresh interpreter, not a
 fork of this one, whose threads and locks are therefore of no concern.
 
@@ -75,7 +75,7 @@ class ReadingProcess:
 
     def __init__(self, recording: Recording, topic: str) -> None:
         self._recording, self._topic = recording, topic
-        keep_memory()
+        _keep_memory()
         memory = _shared_memory()
         try:
             self._slots = _Slots(memory)
@@ -86,9 +86,9 @@ class ReadingProcess:
                 start_new_session=True)
         finally:
             os.close(memory)
-        with suppress(BrokenPipeError):
-            self._stdin.write(
-                pickle.dumps(sys.path) + pickle.dumps((memory, recording, topic)))
+        with suppress(BrokenPipeError), open(self._stdin.fileno(), 'wb', closefd=False) as stdin:
+            pickle.dump(sys.path, stdin)
+            pickle.dump((memory, recording, topic), stdin)
 
     @property
     def _stdin(self) -> IO[bytes]:
@@ -119,7 +119,6 @@ class ReadingProcess:
                         self._stdin.write(bytes([slot]))
                     yield block, position
                 failure, remarks = pickle.load(told)
-                self._process.wait(_PATIENCE_S)
         except (EOFError, pickle.UnpicklingError):
             if ready:
                 raise ImuAllanError(
@@ -163,7 +162,7 @@ def serve() -> None:
     # An end from outside still removes what was unpacked into a temporary folder.
     signal.signal(signal.SIGTERM, _end_in_peace)
     memory, recording, topic = pickle.load(sys.stdin.buffer)
-    keep_memory()
+    _keep_memory()
     writer = _Writer(_Slots(memory), os.dup(1))
     writer.tell(True)
     # What a library might print must not get among the reports.
@@ -181,13 +180,14 @@ def serve() -> None:
         except Exception as error:
             writer.flush()
             failure = _portable(error), traceback.format_exc()
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         writer.tell(None)
         writer.tell((failure, recording.remarks))
     # Nothing is left to tidy up, and the other process waits.
     os._exit(0)
 
 
-def keep_memory() -> None:
+def _keep_memory() -> None:
     """
     Let the memory of blocks be used again instead of going back to the system each time.
 

@@ -4,6 +4,8 @@
 
 from collections import Counter
 from itertools import count
+import json
+from pathlib import Path
 import random
 import time
 from typing import Any
@@ -131,8 +133,33 @@ def saved(ros: Ros) -> Any:
     return response if response.success else None
 
 
+def samples_of(response: Any) -> int:
+    if response is None:
+        return 0
+    document = json.loads(Path(response.message.splitlines()[0]).read_text())
+    return int(document['timeline']['samples'])
+
+
 def test_services_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
     ask_in_any_order(ros, 150, 1)
+
+
+def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 86_400.0})
+    driver, client = Driver(ros), Client(ros)
+    driver.wait_for_node()
+    driver.publish(3000)
+    # None may come after the reset.
+    ros.until(lambda: samples_of(saved(ros)) == 3000)
+    # The first keeps the worker busy, the second waits behind it.
+    for service in ('save', 'save', 'reset', 'save'):
+        client.ask(Trigger, service)
+        for _ in range(5):
+            ros.executor.spin_once(timeout_sec=0.01)
+    client.wait()
+    answers = [answer for service, answer in client.answers if service == 'save']
+    assert sorted(answer.success for answer in answers) == [False, True, True]
+    assert_well(node)
 
 
 @pytest.mark.slow
