@@ -99,7 +99,7 @@ def show_simulation(model_file: Path, rate_hz: float, seconds: float, output: Pa
         f'recording differ by at most {difference:.1e} (relative, {numbers:,} numbers from '
         f'{live["timeline"]["samples"]:,} and {offline["timeline"]["samples"]:,} samples).',
         soft_wrap=True)
-    list_files(output)
+    list_files(output, published=True)
     return 0 if agree else 1
 
 
@@ -384,8 +384,8 @@ def largest_difference(left: object, right: object) -> tuple[int, float]:
     return sum(count for count, _ in found), max((worst for _, worst in found), default=0.0)
 
 
-def list_files(output: Path) -> None:
-    """Say what lies where."""
+def list_files(output: Path, published: bool = False) -> None:
+    """Say what lies where; a recording that an earlier demo published is not of this one."""
     CONSOLE.print('\n[bold]Files[/]')
     for name, what in (
             ('report.html', 'everything on one page, open it in a browser'),
@@ -394,7 +394,7 @@ def list_files(output: Path) -> None:
             ('result.json', 'all numbers'),
             ('curve.csv', 'the Allan deviation'),
             ('recording', 'what was published, as a rosbag2 recording')):
-        if (output / name).exists():
+        if (output / name).exists() and (published or name != 'recording'):
             CONSOLE.print(f'  {output / name}  {what}', soft_wrap=True)
 
 
