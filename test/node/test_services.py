@@ -151,11 +151,12 @@ def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) ->
     driver.publish(3000)
     # None may come after the reset.
     ros.until(lambda: samples_of(saved(ros)) == 3000)
-    # The first keeps the worker busy, the second waits behind it.
+    # The first keeps the worker busy, the second waits behind it. Nothing orders requests to
+    # different services, but when a later one has been answered the earlier was taken.
     for service in ('save', 'save', 'reset', 'save'):
         client.ask(Trigger, service)
-        for _ in range(5):
-            ros.executor.spin_once(timeout_sec=0.01)
+        for _ in range(2):
+            ros.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request())
     client.wait()
     answers = [answer for service, answer in client.answers if service == 'save']
     assert sorted(answer.success for answer in answers) == [False, True, True]
