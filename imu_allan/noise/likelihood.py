@@ -332,6 +332,7 @@ def _non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> A
     t = [value * scale[i] for i, value in enumerate(target.tolist())]
     active = list(positive) or list(range(n))
     x = [0.0] * n
+    # The bound is for columns so alike that rounding makes `gram` indefinite.
     for _ in range(4 * n + 4):
         solved = _solve(g, t, active)
         x = [0.0] * n
@@ -346,10 +347,7 @@ def _non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> A
         entering = max(slack, key=lambda i: slack[i], default=-1)
         if not slack or slack[entering] <= 1e-10:
             break
-        trial = sorted([*active, entering])
-        if _solve(g, t, trial)[trial.index(entering)] <= 0:
-            break
-        active = trial
+        active = sorted([*active, entering])
     return np.array([max(value, 0.0) * s for value, s in zip(x, scale, strict=True)])
 
 

@@ -237,11 +237,11 @@ class Periodogram:
             low = max(border * step, _LOWEST if i + 1 < len(stages) else 0)
             high = _HIGHEST_OF_MEANS if i else 0.5
             for length, power in sorted(stages[i].power.items(), reverse=True):
+                # Never empty: `low` is at most an eighth, a block has at least 16 points.
                 first = max(1, int(np.ceil(2 * length * low)))
-                last = min(length, int(np.ceil(2 * length * high)))
-                if first < last:
-                    blocks = stages[i].blocks[length]
-                    found.append(Piece(step, length, blocks, first, last, power / blocks))
+                last = int(np.ceil(2 * length * high))
+                blocks = stages[i].blocks[length]
+                found.append(Piece(step, length, blocks, first, last, power / blocks))
             border = max(border, _LOWEST / step)
         return found
 

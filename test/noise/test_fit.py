@@ -144,6 +144,21 @@ def test_spectrum_that_no_model_describes_is_called_so():
     assert not axis.goodness_of_fit.acceptable
 
 
+def test_spectrum_that_is_described_in_no_band_is_called_so_and_keeps_the_best():
+    # At 4 kHz there are ten octaves to leave out, none of which is the last.
+    dt = 1 / 4000
+    estimator = Estimator()
+    estimator.update(simulate({'noise_density': 1.0}, 2_000_000, 1 / dt, seed=4))
+    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), dt), 0)
+    ripples = 1 + 0.9 * np.cos(2 * np.pi * np.log2(groups.frequency))
+    # As of a record a hundred times as long.
+    rippled = replace(groups, power=groups.power * ripples, dof=groups.dof * 100)
+    found = fit_module.fit(rippled, dt)
+    assert not found.acceptable
+    assert found.misfit > 0.05
+    assert found.estimates['noise_density'].value == pytest.approx(1.0, rel=0.5)
+
+
 def test_forecast_says_how_much_longer_to_record():
     axis = characterize(simulate(SENSOR, 60_000, RATE, 7), RATE)
     density = axis.coefficients['noise_density']
