@@ -10,7 +10,13 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Estimate, Fit, fit
 from imu_allan.noise.likelihood import bins_of, grouped, maximise, WHITE
 from imu_allan.noise.outlook import outlook
-from imu_allan.noise.terms import allan_variance, gauss_markov_avar, Quantity, TERMS
+from imu_allan.noise.terms import (
+    allan_variance,
+    gauss_markov_avar,
+    low_passed_avar,
+    Quantity,
+    TERMS,
+)
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.result import (
     AxisResult,
@@ -253,7 +259,7 @@ def _curve(points: Octaves, axis: int, dt: float, values: dict[str, float], fitt
                     for m, s, c in zip(points.size, points.stride, points.count, strict=True)])
     return Curve(tuple(tau.tolist()), tuple(np.sqrt(avar).tolist()), tuple(dof.tolist()),
                  _pairs(avar, dof, 0.6827), _pairs(avar, dof, 0.95),
-                 tuple(np.sqrt(_model_avar(tau, values, fitted)).tolist()))
+                 tuple(np.sqrt(_model_avar(points.size, dt, values, fitted)).tolist()))
 
 
 def _pairs(avar: Array, dof: Array, level: float) -> tuple[Interval, ...]:
@@ -261,17 +267,17 @@ def _pairs(avar: Array, dof: Array, level: float) -> tuple[Interval, ...]:
     return tuple(zip(low.tolist(), high.tolist(), strict=True))
 
 
-def _model_avar(tau: Array, values: dict[str, float], fitted: Fit | None) -> Array:
+def _model_avar(size: NDArray[np.int64], dt: float, values: dict[str, float], fitted: Fit | None
+                ) -> Array:
     """Allan variance of the fitted model, roll-off and Gauss-Markov process included."""
-    total = allan_variance(values, tau)
+    tau = size * dt
     if fitted is None:
-        return total
+        return allan_variance(values, tau)
+    total = np.zeros(len(size))
+    if fitted.window_s is not None:
+        density = values['noise_density']
+        values = {**values, 'noise_density': 0.0}
+        total = total + low_passed_avar(density, fitted.window_s, size, dt)
     if fitted.gauss_markov:
         total = total + gauss_markov_avar(*fitted.gauss_markov, tau)
-    window, density = fitted.window_s, values['noise_density']
-    if window is not None:
-        # White noise through a boxcar of width W, whose Allan variance closes for tau >= W.
-        taken = np.where(tau >= window, density**2 * window / (2 * tau**2),
-                         density**2 / tau * (1 - tau / (2 * window)))
-        total = np.maximum(total - taken, 0.1 * total)
-    return np.asarray(total)
+    return np.asarray(total + allan_variance(values, tau))

@@ -302,12 +302,12 @@ def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, 
     return trial, (float(np.sqrt(theta[-1])), time)
 
 
-def _window(trial: _Trial) -> float | None:
+def _window(trial: _Trial) -> float:
     """Width of the boxcar that bends the white noise as much as the roll-off does."""
+    edge = float(trial.edge_hz or trial.groups.frequency[-1])
     if not trial.rolling:
         # The filter lies above the edge: no more is known than that it is shorter.
-        return None if trial.edge_hz is None else 1 / (2 * trial.edge_hz)
-    edge = float(trial.edge_hz or trial.groups.frequency[-1])
+        return 1 / (2 * edge)
     white, at_edge = trial.solution.theta[WHITE], trial.solution.theta[QUANTIZATION]
     if white <= 0 or at_edge >= white:
         return 1 / (2 * edge)

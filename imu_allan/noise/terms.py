@@ -154,6 +154,50 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     return np.asarray(2 * sigma**2 / x * bump)
 
 
+def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
+                    ) -> NDArray[np.float64]:
+    """
+    Allan variance of white noise behind a moving average.
+
+    Parameters
+    ----------
+    density : float
+        Noise density below the roll-off.
+    window_s : float
+        Width W of the boxcar that bends the white noise, by sinc^2(f W), as the low-pass does.
+    size : array_like, shape (n,)
+        Averaging times in samples.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Exact where the low-pass is a mean of samples; behind another filter exact from a few W on,
+        and of the right size below.
+
+    """
+    m = np.asarray(size, dtype=np.float64)
+    # The mean of n samples begins to fall as a boxcar of sqrt(n^2 - 1) intervals does; between
+    # two means lies a mixture of them.
+    squared = (window_s / dt)**2 + 1
+    n = np.floor(np.sqrt(squared))
+    longer = (squared - n**2) / (2 * n + 1)
+    return np.asarray(density**2 / dt * ((1 - longer) * _moving_average_avar(n, m)
+                                         + longer * _moving_average_avar(n + 1, m)))
+
+
+def _moving_average_avar(n: float, m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Allan variance over m samples of unit white noise behind the mean of n samples."""
+    def of_sum(k: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Variance of a sum of k samples, whose correlation falls to zero at lag n; times n."""
+        last = np.minimum(k, n) - 1
+        lagged = k * last - (1 + k / n) * last * (last + 1) / 2
+        return np.asarray(k + 2 * lagged + last * (last + 1) * (2 * last + 1) / (3 * n))
+
+    return np.asarray((4 * of_sum(m) - of_sum(2 * m)) / (2 * n * m**2))
+
+
 def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> NDArray[np.float64]:
     """
     Allan variance of a sum of independent terms.

@@ -162,6 +162,31 @@ def test_merged_curve_is_the_pooled_curve():
     np.testing.assert_allclose(a.avar, b.avar, rtol=1e-9)
 
 
+def test_merged_records_and_what_follows_stay_apart():
+    records = [simulate(SENSOR, 600, 100, seed)[:, None] for seed in range(5)]
+    together, merged, second = Estimator(), Estimator(), Estimator()
+    for part in records:
+        together.start_run()
+        together.update(part)
+    merged.start_run()
+    merged.update(records[0])
+    second.update(records[1])
+    second.start_run()
+    second.update(records[2])
+    merged.merge(second)
+    third = Estimator()
+    third.update(records[3])
+    merged.merge(third)
+    merged.update(records[4])
+    a, b = merged.finished(), together.finished()
+    assert len(a.periodogram.series) == len(b.periodogram.series) == 3000
+    np.testing.assert_allclose(a.periodogram.series.sums + a.reference[:, None],
+                               b.periodogram.series.sums + b.reference[:, None])
+    for one, other in zip(a.periodogram.pieces(), b.periodogram.pieces(), strict=True):
+        np.testing.assert_allclose(one.power[:, 1:], other.power[:, 1:], rtol=1e-7)
+    assert axis_results(merged, 100, GYRO)[0][0].mean == pytest.approx(np.mean(records))
+
+
 def test_memory_does_not_grow_with_the_record():
     rng = np.random.default_rng(0)
     estimator = Estimator(6)

@@ -8,8 +8,9 @@ import re
 from imu_allan.noise import axis as axis_module, fit as fit_module
 from imu_allan.noise.axis import axis_results, characterize
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.likelihood import bins_of, grouped
+from imu_allan.noise.likelihood import bins_of, grouped, maximise
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
@@ -96,6 +97,23 @@ def test_gauss_markov_process_is_offered_where_no_power_law_fits():
     assert axis.gauss_markov.correlation_time_s == pytest.approx(1.0, rel=0.2)
     assert not axis.coefficients['bias_instability'].observable
     assert value(axis, 'noise_density') == pytest.approx(1e-3, rel=0.01)
+
+
+def test_gauss_markov_process_is_the_most_likely_one():
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
+    estimator, dt = Estimator(), 1 / RATE
+    estimator.update(simulate(model, 500_000, RATE, 2))
+    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), dt), 0)
+    trial, (_, time) = fit_module._with_gauss_markov(groups, dt)
+    white = groups.design[:, fit_module.WHITE]
+
+    def loss(time):
+        extra = white * dt * gauss_markov(groups.frequency * dt, dt, time)
+        return maximise(groups.with_design(np.column_stack((groups.design, extra))),
+                        fixed={0: 0.0}).loss
+
+    assert loss(time) == pytest.approx(trial.solution.loss, abs=1e-3)
+    assert loss(time) < min(loss(0.97 * time), loss(1.03 * time))
 
 
 @pytest.mark.parametrize('slope', [2e-6, -2e-6])

@@ -1,9 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise.simulate import NoiseStream, simulate
+from imu_allan.noise.simulate import _flicker, _MarkovBank, NoiseStream, simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 
 RATE = 100.0
 SIZES = np.array([1, 2, 4, 8, 64])
@@ -89,3 +90,32 @@ def test_drawing_nothing_from_a_stream_changes_nothing():
     one, other = NoiseStream(model, RATE, 3), NoiseStream(model, RATE, 3)
     assert one.draw(0).shape == (0,)
     np.testing.assert_array_equal(one.draw(20), other.draw(20))
+
+
+def test_steps_of_flicker_vary_alike_at_every_place_and_depend_on_distance_alone():
+    rng = np.random.default_rng(0)
+    draws = np.array([np.diff(_flicker(9, rng)) for _ in range(20_000)])
+    # Fourth difference of t^2 ln|t| / 2 pi, the generalised covariance of the phase.
+    lag = np.arange(-2.0, 10)
+    phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
+    expected = toeplitz([np.array([1, -4, 6, -4, 1]) @ phase[i:i + 5] for i in range(8)])
+    error = np.sqrt((expected**2 + np.outer(np.diag(expected), np.diag(expected))) / len(draws))
+    assert np.abs(np.cov(draws.T) - expected).max() < 5 * error.max()
+    assert np.abs(draws.mean(axis=0)).max() < 5 * np.sqrt(expected[0, 0] / len(draws))
+
+
+@pytest.mark.parametrize('interval', [1e-4, 5e-4, 9.99e-4, 1.001e-3, 0.1, 10.0])
+def test_end_and_mean_of_a_gauss_markov_process_have_their_joint_law(interval):
+    dt = 0.5
+    bank = _MarkovBank(np.array([dt / interval]), np.array([3.0]), dt, np.random.default_rng(0))
+    a = np.longdouble(interval)
+    decay = np.exp(-a)
+    # Of a process that stands at s: mean s (1 - decay) / a, end s decay, and what comes on top.
+    mean_var = (2 * a - 3 + 4 * decay - decay**2) / a**2
+    cross = (1 - decay)**2 / a
+    assert bank._decay[0] == pytest.approx(float(decay))
+    assert bank._gain[0] == pytest.approx(float(3 * (1 - decay) / a), rel=1e-9)
+    assert bank._end[0]**2 == pytest.approx(float(1 - decay**2), rel=1e-9)
+    assert bank._mean_on_end[0] * bank._end[0] == pytest.approx(float(3 * cross), rel=1e-6)
+    assert bank._mean_on_end[0]**2 + bank._mean_rest[0]**2 == pytest.approx(
+        float(9 * mean_var), rel=2e-6)

@@ -1,6 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise.terms import allan_variance, AXES, gauss_markov_avar, Quantity, TERMS
+from imu_allan.noise.terms import (
+    allan_variance,
+    AXES,
+    gauss_markov_avar,
+    low_passed_avar,
+    Quantity,
+    TERMS,
+)
 import numpy as np
 import pytest
 
@@ -47,3 +54,28 @@ def test_gauss_markov_allan_variance_is_exact_on_both_sides_of_its_series():
         long = np.longdouble(x)
         exact = 2 * 9 / long * (1 - (3 - 4 * np.exp(-long) + np.exp(-2 * long)) / (2 * long))
         assert gauss_markov_avar(3.0, 2.0, 2.0 * x) == pytest.approx(float(exact), rel=3e-6)
+
+
+@pytest.mark.parametrize('width', [1, 2, 3, 8, 50])
+@pytest.mark.parametrize('size', [1, 2, 7, 8, 9, 16, 300])
+def test_allan_variance_of_a_moving_average_is_that_of_its_weights(width, size):
+    # The difference of two cluster means is a weighted sum of independent samples.
+    dt = 0.25
+    difference = np.concatenate((np.full(size, -1.0), np.full(size, 1.0))) / size
+    weights = np.convolve(difference, np.ones(width) / width)
+    exact = 0.5 * weights @ weights * 3.0**2 / dt
+    window = np.sqrt(width**2 - 1) * dt
+    assert low_passed_avar(3.0, window, size, dt) == pytest.approx(exact, rel=1e-10)
+
+
+def test_a_window_between_two_means_lies_between_their_allan_variances():
+    sizes = np.array([1, 4, 64])
+    wide, between, narrow = (low_passed_avar(1.0, window, sizes, 1.0)
+                             for window in (np.sqrt(8), 2.2, np.sqrt(3)))
+    assert (np.minimum(wide, narrow) < between).all()
+    assert (between < np.maximum(wide, narrow)).all()
+
+
+def test_a_moving_average_leaves_the_density_alone():
+    for window in (0.0, 0.3, 2.2, 7.7):
+        assert low_passed_avar(3.0, window, 10**6, 1.0) == pytest.approx(9e-6, rel=1e-5)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.likelihood import bins_of, grouped, maximise
 from imu_allan.noise.periodogram import Periodogram, Piece
-from imu_allan.noise.tones import _rises, find_lines
+from imu_allan.noise.tones import _higher_side, _rises, find_lines
 import numpy as np
 import pytest
 
@@ -53,3 +53,14 @@ def test_no_line_is_sought_in_a_part_of_a_few_bins():
     lines, keep = lines_of(samples, few)
     assert lines == []
     assert keep.all()
+
+
+def test_what_is_broad_is_held_against_the_higher_of_both_sides():
+    # Behind the knee the left side is the higher one, as far as the left side reaches.
+    level = np.where(np.arange(400) < 200, 2.0, 1.0)
+    higher = _higher_side(level, 65)
+    assert (higher[:200] == 2).all()
+    [edge] = np.flatnonzero(np.diff(higher)) + 1
+    # Half of the 33 neighbours on the left are in front of the knee.
+    assert edge == 200 + 33 // 2
+    np.testing.assert_array_equal(_higher_side(level[::-1], 65), higher[::-1])

@@ -1,0 +1,57 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The result of an axis: what is told of the fit, and the model beside the curve."""
+
+from imu_allan.noise.axis import characterize
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import TERMS
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+RATE = 100.0
+WHITE = simulate({'noise_density': 1e-3}, 300_000, RATE, seed=3)
+
+
+def model_over_curve(axis, fewest_degrees_of_freedom=300):
+    curve = axis.curve
+    sure = np.array(curve.edf) > fewest_degrees_of_freedom
+    return (np.array(curve.model_adev) / np.array(curve.adev))[sure]
+
+
+@pytest.mark.parametrize('width', [2, 5, 8, 40])
+def test_model_follows_the_curve_of_low_passed_noise_at_every_averaging_time(width):
+    axis = characterize(lfilter(np.ones(width) / width, [1.0], WHITE)[width:], RATE)
+    assert axis.band_limit_s == pytest.approx(width / RATE, rel=0.15)
+    # Below the window the deviation is as uncertain as the window itself.
+    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.15)
+
+
+def test_model_is_the_sum_of_the_terms_that_were_found():
+    model = {'noise_density': 1e-3, 'bias_instability': 3e-3, 'rate_random_walk': 3e-3}
+    axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
+    tau = np.array(axis.curve.tau_s)
+    total = sum(TERMS[key].adev(one.value, tau) ** 2
+                for key, one in axis.coefficients.items() if one.observable)
+    assert {key for key, one in axis.coefficients.items() if one.observable} == set(model)
+    np.testing.assert_allclose(np.array(axis.curve.model_adev) ** 2, total)
+    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.1)
+
+
+def test_model_holds_the_gauss_markov_process():
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 5.0}}
+    axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
+    assert axis.gauss_markov.sigma == pytest.approx(1e-3, rel=0.1)
+    assert axis.gauss_markov.correlation_time_s == pytest.approx(5.0, rel=0.2)
+    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.05)
+
+
+@pytest.mark.parametrize('quantity', ['angular_velocity', 'linear_acceleration'])
+@pytest.mark.parametrize('samples', [WHITE, WHITE[:10]])
+def test_every_coefficient_has_symbol_and_unit(quantity, samples):
+    axis = characterize(samples, RATE, quantity)
+    assert list(axis.coefficients) == list(TERMS)
+    for key, one in axis.coefficients.items():
+        assert one.symbol == TERMS[key].symbol
+        assert one.unit == (TERMS[key].gyro_unit if quantity == 'angular_velocity'
+                            else TERMS[key].accel_unit)
