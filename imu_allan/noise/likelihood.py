@@ -147,12 +147,12 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
 
 
 @lru_cache(maxsize=256)
-def _shapes(length: int, first: int, last: int) -> tuple[Array, Array]:
-    """Flicker column (with its DCT factor) and the squared sine, by index."""
+def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:
+    """Flicker (with its DCT factor), random walk of unit step, and the squared sine, by index."""
     j = np.arange(first, last)
     nu = j / (2.0 * length)
     return (spectrum.flicker(nu, 1.0) * spectrum.flicker_dct_factor(j),
-            np.sin(np.pi * nu) ** 2)
+            spectrum.random_walk(nu, 1.0), np.sin(np.pi * nu) ** 2)
 
 
 def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> Bins:
@@ -166,8 +166,7 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
     dt : float
         Sample interval in seconds.
     bridged_share : float, optional
-        Share of the samples that stand in for missing ones; what a local mean takes out of the
-        white noise is given back.
+        Share of the samples that stand in for missing ones, as means of those around.
 
     Returns
     -------
@@ -177,14 +176,15 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
     parts = []
     for number, piece in enumerate(pieces):
         step = piece.step * dt
-        flicker, s2 = _shapes(piece.length, piece.first, piece.last)
-        fine = 1 - bridged_share if piece.step == 1 else 1 + bridged_share
-        white = np.full(len(s2), (1 - piece.filled) * fine / step)
+        flicker, walk, s2 = _shapes(piece.length, piece.first, piece.last)
+        index = np.arange(piece.first, piece.last)
+        white = np.full(len(s2), (1 - piece.filled) / step)
+        if bridged_share:
+            white *= spectrum.bridged_white(index / (2 * piece.length * piece.step),
+                                            bridged_share)
         # The second part of the first column is what both ends of a block leak.
         quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
-        design = np.stack((quantized, white, flicker,
-                           step * (1 - s2 / 1.5) / (4 * s2)), axis=1)
-        index = np.arange(piece.first, piece.last)
+        design = np.stack((quantized, white, flicker, step * walk), axis=1)
         part = slice(piece.first, piece.last)
         ramp = spectrum.ramp_dct(piece.length, step)[piece.first - 1:piece.last - 1]
         if piece.coefficients is None:

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of an axis: what is told of the fit, and the model beside the curve."""
 
-from imu_allan.noise.axis import characterize
+from imu_allan.noise.axis import axis_results, characterize
+from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import TERMS
+from imu_allan.noise.terms import Quantity, TERMS
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -55,3 +56,27 @@ def test_every_coefficient_has_symbol_and_unit(quantity, samples):
         assert one.symbol == TERMS[key].symbol
         assert one.unit == (TERMS[key].gyro_unit if quantity == 'angular_velocity'
                             else TERMS[key].accel_unit)
+
+
+def test_samples_that_stand_in_for_missing_ones_leave_the_density_alone():
+    # A tenth of the samples replaced by the mean of their neighbours.
+    missing = np.random.default_rng(3).choice(np.arange(8, 299_992), 30_000, replace=False)
+    around = sum(WHITE[missing + k] for k in range(-8, 9) if k) / 16
+    samples = WHITE.copy()
+    samples[missing] = around
+    estimator = Estimator()
+    estimator.update(samples, bridged=len(missing))
+    [(axis, _)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+    low, high = axis.coefficients['noise_density'].ci95
+    assert low < 1e-3 < high
+    assert high - low < 0.01e-3
+    # What the means take out of high and add to low frequencies does not pass for a low-pass.
+    assert axis.band_limit_s is None
+
+
+def test_a_spectrum_that_is_described_has_no_misfit():
+    for samples in (WHITE, WHITE[:5000], WHITE[:500]):
+        fit = characterize(samples, RATE).goodness_of_fit
+        assert fit.acceptable
+        assert 0.001 < fit.p_value < 1
+        assert fit.worst_relative_misfit < 0.03

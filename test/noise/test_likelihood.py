@@ -2,7 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise import spectrum
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.likelihood import bins_of, grouped, maximise, QUANTIZATION, WALK, WHITE
+from imu_allan.noise.likelihood import (
+    bins_of,
+    FLICKER,
+    grouped,
+    maximise,
+    QUANTIZATION,
+    WALK,
+    WHITE,
+)
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -62,6 +70,30 @@ def test_quantization_column_is_the_exact_mean_power_of_a_block():
     estimator.update(simulate({'noise_density': 1.0}, n, 1 / dt))
     bins = bins_of(estimator.finished().periodogram.pieces(), dt)
     np.testing.assert_allclose(bins.design[:, QUANTIZATION], exact, rtol=1e-12)
+
+
+def test_columns_are_the_spectra_of_the_means_of_every_stage():
+    dt = 0.5
+    estimator = Estimator()
+    estimator.update(simulate({'noise_density': 1.0}, 100_000, 1 / dt))
+    pieces = estimator.finished().periodogram.pieces()
+    bins = bins_of(pieces, dt)
+    assert {piece.step for piece in pieces} == {1, 16}
+    for number, piece in enumerate(pieces):
+        here = bins.piece == number
+        step, nu = piece.step * dt, bins.index[here] / (2 * piece.length)
+        np.testing.assert_allclose(bins.frequency[here], nu / step)
+        for column, expected in (
+                (WHITE, spectrum.white(nu, step)), (WALK, spectrum.random_walk(nu, step)),
+                (FLICKER, spectrum.flicker(nu, step)
+                 * spectrum.flicker_dct_factor(bins.index[here]))):
+            np.testing.assert_allclose(bins.design[here, column], expected, rtol=1e-12)
+        # A ramp has a mean in the whole-record part, whose signs are known; in blocks a square.
+        ramp = spectrum.ramp_dct(piece.length, step)[bins.index[here] - 1]
+        whole = piece.coefficients is not None
+        np.testing.assert_allclose(bins.ramp[here], ramp**2 if whole else -ramp**2)
+        np.testing.assert_array_equal(bins.dof[here], piece.blocks)
+        assert (bins.whole[here] == whole).all()
 
 
 def test_maximum_is_found_and_no_coefficient_is_negative():

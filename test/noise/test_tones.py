@@ -28,6 +28,30 @@ def test_a_sharp_line_is_found_with_its_amplitude_and_its_bins_are_left_out(freq
     assert 0 < (~keep).mean() < 0.02
 
 
+@pytest.mark.parametrize('frequency', [3.21, 17.0, 44.4])
+def test_bins_of_a_line_are_left_out_of_long_and_short_blocks_and_no_others(frequency):
+    # 7 blocks of 4096 and one each of 2048, 1024 and 512 at the end.
+    time = np.arange(7 * 4096 + 3584) * DT
+    noise = np.random.default_rng(1).normal(size=len(time))
+    samples = noise + 2 * np.sin(2 * np.pi * frequency * time)
+    spectrum = Periodogram(1)
+    spectrum.absorb(samples[None], 0, 0)
+    spectrum.finish()
+    pieces = spectrum.pieces()
+    bins = bins_of(pieces, DT)
+    lines, keep = find_lines(pieces, bins, 0, DT, maximise(grouped(bins, 0)))
+    assert lines[0].frequency_hz == pytest.approx(frequency, abs=0.01)
+    fine = [number for number, piece in enumerate(pieces) if piece.step == 1]
+    assert {pieces[number].length for number in fine} >= {4096, 2048, 1024, 512}
+    for number in fine:
+        here = bins.piece == number
+        width = 1 / (2 * pieces[number].length * DT)
+        near = here & (np.abs(bins.frequency - frequency) < 3 * width)
+        assert near.any()
+        assert not keep[near].any()
+        assert keep[here & (np.abs(bins.frequency - frequency) > 2.5)].all()
+
+
 def test_white_noise_has_no_line():
     lines, keep = lines_of(np.random.default_rng(2).normal(size=8192))
     assert lines == []
