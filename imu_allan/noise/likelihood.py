@@ -143,7 +143,10 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     """
     if slope == 0:
         return power
-    return np.maximum(power - 2 * slope * cross + slope**2 * ramp, 1e-3 * power)
+    # What is left of coefficients whose sign is known is exact. Of blocks only the mean power of
+    # the ramp is known, and by chance they can hold less.
+    floor = np.where(ramp > 0, 1e-12, 1e-3)
+    return np.maximum(power - 2 * slope * cross + slope**2 * ramp, floor * power)
 
 
 @lru_cache(maxsize=256)

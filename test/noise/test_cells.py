@@ -54,6 +54,21 @@ def test_missing_cells_of_a_straight_line_are_filled_on_it():
     np.testing.assert_allclose(filled(cells), [[1, 3, 5, 7, 9, 11]])
 
 
+def test_what_is_known_stays_and_what_is_missing_lies_on_straight_lines():
+    rng = np.random.default_rng(2)
+    keys = np.array([0, 1, 2, 5, 6, 7, 8, 9, 13, 14, 20])
+    cells = Cells(keys, rng.standard_normal((2, len(keys))), np.arange(1, len(keys) + 1))
+    grid = filled(cells)
+    assert grid.shape == (2, 21)
+    np.testing.assert_array_equal(grid[:, keys], cells.means)
+    for begin, end in ((3, 5), (10, 13), (15, 20)):
+        np.testing.assert_allclose(np.diff(grid[:, begin:end], 2), 0, atol=1e-12)
+    # Two are missing: the line goes through the means of what is there of four on each side.
+    y0, y1 = cells.means[:, :3].mean(axis=1), cells.means[:, 3:7].mean(axis=1)
+    for place in (3, 4):
+        np.testing.assert_allclose(grid[:, place], y0 + (y1 - y0) * (place - 1) / (6.5 - 1))
+
+
 def test_a_whole_series_is_its_means():
     np.testing.assert_array_equal(filled(cells_of(ROWS, 0, 4, 2)),
                                   (ROWS[:, ::2] + ROWS[:, 1::2]) / 2)

@@ -14,6 +14,7 @@ from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.signal import butter, lfilter
 
 DEGREE = np.pi / 180
@@ -125,6 +126,22 @@ def test_ramp_keeps_its_sign(slope):
     assert np.sign(ramp.value) == np.sign(slope)
 
 
+@pytest.mark.parametrize('slope', [-1e-4, 1e-3])
+def test_ramp_of_any_strength_leaves_the_other_terms_as_they_are(slope):
+    # 1e-3 rad/s^2 over three hours is a thousand times the noise of a sample.
+    model = {'noise_density': 1e-3, 'bias_instability': 5e-4, 'rate_random_walk': 5e-5}
+    record, time = simulate(model, HOURS_3, RATE, 3), np.arange(HOURS_3) / RATE
+    gentle, strong = (characterize(record + ramp * time, RATE).coefficients
+                      for ramp in (1e-5, slope))
+    for key in model:
+        assert strong[key].value == pytest.approx(gentle[key].value, rel=0.01)
+        assert strong[key].ci95 == pytest.approx(gentle[key].ci95, rel=0.02)
+    for ramp, found in ((1e-5, gentle), (slope, strong)):
+        low, high = found['rate_ramp'].ci95
+        assert low < ramp < high
+        assert high - low < 5e-6
+
+
 def test_quantization_noise_of_an_integrating_gyro_is_found():
     model = {'quantization_noise': 1e-4, 'noise_density': 1e-4}
     axis = characterize(simulate(model, 500_000, RATE, 4), RATE)
@@ -160,6 +177,96 @@ def test_spectrum_that_no_model_describes_is_called_so():
     rng = np.random.default_rng(6)
     axis = characterize(np.cumsum(np.cumsum(rng.standard_normal(100_000))), RATE)
     assert not axis.goodness_of_fit.acceptable
+
+
+def spectrum_without_chance(samples, **coefficients):
+    """Give groups whose power is exactly what is expected."""
+    estimator = Estimator()
+    estimator.update(np.random.default_rng(0).standard_normal(samples))
+    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 1 / RATE), 0)
+    slope = coefficients.pop('rate_ramp', 0.0)
+    theta = np.zeros(4)
+    for key, coefficient in coefficients.items():
+        theta[fit_module.COLUMNS[key]] = coefficient**2
+    # The slowest coefficients, whose sign is known, have the ramp as their mean.
+    mean = np.maximum(groups.ramp, 0)
+    return replace(groups, power=groups.design @ theta + slope**2 * np.abs(groups.ramp),
+                   cross=slope * mean)
+
+
+SUMS = [{'noise_density': 1e-3}, {'noise_density': 1e-3, 'quantization_noise': 1e-5},
+        {'noise_density': 1e-3, 'bias_instability': 5e-4, 'rate_random_walk': 1e-4},
+        {'noise_density': 1e-3, 'bias_instability': 2e-3},
+        {'noise_density': 1e-3, 'rate_random_walk': 3e-4, 'quantization_noise': 4e-5},
+        {'noise_density': 1e-3, 'rate_ramp': -1e-6},
+        {'noise_density': 1e-3, 'bias_instability': 2e-4, 'rate_ramp': 1e-5}]
+
+
+@pytest.mark.parametrize('samples', [20_000, 2_000_000])
+@pytest.mark.parametrize('truth', SUMS, ids='+'.join)
+def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_the_profile(
+        truth, samples):
+    groups = spectrum_without_chance(samples, **truth)
+    found = fit_module.fit(groups, 1 / RATE)
+    assert found.acceptable
+    assert found.window_s is None
+    assert found.p_value > 0.9
+    assert found.misfit == 0
+    fixed = {} if found.estimates['quantization_noise'].observable else {0: 0.0}
+    slope = found.estimates['rate_ramp'].value
+
+    def loss(**held):
+        columns = {fit_module.COLUMNS[key]: value**2 for key, value in held.items()
+                   if key != 'rate_ramp'}
+        # Quantization noise stands at zero unless the question is about itself.
+        others = {} if 'quantization_noise' in held else fixed
+        return maximise(groups, fixed={**others, **columns},
+                        ramp=held.get('rate_ramp', None if slope else 0.0)).loss
+
+    def rise(**held):
+        best = found.solution.loss
+        if 'quantization_noise' in held:
+            best = maximise(groups, ramp=None if slope else 0.0).loss
+        elif 'rate_ramp' in held:
+            best = maximise(groups, fixed=fixed, ramp=None).loss
+        return 2 * (loss(**held) - best)
+
+    seen = {key for key, one in found.estimates.items() if one.observable}
+    for key, estimate in found.estimates.items():
+        if not estimate.observable:
+            assert abs(truth.get(key, 0.0)) <= estimate.upper
+            # The bound of a ramp is the larger of two.
+            ends = (-1, 1) if key == 'rate_ramp' else (1,)
+            assert min(rise(**{key: end * estimate.upper}) for end in ends) == pytest.approx(
+                2.706, rel=0.05)
+            continue
+        if seen == set(truth):
+            assert estimate.value == pytest.approx(truth[key], rel=1e-3)
+        assert rise(**{key: estimate.low}) == pytest.approx(3.841, rel=0.03)
+        assert rise(**{key: estimate.high}) == pytest.approx(3.841, rel=0.03)
+    if samples > 1_000_000:
+        assert seen == set(truth)
+
+
+@pytest.mark.parametrize(('key', 'level'), [
+    ('quantization_noise', 6.635), ('bias_instability', 6.635), ('rate_random_walk', 6.635),
+    ('rate_ramp', 10.83)])
+def test_a_term_is_observable_from_its_likelihood_ratio_on(key, level):
+    def ratio(coefficient):
+        groups = spectrum_without_chance(50_000, noise_density=1e-3, **{key: coefficient})
+        kept, dropped = {}, {0: 0.0}
+        if key != 'quantization_noise':
+            kept, dropped = {0: 0.0}, {0: 0.0}
+        if key in ('bias_instability', 'rate_random_walk'):
+            dropped[fit_module.COLUMNS[key]] = 0.0
+        free = maximise(groups, fixed=kept, ramp=None if key == 'rate_ramp' else 0.0).loss
+        return 2 * (maximise(groups, fixed=dropped).loss - free), groups
+
+    for share in (0.93, 1.07):
+        coefficient = brentq(lambda x, wanted: ratio(x)[0] - wanted, 1e-9, 1e-2, (share * level,),
+                             xtol=1e-12)
+        found = fit_module.fit(ratio(coefficient)[1], 1 / RATE).estimates[key]
+        assert found.observable == (share > 1)
 
 
 def test_spectrum_that_is_described_in_no_band_is_called_so_and_keeps_the_best():

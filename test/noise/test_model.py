@@ -79,6 +79,16 @@ def test_a_file_that_cannot_be_a_model_is_refused(tmp_path, content, complaint):
         load_model(path)
 
 
+def test_a_wrong_file_is_named_and_so_is_what_it_may_hold(tmp_path):
+    path = tmp_path / 'sensor.yaml'
+    path.write_text('gyro: {drift: 3 deg/h}')
+    with pytest.raises(ImuAllanError) as error:
+        load_model(path)
+    assert str(error.value).startswith(f'{path}: ')
+    assert ('quantization_noise, noise_density, bias_instability, rate_random_walk, rate_ramp, '
+            'gauss_markov, mean, x, y, z') in str(error.value)
+
+
 def test_a_missing_file_is_named():
     with pytest.raises(ImuAllanError, match=r'nowhere\.yaml: cannot be read'):
         load_model('nowhere.yaml')

@@ -67,8 +67,9 @@ def test_shortest_records_are_drawn(length):
 
 
 @pytest.mark.parametrize(('model', 'samples', 'rate', 'match'), [
-    ({'arw': 1.0}, 10, 100.0, "unknown noise term 'arw'"), ({}, 0, 100.0, 'samples'),
-    ({}, 10, 0.0, 'sample_rate_hz')])
+    ({'arw': 1.0}, 10, 100.0,
+     "unknown noise term 'arw'; known: quantization_noise, noise_density"),
+    ({}, 0, 100.0, 'samples'), ({}, 10, 0.0, 'sample_rate_hz')])
 def test_impossible_requests_are_refused(model, samples, rate, match):
     with pytest.raises(ValueError, match=match):
         simulate(model, samples, rate)
