@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of an axis: what is told of the fit, and the model beside the curve."""
 
-from imu_allan.noise.axis import axis_results, characterize
+from imu_allan.noise.axis import axis_results, characterize, sample_noise
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity, TERMS
@@ -80,3 +80,43 @@ def test_a_spectrum_that_is_described_has_no_misfit():
         assert fit.acceptable
         assert 0.001 < fit.p_value < 1
         assert fit.worst_relative_misfit < 0.03
+
+
+def test_noise_of_a_sample_is_its_standard_deviation_about_its_neighbours():
+    estimator = Estimator(2)
+    estimator.update(np.stack((WHITE, 3 * WHITE + np.linspace(0, 1, len(WHITE))), axis=1))
+    np.testing.assert_allclose(sample_noise(estimator.finished()), [0.01, 0.03], rtol=0.01)
+    assert sample_noise(Estimator(2)).tolist() == [0, 0]
+
+
+def remarks_of(samples):
+    estimator = Estimator()
+    estimator.update(samples)
+    [(axis, remarks)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+    return axis, {remark.code: remark.message for remark in remarks}
+
+
+def test_what_is_worth_telling_has_its_code():
+    assert remarks_of(WHITE)[1] == {}
+    assert set(remarks_of(lfilter(np.ones(8) / 8, [1.0], WHITE))[1]) == {'band_limited'}
+    steps = remarks_of(np.round(WHITE / 0.03) * 0.03)[1]
+    assert 'steps by 0.03 rad/s' in steps['coarse_resolution']
+    assert set(remarks_of(np.cumsum(np.cumsum(WHITE)))[1]) >= {'poor_fit'}
+    markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
+    assert set(remarks_of(simulate(markov, 300_000, RATE, seed=3))[1]) == {'gauss_markov'}
+    axis, remarks = remarks_of(np.full(1000, 2.0))
+    assert remarks == {'constant_axis': 'every sample is 2 rad/s: there is no noise to measure'}
+    assert set(axis.curve.adev) == {0.0}
+
+
+def test_too_short_a_record_has_a_curve_and_no_coefficient():
+    axis, remarks = remarks_of(WHITE[:40])
+    assert remarks == {}
+    assert axis.curve.tau_s == (0.01, 0.02, 0.04, 0.08, 0.16)
+    assert all(0 < low < at < high for at, (low, high) in zip(axis.curve.adev, axis.curve.ci95,
+                                                              strict=True))
+    assert set(axis.curve.model_adev) == {0.0}
+    assert axis.spectrum is None
+    assert not axis.goodness_of_fit.acceptable
+    assert not any(one.observable or one.value or one.upper95
+                   for one in axis.coefficients.values())
