@@ -5,6 +5,7 @@
 # make demo             the main job in about a minute (RECORDING=path analyzes a recording instead)
 # make test             all everyday tests, those over real DDS included
 # make test-slow        Monte Carlo, soak and fuzz runs
+# make mutation         small faults in the numerics, thousands of them: which does no test see
 # make coverage         the everyday tests, with the branches that none of them takes
 # make lint             ruff, mypy --strict, ament_flake8 and ament_pep257
 # make docs             the documentation as HTML, warnings are errors
@@ -21,6 +22,7 @@ PYTEST_ARGS ?=
 RECORDING ?=
 TOPIC ?=
 DEMO_OUTPUT ?= demo_output
+MUTANTS ?=
 
 # The wheels of ROS 2 Jazzy exist for Python 3.10 to 3.14.
 PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
@@ -34,7 +36,7 @@ RUN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow coverage lint docs bench bench-accuracy clean
+.PHONY: help setup demo test test-slow mutation coverage lint docs bench bench-accuracy clean
 
 help:
 	@sed -n 's/^# make/  make/p' Makefile
@@ -62,6 +64,11 @@ test: $(STAMP)
 test-slow: $(STAMP)
 	$(RUN)/python -m pytest -m slow -o faulthandler_timeout=0 $(PYTEST_ARGS)
 
+# All take hours; MUTANTS='imu_allan.noise.fit*' those of a module. `mutmut show NAME` shows one.
+mutation: $(STAMP)
+	@$(RUN)/python -m pip install --quiet --disable-pip-version-check 'mutmut>=3.8'
+	$(RUN)/python -m mutmut run $(MUTANTS)
+
 coverage: $(STAMP)
 	$(RUN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(PYTEST_ARGS)
 
@@ -83,4 +90,4 @@ bench-accuracy: $(STAMP)
 
 clean:
 	rm -rf .venv .venv-* build install log dist *.egg-info demo_output docs/_build \
-		.pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage htmlcov
+		.pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage htmlcov mutants
