@@ -64,3 +64,29 @@ def test_nothing_gives_no_points():
     points = octaves(Estimator(3).finished())
     assert points.avar.shape == (0, 3)
     assert len(points.size) == len(points.stride) == len(points.count) == 0
+
+
+@pytest.mark.parametrize('lengths', [(300, 9000), (9000, 300), (5000, 40, 5000), (10, 9000, 10)])
+def test_long_clusters_are_taken_from_every_run_that_holds_them(lengths):
+    rng = np.random.default_rng(7)
+    estimator, expected = Estimator(), dict.fromkeys(2 ** np.arange(14), 0)
+    squares = dict.fromkeys(expected, 0.0)
+    for length in lengths:
+        samples = rng.standard_normal(length)
+        estimator.start_run()
+        estimator.update(samples)
+        phase = np.concatenate(([0.0], np.cumsum(samples)))
+        for size in expected:
+            if length >= 2 * size:
+                d = phase[2 * size:] - 2 * phase[size:-size] + phase[:-2 * size]
+                squares[size] += d @ d
+                expected[size] += len(d)
+    finished = estimator.finished()
+    points = octaves(finished)
+    for size, stride, count, avar in zip(points.size, points.stride, points.count,
+                                         points.avar[:, 0], strict=True):
+        if stride == finished.periodogram.cell == 1:
+            assert count == expected[size]
+        # Where differences are taken from cells of two samples, every other one is there.
+        assert avar == pytest.approx(squares[size] / (2 * expected[size] * size**2), rel=0.1)
+    assert set(points.size) == {size for size in expected if expected[size]}
