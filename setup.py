@@ -52,6 +52,7 @@ setup(
             'pytest-cov',
             'hypothesis',
             'allantools',
+            'colcon-common-extensions',
             'opencv-python-headless',
             'pymavlink',
         ],

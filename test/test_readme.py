@@ -24,12 +24,13 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
+WORKSPACE = 'test_workspace_is_built_as_printed_and_its_node_starts'
 NEEDS_ROS = {
-    'mkdir -p ~/ws/src && cp -r . ~/ws/src/imu_allan && cd ~/ws': 'colcon',
+    'mkdir -p ~/ws/src && cp -r . ~/ws/src/imu_allan && cd ~/ws': WORKSPACE,
     'source /opt/ros/jazzy/setup.bash': 'a ROS installation',
     'rosdep install --from-paths src --ignore-src -y': 'package.xml',
-    'colcon build --packages-select imu_allan': 'colcon',
-    'source install/setup.bash': 'colcon',
+    'colcon build --packages-select imu_allan': WORKSPACE,
+    'source install/setup.bash': WORKSPACE,
     'ros2 launch imu_allan imu_allan.launch.py imu_topic:=/imu/data_raw': 'launch',
     'ros2 topic echo /imu_allan/coefficients': 'test/node',
     'ros2 service call /imu_allan/save std_srvs/srv/Trigger': 'test/node',
@@ -135,6 +136,35 @@ def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Pat
         process.stderr.read()
     assert '[INFO]' in told
     assert process.returncode == 0
+
+
+def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    pytest.importorskip('colcon_ros')
+    shutil.copytree(ROOT, tmp_path / 'clone', ignore=shutil.ignore_patterns(
+        '.*', 'build', 'install', 'log', 'mutants', '*.egg-info', '_build', '__pycache__'))
+    printed = [command for command in commands('README.md')
+               if NEEDS_ROS.get(command) == WORKSPACE]
+    node = 'install/imu_allan/lib/imu_allan/imu_allan_node'
+    with subprocess.Popen(
+            ['bash', '-c', '\n'.join(['set -e', *printed, f'exec {node}'])],
+            cwd=tmp_path / 'clone', stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env=os.environ | {
+                'HOME': str(tmp_path), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF',
+                'ROS_LOG_DIR': str(tmp_path),
+                'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'},
+            ) as process:
+        assert process.stdout is not None
+        told = ''
+        for line in process.stdout:
+            told += line
+            if '[INFO]' in line:
+                process.send_signal(signal.SIGINT)
+                break
+        told += process.stdout.read()
+    assert process.returncode == 0, told
+    assert 'Finished <<< imu_allan' in told
+    assert (tmp_path / 'ws' / node).is_file()
 
 
 @pytest.mark.parametrize('page', ['README.md', 'docs/recipes.md', 'CONTRIBUTING.md'])
