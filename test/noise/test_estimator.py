@@ -179,6 +179,7 @@ def test_merged_records_and_what_follows_stay_apart():
     merged.merge(third)
     merged.update(records[4])
     a, b = merged.finished(), together.finished()
+    assert a.periodogram.samples == b.periodogram.samples == 3000
     assert len(a.periodogram.series) == len(b.periodogram.series) == 3000
     np.testing.assert_allclose(a.periodogram.series.sums + a.reference[:, None],
                                b.periodogram.series.sums + b.reference[:, None])

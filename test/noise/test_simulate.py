@@ -48,9 +48,11 @@ def test_ramp_and_mean_are_deterministic():
 
 
 def test_same_seed_gives_the_same_record_and_another_seed_another():
-    model = {'noise_density': 1.0, 'bias_instability': 1.0}
-    np.testing.assert_array_equal(simulate(model, 50, RATE, 3), simulate(model, 50, RATE, 3))
-    assert np.any(simulate(model, 50, RATE, 3) != simulate(model, 50, RATE, 4))
+    for model in ({'noise_density': 1.0, 'bias_instability': 1.0},
+                  {'gauss_markov': {'sigma': 2.0, 'correlation_time_s': 0.3}}):
+        for how in (lambda *args: simulate(*args[:2], RATE, args[2]), streamed):
+            np.testing.assert_array_equal(how(model, 800, 3), how(model, 800, 3))
+            assert np.any(how(model, 800, 3) != how(model, 800, 4))
 
 
 def test_terms_add_without_disturbing_each_other():
@@ -84,6 +86,24 @@ def test_a_streamed_gauss_markov_process_has_its_allan_variance():
 def test_a_streamed_ramp_goes_on_from_part_to_part():
     record = streamed({'rate_ramp': 0.5, 'mean': 3.0}, 1000, 0)
     np.testing.assert_allclose(record, 3.0 + 0.5 * np.arange(1000) / RATE)
+
+
+def test_a_streamed_mean_stays_whatever_noise_is_added():
+    everything = dict.fromkeys(('quantization_noise', 'noise_density', 'bias_instability',
+                                'rate_random_walk', 'rate_ramp'), 1.0)
+    assert streamed({**everything, 'mean': 1e6}, 1000, 0).mean() == pytest.approx(1e6, rel=0.01)
+
+
+def test_streamed_flicker_is_as_flat_at_long_times():
+    sizes = 2 ** np.array([8, 10, 12, 14])
+    found = []
+    for seed in range(12):
+        phase = np.concatenate(([0.0], np.cumsum(streamed({'bias_instability': 1.0}, 200_000,
+                                                          seed))))
+        found.append([np.mean(((phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]) / m)**2) / 2
+                      for m in sizes])
+    np.testing.assert_allclose(np.mean(found, axis=0), 2 * np.log(2) / np.pi, rtol=0.35)
+    np.testing.assert_allclose(np.mean(found, axis=0)[:2], 2 * np.log(2) / np.pi, rtol=0.05)
 
 
 def test_drawing_nothing_from_a_stream_changes_nothing():
