@@ -35,6 +35,8 @@ class Facts:
     received, lost, malformed, skipped : int
         Messages taken, numbered but never received, not decodable, and passed over in a pause.
     publishers : int
+    silent_s : float
+        Time since the last message, or since the node has waited for the first.
     received_hz : float
         Messages taken per second, lately.
     cpu_s : float or None

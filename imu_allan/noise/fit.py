@@ -17,7 +17,7 @@ likelihood ratio, and its law at a boundary.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.likelihood import (
@@ -93,8 +93,6 @@ class Fit:
     acceptable : bool
     gauss_markov : (float, float) or None
         Standard deviation and correlation time of an additional Gauss-Markov term.
-    expected : callable
-        Design row(s), shape (n, 4), to expected power, shape (n,), in the band that was used.
 
     """
 
@@ -105,7 +103,6 @@ class Fit:
     misfit: float
     acceptable: bool
     gauss_markov: tuple[float, float] | None = None
-    solution: Solution | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -165,8 +162,7 @@ def fit(groups: Groups, dt: float, start: Solution | None = None) -> Fit:
         window = _window(trial)
         estimates['quantization_noise'] = Estimate(False, 0.0, 0.0, 0.0, np.nan)
     estimates['rate_ramp'] = _ramp(trial)
-    return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, markov,
-               trial.solution)
+    return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, markov)
 
 
 def _try(groups: Groups, edge_hz: float | None, rolling: bool = False,

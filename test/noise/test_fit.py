@@ -224,12 +224,9 @@ def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_
                         ramp=held.get('rate_ramp', None if slope else 0.0)).loss
 
     def rise(**held):
-        best = found.solution.loss
-        if 'quantization_noise' in held:
-            best = maximise(groups, ramp=None if slope else 0.0).loss
-        elif 'rate_ramp' in held:
-            best = maximise(groups, fixed=fixed, ramp=None).loss
-        return 2 * (loss(**held) - best)
+        ramp = None if slope or 'rate_ramp' in held else 0.0
+        best = maximise(groups, fixed={} if 'quantization_noise' in held else fixed, ramp=ramp)
+        return 2 * (loss(**held) - best.loss)
 
     seen = {key for key, one in found.estimates.items() if one.observable}
     for key, estimate in found.estimates.items():
