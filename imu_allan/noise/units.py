@@ -85,7 +85,8 @@ def parse(text: str, to: str) -> float:
         If the number, the unit or its dimension is not right; the message gives a right example.
 
     """
-    examples = f"write it with a unit, such as '1 {ENGINEERING_UNITS.get(to, to)}' or '1 {to}'"
+    known = dict.fromkeys((ENGINEERING_UNITS.get(to, to), to))
+    examples = f"write it with a unit, such as {' or '.join(repr(f'1 {unit}') for unit in known)}"
     shown = repr(text if len(text) <= _LONGEST else text[:_LONGEST] + '...')
     match = _NUMBER.match(text)
     if match is None:

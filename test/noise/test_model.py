@@ -70,6 +70,40 @@ def test_a_wrong_file_is_refused_in_one_line_that_names_file_and_key(text, compl
     assert len(str(error.value)) < 400
 
 
+@pytest.mark.parametrize(('text', 'message'), [
+    ('accel: 3', 'accel: expected keys with values, such as {noise_density: 100 ug/sqrt(Hz)}'),
+    ('gyro: {z: 3}', 'gyro.z: expected keys with values, such as '
+     '{noise_density: 0.03 deg/s/sqrt(Hz)}'),
+    ('accel: {gauss_markov: {sigma: 1 ug}}', 'accel.gauss_markov: expected sigma and '
+     'correlation_time, such as {sigma: 50 ug, correlation_time: 100 s}'),
+    ('gyro: {gauss_markov: {correlation_time: 1 s}}', 'gyro.gauss_markov: expected sigma and '
+     'correlation_time, such as {sigma: 10 deg/h, correlation_time: 100 s}'),
+    ('gyro: {gauss_markov: {sigma: 1 deg/h, correlation_time: 3 m}}',
+     "gyro.gauss_markov.correlation_time: '3 m' is not in a unit that can be turned into s; "
+     "write it with a unit, such as '1 s'"),
+    ('gyro: {gauss_markov: {sigma: 3 m, correlation_time: 1 s}}',
+     "gyro.gauss_markov.sigma: '3 m' is not in a unit that can be turned into rad/s; "
+     "write it with a unit, such as '1 deg/h' or '1 rad/s'"),
+    ('gyro: {gauss_markov: {sigma: 1 deg/h, correlation_time: 0 s}}',
+     'gyro.gauss_markov.correlation_time: must be greater than zero'),
+    ('gyro: {}\nbaro: {}', "unknown key 'baro'; known are name, gyro, accel"),
+    ('name: nothing', "names neither 'gyro' nor 'accel'; write for instance "
+     'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}'),
+    ('gyro: {noise_density: -1 deg/sqrt(h)}', "gyro.noise_density: '-1 deg/sqrt(h)' is negative; "
+     'a noise coefficient is zero or greater'),
+    ('accel: {y: {noise_density: [1]}}', 'accel.y.noise_density: expected a value with its unit, '
+     "such as '1 m/s^2/sqrt(Hz)'"),
+    ('name: [1]\ngyro: {}', 'name: expected a text'),
+    ('gyro: {' + 100 * 'k' + ': 1}', "gyro: unknown key '" + 59 * 'k' + '...; known are '
+     'quantization_noise, noise_density, bias_instability, rate_random_walk, rate_ramp, '
+     'gauss_markov, mean, x, y, z'),
+])
+def test_a_message_says_where_what_and_what_to_write_instead(text, message):
+    with pytest.raises(ImuAllanError) as error:
+        parse_model(text, 'spec.yaml')
+    assert str(error.value) == f'spec.yaml: {message}'
+
+
 @pytest.mark.parametrize(('content', 'complaint'), [
     (b'\xff\xfe\x00', 'not a text file'), (b'#' * 1_000_001, 'too large')])
 def test_a_file_that_cannot_be_a_model_is_refused(tmp_path, content, complaint):
