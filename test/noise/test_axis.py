@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of an axis: what is told of the fit, and the model beside the curve."""
 
+import re
+
 from imu_allan.noise.axis import axis_results, characterize, sample_noise
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.result import Curve, GoodnessOfFit
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -100,13 +103,22 @@ def test_what_is_worth_telling_has_its_code():
     assert remarks_of(WHITE)[1] == {}
     assert set(remarks_of(lfilter(np.ones(8) / 8, [1.0], WHITE))[1]) == {'band_limited'}
     steps = remarks_of(np.round(WHITE / 0.03) * 0.03)[1]
-    assert 'steps by 0.03 rad/s' in steps['coarse_resolution']
+    assert re.fullmatch(r'the output steps by 0\.03 rad/s, [\d.]+ times the noise of one sample: '
+                        'what lies below the step is hidden', steps['coarse_resolution'])
     assert set(remarks_of(np.cumsum(np.cumsum(WHITE)))[1]) >= {'poor_fit'}
     markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
     assert set(remarks_of(simulate(markov, 300_000, RATE, seed=3))[1]) == {'gauss_markov'}
     axis, remarks = remarks_of(np.full(1000, 2.0))
     assert remarks == {'constant_axis': 'every sample is 2 rad/s: there is no noise to measure'}
     assert set(axis.curve.adev) == {0.0}
+
+
+@pytest.mark.parametrize('samples', [[], [1.0]])
+def test_without_a_second_difference_there_is_no_curve(samples):
+    axis = characterize(samples, RATE)
+    assert axis.curve == Curve((), (), (), (), (), ())
+    assert axis.mean == (None if not samples else np.mean(samples))
+    assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
 
 
 def test_too_short_a_record_has_a_curve_and_no_coefficient():

@@ -65,6 +65,31 @@ def test_nothing_rises_above_too_few_neighbours():
     assert len(_rises(np.concatenate((ratio, np.ones(200))), 1, 1)) == 1
 
 
+@pytest.mark.parametrize(('scale', 'height', 'expected'), [
+    (1, 1.25, False), (1, 1.35, True), (8, 1.45, False), (8, 1.55, True), (32, 1.45, False),
+    (32, 1.55, True)])
+def test_what_rises_by_less_than_anyone_cares_about_is_no_line(scale, height, expected):
+    # Of so many blocks that chance allows a thousandth.
+    ratio = np.ones(200 * scale)
+    ratio[100 * scale:103 * scale] = height
+    found = _rises(ratio, 10**7, scale)
+    if expected:
+        [(begin, end, floor)] = found
+        assert (begin, end) == (100 * scale, 103 * scale)
+        assert floor == pytest.approx(1, rel=1e-3)
+    else:
+        assert found == []
+
+
+def test_what_is_taken_already_is_not_found_again():
+    ratio = np.ones(8 * 200)
+    ratio[8 * 100:8 * 103] = 5.0
+    ratio[8 * 50:8 * 53] = np.nan
+    assert [(begin, end) for begin, end, _ in _rises(ratio, 10**7, 8)] == [(800, 824)]
+    ratio[8 * 100:8 * 103] = np.nan
+    assert _rises(ratio, 10**7, 8) == []
+
+
 def test_no_line_is_sought_in_a_part_of_a_few_bins():
     tone = np.sin(2 * np.pi * 17.0 * np.arange(8192) * DT)
     samples = np.random.default_rng(1).normal(size=8192) + tone
