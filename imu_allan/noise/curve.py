@@ -17,6 +17,7 @@ Instrum. Meas. 40 (1991). W. J. Riley, "Handbook of Frequency Stability Analysis
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from math import gcd
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.cells import RUN_SHIFT
@@ -143,13 +144,16 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     if not squares.any():
         squares[1] = 1.0
     lags = min(count, int(_LAGS * size / stride))
-    r = squares @ _difference_covariance(size, stride, lags)
+    # Every fit of a growing record asks for more lags: of powers of two few tables serve all.
+    shared = gcd(size, stride)
+    table = _difference_covariance(size // shared, stride // shared, 1 << (lags - 1).bit_length())
+    r = squares @ table[:, :lags]
     weight = (count - np.arange(lags)) * 2.0
     weight[0] = count
     return float(count**2 * r[0] ** 2 / (weight @ r**2))
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=32)
 def _difference_covariance(size: int, stride: int, lags: int) -> Array:
     """Covariance of second differences at lags 0, stride, ..., by term, for a unit cluster."""
     lag = np.arange(lags, dtype=np.float64) * stride

@@ -149,13 +149,16 @@ def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
     return np.maximum(power - 2 * slope * cross + slope**2 * ramp, floor * power)
 
 
-@lru_cache(maxsize=256)
 def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:
     """Flicker (with its DCT factor), random walk of unit step, and the squared sine, by index."""
     j = np.arange(first, last)
     nu = j / (2.0 * length)
     return (spectrum.flicker(nu, 1.0) * spectrum.flicker_dct_factor(j),
             spectrum.random_walk(nu, 1.0), np.sin(np.pi * nu) ** 2)
+
+
+_block_shapes = lru_cache(maxsize=64)(_shapes)
+"""The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
 
 
 def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> Bins:
@@ -179,7 +182,8 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
     parts = []
     for number, piece in enumerate(pieces):
         step = piece.step * dt
-        flicker, walk, s2 = _shapes(piece.length, piece.first, piece.last)
+        shapes = _block_shapes if piece.coefficients is None else _shapes
+        flicker, walk, s2 = shapes(piece.length, piece.first, piece.last)
         index = np.arange(piece.first, piece.last)
         white = np.full(len(s2), (1 - piece.filled) / step)
         if bridged_share:

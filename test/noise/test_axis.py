@@ -3,6 +3,7 @@
 """The result of an axis: what is told of the fit, and the model beside the curve."""
 
 import re
+import tracemalloc
 
 from imu_allan.noise.axis import axis_results, characterize, sample_noise
 from imu_allan.noise.estimator import Estimator
@@ -119,6 +120,19 @@ def test_without_a_second_difference_there_is_no_curve(samples):
     assert axis.curve == Curve((), (), (), (), (), ())
     assert axis.mean == (None if not samples else np.mean(samples))
     assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
+
+
+def test_fits_of_a_growing_record_hold_no_memory():
+    # Beside a driver for days, every fit is one of a record of another length.
+    estimator, kept = Estimator(), []
+    estimator.update(WHITE[:30_000])
+    tracemalloc.start()
+    for begin in range(30_000, 60_000, 500):
+        estimator.update(WHITE[begin:begin + 500])
+        axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+        kept.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert max(kept[40:]) < max(kept[10:40]) + 500_000
 
 
 def test_too_short_a_record_has_a_curve_and_no_coefficient():
