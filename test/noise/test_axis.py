@@ -122,6 +122,16 @@ def test_without_a_second_difference_there_is_no_curve(samples):
     assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
 
 
+def test_an_axis_that_stands_still_beside_others_is_told():
+    estimator = Estimator(3)
+    estimator.update(np.stack((WHITE, np.full(len(WHITE), 9.8), WHITE - 5), axis=1))
+    found = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY] * 3)
+    assert [[remark.code for remark in remarks] for _, remarks in found] == [
+        [], ['constant_axis'], []]
+    assert [axis.coefficients['noise_density'].observable for axis, _ in found] == [
+        True, False, True]
+
+
 def test_fits_of_a_growing_record_hold_no_memory():
     # Beside a driver for days, every fit is one of a record of another length.
     estimator, kept = Estimator(), []

@@ -63,10 +63,13 @@ def test_what_is_known_stays_and_what_is_missing_lies_on_straight_lines():
     np.testing.assert_array_equal(grid[:, keys], cells.means)
     for begin, end in ((3, 5), (10, 13), (15, 20)):
         np.testing.assert_allclose(np.diff(grid[:, begin:end], 2), 0, atol=1e-12)
-    # Two are missing: the line goes through the means of what is there of four on each side.
-    y0, y1 = cells.means[:, :3].mean(axis=1), cells.means[:, 3:7].mean(axis=1)
-    for place in (3, 4):
-        np.testing.assert_allclose(grid[:, place], y0 + (y1 - y0) * (place - 1) / (6.5 - 1))
+    # The line goes through the means of what is there of twice as many, four at least.
+    for missing, left, right in (((3, 4), slice(0, 3), slice(3, 7)),
+                                 ((10, 11, 12), slice(2, 8), slice(8, 11))):
+        x0, x1 = keys[left].mean(), keys[right].mean()
+        y0, y1 = cells.means[:, left].mean(axis=1), cells.means[:, right].mean(axis=1)
+        for place in missing:
+            np.testing.assert_allclose(grid[:, place], y0 + (y1 - y0) * (place - x0) / (x1 - x0))
 
 
 def test_a_whole_series_is_its_means():

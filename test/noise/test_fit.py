@@ -15,7 +15,7 @@ from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, freqz, lfilter
 
 DEGREE = np.pi / 180
 SENSOR = {'noise_density': 0.0045 * DEGREE, 'bias_instability': 0.0014 * DEGREE,
@@ -399,6 +399,18 @@ def test_coefficient_whose_interval_has_no_end_is_not_observable(monkeypatch):
     axis = characterize(white, 100.0)
     assert not axis.coefficients['noise_density'].observable
     assert axis.coefficients['noise_density'].upper95 is None
+
+
+def test_an_octave_further_is_taken_only_where_it_is_worth_its_price(monkeypatch):
+    groups = spectrum_without_chance(200_000, noise_density=1e-3)
+    response = np.abs(freqz(*butter(2, 5, fs=RATE), 2 * np.pi * groups.frequency / RATE)[1])**2
+    bent = replace(groups, power=groups.power * response)
+    usual = fit_module.fit(bent, 1 / RATE)
+    monkeypatch.setattr(fit_module, '_WORTH', 0.0)
+    hasty = fit_module.fit(bent, 1 / RATE)
+    assert hasty.edge_hz == 2 * usual.edge_hz
+    assert (abs(hasty.estimates['noise_density'].value - 1e-3)
+            > 3 * abs(usual.estimates['noise_density'].value - 1e-3))
 
 
 def test_gentle_low_pass_costs_an_octave_or_two_and_leaves_the_density_alone():

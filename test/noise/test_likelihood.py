@@ -96,6 +96,43 @@ def test_columns_are_the_spectra_of_the_means_of_every_stage():
         assert (bins.whole[here] == whole).all()
 
 
+@pytest.mark.parametrize('runs', [1, 2])
+def test_groups_hold_every_bin_once_and_the_slowest_alone(runs):
+    estimator = Estimator(2)
+    for seed in range(runs):
+        estimator.start_run()
+        estimator.update(np.random.default_rng(seed).standard_normal((40_000, 2)))
+    pieces = estimator.finished().periodogram.pieces()
+    bins = bins_of(pieces, 0.01)
+    groups = grouped(bins, 1)
+    assert (np.diff(groups.frequency) >= 0).all()
+    assert groups.dof.sum() == bins.dof.sum()
+    for name in ('frequency', 'power', 'cross', 'ramp'):
+        values = getattr(bins, name)
+        values = values[1] if values.ndim == 2 else values
+        assert groups.dof @ getattr(groups, name) == pytest.approx(bins.dof @ values)
+    np.testing.assert_allclose(groups.dof @ groups.design, bins.dof @ bins.design)
+    single = np.flatnonzero(bins.whole & (bins.index <= 48))
+    assert len(single) == 48 * runs
+    alone = groups.power[groups.dof == 1]
+    assert set(bins.power[1, single]) <= set(alone)
+    # An eighth of an octave wide at most.
+    wide = len(groups.frequency) - len(single)
+    assert wide < 2 * runs * 8 * np.log2(bins.frequency.max() / bins.frequency[single].max())
+
+
+def test_bins_left_out_are_in_no_group():
+    estimator = Estimator()
+    estimator.update(np.random.default_rng(1).standard_normal(5000))
+    bins = bins_of(estimator.finished().periodogram.pieces(), 0.01)
+    keep = np.random.default_rng(2).random(len(bins.dof)) > 0.3
+    keep[:20] = False
+    groups = grouped(bins, 0, keep)
+    assert groups.dof.sum() == keep.sum()
+    assert groups.frequency[0] == bins.frequency[20:][keep[20:]][0]
+    assert groups.dof @ groups.power == pytest.approx(bins.power[0, keep].sum())
+
+
 def test_maximum_is_found_and_no_coefficient_is_negative():
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 50_000, 100, 7))

@@ -21,8 +21,11 @@ def mean_allan_variance(draw, runs):
 
 
 def streamed(coefficients, samples, seed):
+    """Draw in parts of few and of many samples: no seam may show."""
     stream = NoiseStream(coefficients, RATE, seed)
-    return np.concatenate([stream.draw(n) for n in (777, samples - 777)])
+    parts = [20] * 100
+    return np.concatenate([stream.draw(n) for n in (*parts, samples - sum(parts))
+                           if n > 0])[:samples]
 
 
 @pytest.mark.parametrize('key', ['quantization_noise', 'noise_density', 'bias_instability',

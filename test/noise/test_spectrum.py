@@ -123,3 +123,10 @@ def test_spectrum_of_bridged_white_noise_is_that_of_the_timeline_s_bridges(share
         error = np.sqrt(2 / (6 * runs * (high - low)))
         assert power[low:high].mean() == pytest.approx(expected[low - 1:high - 1].mean(),
                                                        abs=4 * error)
+
+
+def test_the_transform_of_a_bridge_is_that_of_its_sixteen_neighbours():
+    nu, share = np.array([1e-6, 0.01, 0.1, 0.27, 0.5]), 0.2
+    mean = sum(2 * np.cos(2 * np.pi * k * nu) for k in range(1, 9)) / 16
+    np.testing.assert_allclose(spectrum.bridged_white(nu, share),
+                               (0.8 + 0.2 * mean)**2 + 0.16 * 17 / 16, rtol=1e-9)

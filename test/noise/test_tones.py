@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.likelihood import bins_of, grouped, maximise
 from imu_allan.noise.periodogram import Periodogram, Piece
-from imu_allan.noise.tones import _higher_side, _rises, find_lines
+from imu_allan.noise.tones import _folded, _higher_side, _rises, find_lines, Line
 import numpy as np
 import pytest
 
@@ -79,6 +79,39 @@ def test_what_rises_by_less_than_anyone_cares_about_is_no_line(scale, height, ex
         assert floor == pytest.approx(1, rel=1e-3)
     else:
         assert found == []
+
+
+@pytest.mark.parametrize(('blocks', 'scale', 'expected'), [
+    (16, 8, True), (2, 8, False), (128, 1, True), (16, 1, False)])
+def test_what_chance_allows_depends_on_all_that_is_averaged(blocks, scale, expected):
+    ratio = np.ones(200 * scale)
+    ratio[100 * scale:103 * scale] = 2.1
+    assert bool(_rises(ratio, blocks, scale)) == expected
+
+
+@pytest.mark.parametrize('unit', [1e-12, 1.0, 1e12])
+def test_lines_are_found_in_any_unit(unit):
+    ratio = np.ones(1600)
+    ratio[800:824] = 3.0
+    for scale in (1, 8):
+        assert [place[:2] for place in _rises(ratio * unit, 10**7, scale)] == [(800, 824)]
+
+
+def test_amplitude_of_a_line_is_free_of_the_noise_below_it():
+    # Ten times the noise in the bin of the tone; five bins are added up.
+    time = np.arange(100_000) * DT
+    noise = np.random.default_rng(6).normal(size=len(time))
+    [line], _ = lines_of(noise + 0.1 * np.sin(2 * np.pi * 17.003 * time))
+    assert line.frequency_hz == pytest.approx(17.003, abs=0.01)
+    assert line.amplitude == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(('frequency', 'image'), [(1.3, 0.3), (1.3, 1.3 - 0.9), (4.9, 0.1)])
+def test_a_line_folded_by_a_lower_rate_is_known_again(frequency, image):
+    rate = 1.0 if frequency != 1.3 or image == 0.3 else 0.9
+    lines = [Line(17.4, 1.0), Line(frequency, 1.0)]
+    assert _folded(image, lines, rate, 0.01)
+    assert not _folded(image + 0.02, lines[1:], rate, 0.01)
 
 
 def test_what_is_taken_already_is_not_found_again():
