@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 DEGREE = np.pi / 180
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
+PROCESS = 'gauss_markov'
 _CONSUMER = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 6.5e-5 * DEGREE}
 _WALKING = {**_CONSUMER, K: 2.5e-4 * DEGREE}
 _SETTLING = 2000
@@ -45,7 +46,7 @@ class Case:
     Attributes
     ----------
     terms : dict
-        SI coefficient by key.
+        SI coefficient by key; a Gauss-Markov process as `simulate` wants it.
     rate_hz, duration_s : float
     bound : dict
         Relative Cramer-Rao bound by key.
@@ -54,11 +55,16 @@ class Case:
 
     """
 
-    terms: dict[str, float]
+    terms: dict[str, Any]
     rate_hz: float
     duration_s: float
     bound: dict[str, float]
     low_pass: tuple[Sequence[float], Sequence[float]] | None = None
+
+    def truth(self, key: str) -> float:
+        """Return the true coefficient, or standard deviation of the process; 0 where absent."""
+        value = self.terms.get(key, 0.0)
+        return float(value['sigma'] if isinstance(value, dict) else value)
 
     def record(self, seed: int) -> Array:
         """Draw a record, in rad/s."""
@@ -81,6 +87,7 @@ CASES = {
     'NBK': Case(_WALKING, 100, 3 * _HOUR, {}),
     'QNB': Case({'quantization_noise': 3e-6, N: _CONSUMER[N], B: _CONSUMER[B]}, 100, 3 * _HOUR,
                 {}),
+    'GM': Case({N: 1e-3, PROCESS: {'sigma': 1e-3, 'correlation_time_s': 60.0}}, 100, _HOUR, {}),
     '1st order 20 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(1, 20, fs=100)),
     '2nd order 20 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 20, fs=100)),
     '2nd order 5 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 5, fs=100)),
@@ -107,6 +114,8 @@ def ours(record: Array, rate_hz: float) -> tuple[Estimates, list[tuple[float, ..
     found: Estimates = {
         key: (e.value, e.low, e.high, True) if e.observable else (e.value, 0.0, e.upper, False)
         for key, e in fitted.fit.estimates.items()}
+    sigma, _ = fitted.fit.gauss_markov or (0.0, 0.0)
+    found[PROCESS] = sigma, np.nan, np.nan, sigma > 0
     axis = characterize(record, rate_hz)
     curve = [(tau, adev, *bounds) for tau, adev, bounds
              in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95, strict=True)]
@@ -168,7 +177,7 @@ def figures(name: str, trials: Sequence[Any], method: str = 'imu_allan'
     case, summary = CASES[name], {}
     for key in trials[0][0][method]:
         rows = np.array([[float(v) for v in t[0][method][key]] for t in trials])
-        truth = case.terms.get(key, 0.0)
+        truth = case.truth(key)
         inside = (rows[:, 1] <= truth) & (truth <= rows[:, 2])
         line = {'observable': float(rows[:, 3].mean()), 'coverage': float(inside.mean())}
         if truth:
@@ -211,12 +220,13 @@ def show(name: str, trials: Sequence[Any]) -> None:
                 continue
             bound = case.bound.get(key)
             over = f'{line["rmse"] / bound:8.2f} x bound' if bound else ''
-            coverage = f'coverage {line["coverage"]:.3f}' if method == 'imu_allan' else ''
+            coverage = (f'coverage {line["coverage"]:.3f}'
+                        if method == 'imu_allan' and key != PROCESS else '')
             print(f'    {key:20} bias {100 * line["bias"]:+8.3f} %  rmse '
                   f'{100 * line["rmse"]:8.3f} %{over}  observable '
                   f'{100 * line["observable"]:5.1f} %  {coverage}')
         print(f'    just the true terms in {100 * right_terms(name, trials, method):.1f} %')
-    if case.low_pass is None:
+    if case.low_pass is None and PROCESS not in case.terms:
         worst = [f'{tau:g} s {share:.3f}' for tau, share in curve_coverage(name, trials)]
         print('  coverage of the curve: ' + ', '.join(worst))
 

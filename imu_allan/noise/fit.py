@@ -60,6 +60,8 @@ _EDGE_GROUPS = 24
 _WORTH = 3.0
 _DEEP = 1 / 12
 _SHORTEST_CORRELATION = 50
+_SLOWEST = (4, 8, 16, 32, 64)
+_OBSERVABLE_PROCESS = 13.82
 
 
 @dataclass(frozen=True)
@@ -148,13 +150,15 @@ def fit(groups: Groups, dt: float, start: Solution | None = None) -> Fit:
     Fit
 
     """
-    trial, markov = _try(groups, None, start=start), None
-    if trial.p_value < _BENT_P:
-        trial = _without_fine_octaves(groups, dt, trial)
+    trial = whole = _try(groups, None, start=start)
+    found = None
+    if whole.p_value < _BENT_P:
+        trial = _without_fine_octaves(groups, dt, whole)
         if not trial.described or (trial.edge_hz or np.inf) * dt < _DEEP:
-            found = _with_gauss_markov(groups, dt)
-            if found is not None:
-                trial, markov = found
+            found = _with_gauss_markov(whole, dt)
+    if found is None and _levels_off(trial):
+        found = _with_gauss_markov(trial, dt)
+    trial, markov = found or (trial, None)
     estimates = {key: _estimate(trial, column) for key, column in COLUMNS.items()}
     window = None
     if trial.edge_hz is not None or trial.rolling:
@@ -166,8 +170,8 @@ def fit(groups: Groups, dt: float, start: Solution | None = None) -> Fit:
 
 
 def _try(groups: Groups, edge_hz: float | None, rolling: bool = False,
-         extra: Array | None = None, start: Solution | None = None) -> _Trial:
-    """Fit the terms over a band; drop quantization noise and ramp unless the data asks."""
+         start: Solution | None = None) -> _Trial:
+    """Fit the terms over a band, where `rolling` with a roll-off of the white noise."""
     if edge_hz is not None:
         groups = groups.below(edge_hz)
     if rolling:
@@ -177,8 +181,12 @@ def _try(groups: Groups, edge_hz: float | None, rolling: bool = False,
         design[:, QUANTIZATION] = groups.design[:, WHITE] * fall
         design[:, WHITE] = groups.design[:, WHITE] * (1 - fall)
         groups = groups.with_design(design)
-    if extra is not None:
-        groups = groups.with_design(np.column_stack((groups.design, extra)))
+    return _fit_columns(groups, edge_hz, rolling, start)
+
+
+def _fit_columns(groups: Groups, edge_hz: float | None, rolling: bool,
+                 start: Solution | None = None) -> _Trial:
+    """Fit the columns; drop quantization noise and ramp unless the data asks."""
     fixed: dict[int, float] = {}
     solution = maximise(groups, start)
     if not rolling and solution.theta[QUANTIZATION] > 0:
@@ -260,30 +268,48 @@ def _error_of_density(trial: _Trial) -> float:
     return float(np.hypot(sampling, 0 if trial.described else trial.misfit / 2))
 
 
-def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, float]] | None:
+def _levels_off(trial: _Trial) -> bool:
     """
-    Fit the terms and a Gauss-Markov process to the whole band.
+    Whether the slowest coefficients are markedly smaller than the terms say.
+
+    There are so few of them that the residuals of all half-octaves together do not show it.
+    """
+    order = np.argsort(trial.groups.frequency)
+    expected = np.maximum(trial.groups.design @ trial.solution.theta, 1e-300)
+    ratio = trial.groups.at_ramp(trial.solution.slope) / expected
+    dof = np.cumsum(trial.groups.dof[order])
+    power = np.cumsum((trial.groups.dof * ratio)[order])
+    some = [at for at in np.searchsorted(dof, _SLOWEST) if at < len(dof)]
+    chance = 1 - chi_square.survival(power[some], dof[some])
+    return bool(np.any(chance < _SMALLEST_P / len(_SLOWEST)))
+
+
+def _with_gauss_markov(base: _Trial, dt: float) -> tuple[_Trial, tuple[float, float]] | None:
+    """
+    Fit the terms and a Gauss-Markov process to the band of a trial.
 
     A correlation time of a few samples is not considered: that is what a low-pass looks like.
     """
     from scipy.optimize import minimize_scalar  # seldom needed, and slow to import
 
+    groups = base.groups
     longest = 1 / (2 * np.pi * float(groups.frequency[0]))
     if longest < 2 * _SHORTEST_CORRELATION * dt:
         return None
     white = groups.design[:, WHITE]
+    if base.rolling:
+        white = white + groups.design[:, QUANTIZATION]
 
-    def column(time: float) -> Array:
+    def with_process(time: float) -> Groups:
         density = dt * gauss_markov(np.minimum(groups.frequency * dt, 0.5), dt, time)
-        return np.asarray(white * density)
+        return groups.with_design(np.column_stack((groups.design, white * density)))
 
     nearest: Solution | None = None
 
     def attempt(log_time: float) -> float:
         nonlocal nearest
-        design = np.column_stack((groups.design, column(float(np.exp(log_time)))))
-        nearest = maximise(groups.with_design(design), nearest, fixed={QUANTIZATION: 0.0},
-                           tolerance=1e-3)
+        nearest = maximise(with_process(float(np.exp(log_time))), nearest,
+                           fixed={} if base.rolling else {QUANTIZATION: 0.0}, tolerance=1e-3)
         return nearest.loss
 
     times = np.linspace(np.log(_SHORTEST_CORRELATION * dt), np.log(longest), 12)
@@ -291,9 +317,11 @@ def _with_gauss_markov(groups: Groups, dt: float) -> tuple[_Trial, tuple[float, 
     around = (times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)])
     time = float(np.exp(minimize_scalar(attempt, bounds=around, method='bounded',
                                         options={'xatol': 0.01}).x))
-    trial = _try(groups, None, extra=column(time))
+    trial = _fit_columns(with_process(time), base.edge_hz, base.rolling)
     theta = trial.solution.theta
     if not trial.described or theta[WHITE] <= 0 or theta[-1] <= 0:
+        return None
+    if 2 * (base.solution.loss - trial.solution.loss) < _OBSERVABLE_PROCESS:
         return None
     return trial, (float(np.sqrt(theta[-1])), time)
 

@@ -100,12 +100,57 @@ def test_gauss_markov_process_is_offered_where_no_power_law_fits():
     assert value(axis, 'noise_density') == pytest.approx(1e-3, rel=0.01)
 
 
+def test_walk_that_levels_off_is_a_gauss_markov_process():
+    # An hour of a minute's correlation: few coefficients know, too few for the whole band's sum.
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
+    axes = [characterize(simulate(model, 360_000, RATE, seed), RATE) for seed in range(10)]
+    found = [axis.gauss_markov for axis in axes if axis.gauss_markov]
+    assert len(found) >= 8
+    assert np.median([one.sigma for one in found]) == pytest.approx(1e-3, rel=0.2)
+    assert np.median([one.correlation_time_s for one in found]) == pytest.approx(60, rel=0.3)
+    assert not any(axis.coefficients['rate_random_walk'].observable for axis in axes
+                   if axis.gauss_markov)
+    # The model goes through the curve at its long end instead of far above.
+    for axis in axes:
+        if axis.gauss_markov:
+            at = [index for index, dof in enumerate(axis.curve.edf) if dof > 4]
+            for index in at:
+                low, high = axis.curve.ci95[index]
+                assert 0.8 * low < axis.curve.model_adev[index] < 1.25 * high
+
+
+def test_walk_that_goes_on_is_no_gauss_markov_process():
+    for model in ({'noise_density': 1e-3, 'rate_random_walk': 3e-4},
+                  {**SENSOR, 'rate_random_walk': 2.5e-4 * DEGREE}):
+        axes = [characterize(simulate(model, 360_000, RATE, seed), RATE) for seed in range(5)]
+        assert not any(axis.gauss_markov for axis in axes)
+        assert all(axis.coefficients['rate_random_walk'].observable for axis in axes)
+
+
+@pytest.mark.parametrize('model', [{'noise_density': 1e-3}, {'noise_density': 1e-3,
+                                                            'rate_random_walk': 3e-4}])
+def test_gauss_markov_process_that_explains_no_more_is_none(model):
+    trial = fit_module._try(spectrum_without_chance(50_000, **model), None)
+    assert not fit_module._levels_off(trial)
+    assert fit_module._with_gauss_markov(trial, 1 / RATE) is None
+
+
+def test_gauss_markov_process_behind_a_low_pass_is_found():
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
+    samples = lfilter(*butter(2, 5, fs=RATE), simulate(model, 720_000, RATE, 3))[2000:]
+    axis = characterize(samples, RATE)
+    assert axis.band_limit_s is not None
+    assert axis.gauss_markov.sigma == pytest.approx(1e-3, rel=0.25)
+    assert axis.gauss_markov.correlation_time_s == pytest.approx(60, rel=0.4)
+    assert near(axis.coefficients['noise_density'], 1e-3)
+
+
 def test_gauss_markov_process_is_the_most_likely_one():
     model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
     estimator, dt = Estimator(), 1 / RATE
     estimator.update(simulate(model, 500_000, RATE, 2))
     groups = grouped(bins_of(estimator.finished().periodogram.pieces(), dt), 0)
-    trial, (_, time) = fit_module._with_gauss_markov(groups, dt)
+    trial, (_, time) = fit_module._with_gauss_markov(fit_module._try(groups, None), dt)
     white = groups.design[:, fit_module.WHITE]
 
     def loss(time):
