@@ -127,8 +127,8 @@ def test_walk_that_goes_on_is_no_gauss_markov_process():
         assert all(axis.coefficients['rate_random_walk'].observable for axis in axes)
 
 
-@pytest.mark.parametrize('model', [{'noise_density': 1e-3}, {'noise_density': 1e-3,
-                                                            'rate_random_walk': 3e-4}])
+@pytest.mark.parametrize('model', [{'noise_density': 1e-3},
+                                   {'noise_density': 1e-3, 'rate_random_walk': 3e-4}])
 def test_gauss_markov_process_that_explains_no_more_is_none(model):
     trial = fit_module._try(spectrum_without_chance(50_000, **model), None)
     assert not fit_module._levels_off(trial)
