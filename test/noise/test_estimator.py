@@ -206,6 +206,7 @@ def test_thousands_of_tiny_runs_stay_bounded():
         estimator.start_run()
     state = estimator.to_state()
     assert sum(array.nbytes for array in state.values()) < 1_000_000
+    assert len(estimator.periodogram.series) <= 8192
     assert estimator.samples == 18_000
 
 
@@ -213,6 +214,13 @@ def test_thousands_of_tiny_runs_stay_bounded():
 def test_samples_that_are_not_samples_are_refused(bad):
     with pytest.raises(ValueError, match='samples must'):
         Estimator().update(bad)
+
+
+@pytest.mark.parametrize('axes', [1, 6])
+def test_state_of_any_number_of_axes_is_read_back(axes):
+    estimator = Estimator(axes)
+    estimator.update(np.random.default_rng(1).standard_normal((20_000, axes)))
+    same_state(Estimator.from_state(estimator.to_state()), estimator)
 
 
 def test_foreign_state_is_refused():
@@ -273,6 +281,8 @@ def test_merging_with_nothing_changes_nothing():
 
 @pytest.mark.parametrize(('part', 'spoil', 'complaint'), [
     ('periodogram/series/keys', lambda keys: keys[:-1], 'wrong shape'),
+    ('periodogram/series/sums', lambda sums: sums[:, :-1], 'wrong shape'),
+    ('periodogram/series/counts', lambda counts: counts[:-1], 'wrong shape'),
     ('periodogram/series/keys', lambda keys: keys[::-1], 'out of order'),
     ('periodogram/series/counts', lambda counts: counts * 0, 'out of order'),
     ('power', lambda power: power[:, :-1], 'wrong shape')])

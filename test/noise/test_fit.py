@@ -323,7 +323,24 @@ def test_spectrum_that_is_described_in_no_band_is_called_so_and_keeps_the_best()
     found = fit_module.fit(rippled, dt)
     assert not found.acceptable
     assert found.misfit > 0.05
-    assert found.estimates['noise_density'].value == pytest.approx(1.0, rel=0.5)
+    density = found.estimates['noise_density']
+    assert density.value == pytest.approx(1.0, rel=0.5)
+    # By the dispersion that remains the interval is several times as wide as chance makes it.
+    groups = replace(groups, dof=groups.dof * 100).below(found.edge_hz or np.inf)
+    sampling = 1.96 * np.sqrt(1 / (2 * groups.dof.sum()))
+    assert (density.high - density.low) / (2 * density.value) > 3 * sampling
+
+
+@pytest.mark.parametrize('factor', [0.5, 1.5])
+def test_misfit_is_that_of_the_worst_half_octave_beyond_chance(factor):
+    groups = spectrum_without_chance(2_000_000, noise_density=1e-3)
+    trial = fit_module._try(groups, None)
+    # From 2 to 2.8 Hz, a half-octave of the residuals.
+    inside = (groups.frequency >= 2) & (groups.frequency < 2 * np.sqrt(2))
+    spoilt = replace(groups, power=np.where(inside, factor, 1) * groups.power)
+    _, misfit, _ = fit_module._residuals(spoilt, trial.solution)
+    # 4 % of the band: 30,000 coefficients, of which chance makes 3 %.
+    assert misfit == pytest.approx(0.47, abs=0.02)
 
 
 def test_forecast_says_how_much_longer_to_record():
