@@ -4,7 +4,16 @@
 
 import signal
 
+import pytest
+
 # A suite that a script starts in the background inherits that Ctrl-C is ignored, and so would
 # every process that the tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Start no coverage in child processes: it imports modules and writes files of its own."""
+    for name in ('COVERAGE_PROCESS_CONFIG', 'COVERAGE_PROCESS_START'):
+        monkeypatch.delenv(name, raising=False)

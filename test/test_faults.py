@@ -82,6 +82,7 @@ def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file
         assert load_result(disk / 'out' / 'result.json').axes
 
 
+@pytest.mark.usefixtures('children_unmeasured')
 def test_a_file_that_may_not_grow_is_one_line_and_leaves_the_file_before(tmp_path, recording):
     target = tmp_path / 'result.json'
     target.write_text('before')

@@ -158,6 +158,7 @@ def test_a_type_that_contains_an_imu_is_told_apart(tmp_path):
             'sensor_msgs/msg/Imu')
 
 
+@pytest.mark.usefixtures('children_unmeasured')
 def test_importing_recordings_loads_no_container_library():
     loaded = subprocess.run(
         [sys.executable, '-c', 'import sys, imu_allan.recordings; print(*sys.modules)'],
