@@ -60,7 +60,7 @@ _EDGE_GROUPS = 24
 _WORTH = 3.0
 _DEEP = 1 / 12
 _SHORTEST_CORRELATION = 50
-_SLOWEST = (4, 8, 16, 32, 64)
+_SLOWEST = (4, 8, 16, 32, 64)  # coefficients that are asked together whether a walk levels off
 _OBSERVABLE_PROCESS = 13.82
 
 
@@ -151,12 +151,12 @@ def fit(groups: Groups, dt: float, start: Solution | None = None) -> Fit:
 
     """
     trial = whole = _try(groups, None, start=start)
-    found = None
+    searched, found = None, None
     if whole.p_value < _BENT_P:
         trial = _without_fine_octaves(groups, dt, whole)
         if not trial.described or (trial.edge_hz or np.inf) * dt < _DEEP:
-            found = _with_gauss_markov(whole, dt)
-    if found is None and _levels_off(trial):
+            searched, found = whole, _with_gauss_markov(whole, dt)
+    if found is None and trial is not searched and _levels_off(trial):
         found = _with_gauss_markov(trial, dt)
     trial, markov = found or (trial, None)
     estimates = {key: _estimate(trial, column) for key, column in COLUMNS.items()}
@@ -274,11 +274,11 @@ def _levels_off(trial: _Trial) -> bool:
 
     There are so few of them that the residuals of all half-octaves together do not show it.
     """
-    order = np.argsort(trial.groups.frequency)
     expected = np.maximum(trial.groups.design @ trial.solution.theta, 1e-300)
     ratio = trial.groups.at_ramp(trial.solution.slope) / expected
-    dof = np.cumsum(trial.groups.dof[order])
-    power = np.cumsum((trial.groups.dof * ratio)[order])
+    # Groups stand in order of frequency.
+    dof = np.cumsum(trial.groups.dof)
+    power = np.cumsum(trial.groups.dof * ratio)
     some = [at for at in np.searchsorted(dof, _SLOWEST) if at < len(dof)]
     chance = 1 - chi_square.survival(power[some], dof[some])
     return bool(np.any(chance < _SMALLEST_P / len(_SLOWEST)))

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 # Mean power of the first orthonormal DCT-II coefficients of flicker noise over its spectrum at
 # j/(2 n): the transform diagonalises flicker only asymptotically.
 _FLICKER_DCT = np.array([.7737, .9028, .9311, .9499, .9592, .9664, .9709, .9747])
-_NEIGHBOURS = 8
+_NEIGHBOURS = 8  # on each side, as the timeline bridges gaps; a test holds the two together
 
 
 def white(nu: ArrayLike, dt: float) -> Array:

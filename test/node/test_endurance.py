@@ -146,8 +146,8 @@ def run_accelerated(ros: Ros, hours: float, speed: float, best_effort: bool
         print('{:12.0f} samples {:6.1f} MB {:8.1f} s of CPU'.format(*marks[-1]), flush=True)
     assert simulator.wait(120) == 0
     # Every message is received or counted. How many are lost at 25 times the rate depends on
-    # what else the computer does; that none is at 1 kHz is another test.
-    assert reception['lost'] <= (0.01 * total if best_effort else 0)
+    # what else the computer does: it needs one that has nothing else to do.
+    assert reception['lost'] <= (0.001 * total if best_effort else 0)
     assert node.stop() == 0
     return marks
 
