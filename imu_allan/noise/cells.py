@@ -17,8 +17,9 @@ Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 RUN_SHIFT = 44
-_FEWEST = 4
-_MOST = 256
+"""Bits of a place: at 1 kHz they last for 500 years."""
+MOST_RUNS = 1 << (62 - RUN_SHIFT)
+"""Runs that fit into the rest of a signed 64-bit key; before that they are numbered anew."""
 _PLACE = (1 << RUN_SHIFT) - 1
 
 
@@ -113,37 +114,24 @@ def coarser(cells: Cells, octaves: int) -> Cells:
                  np.add.reduceat(cells.counts, starts))
 
 
-def filled(cells: Cells) -> Array:
-    """
-    Lay means out on the whole grid from the first to the last cell.
+def moved(cells: Cells, runs: int) -> Cells:
+    """Return the same cells, counted as belonging to runs whose numbers are `runs` higher."""
+    return Cells(cells.keys + (np.int64(runs) << RUN_SHIFT), cells.sums, cells.counts)
 
-    Parameters
-    ----------
-    cells : Cells
-        All of one run.
 
-    Returns
-    -------
-    ndarray, shape (axes, span)
-        Missing cells stand on the straight line between the means of what surrounds them, taken
-        over twice as many cells as are missing: a line between the two nearest cells alone would
-        stretch their noise over the gap and look like flicker.
+def renumbered(cells: Cells) -> tuple[Cells, int]:
+    """Return the cells, their runs numbered from zero without holes, and how many these are."""
+    numbers, place = np.unique(cells.keys >> RUN_SHIFT, return_inverse=True)
+    keys = (place.astype(np.int64) << RUN_SHIFT) + (cells.keys & _PLACE)
+    return Cells(keys, cells.sums, cells.counts), len(numbers)
 
-    """
-    means = cells.means
-    places = cells.keys - cells.keys[0]
-    span = int(places[-1]) + 1
-    if span == len(cells):
-        return means
-    grid = np.empty((means.shape[0], span))
-    grid[:, places] = means
-    for before in np.flatnonzero(np.diff(places) > 1):
-        first, last = int(places[before]) + 1, int(places[before + 1])
-        width = min(max(2 * (last - first), _FEWEST), _MOST)
-        left = slice(max(before + 1 - width, 0), before + 1)
-        right = slice(before + 1, before + 1 + width)
-        x0, x1 = places[left].mean(), places[right].mean()
-        y0, y1 = means[:, left].mean(axis=1), means[:, right].mean(axis=1)
-        share = (np.arange(first, last) - x0) / (x1 - x0)
-        grid[:, first:last] = y0[:, None] + (y1 - y0)[:, None] * share
-    return grid
+
+def end_to_end(keys: Keys) -> Keys:
+    """Places of cells, counted from the first, with the runs one directly behind the other."""
+    if not len(keys):
+        return keys
+    place = keys & _PLACE
+    seam = np.flatnonzero(np.diff(keys >> RUN_SHIFT)) + 1
+    shift = np.zeros(len(keys), np.int64)
+    shift[seam] = place[seam - 1] + 1 - place[seam]
+    return np.asarray(place - place[0] + np.cumsum(shift))

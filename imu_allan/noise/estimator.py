@@ -4,8 +4,10 @@
 
 from dataclasses import dataclass
 
+from imu_allan.noise.cells import MOST_RUNS
 from imu_allan.noise.periodogram import BLOCK, Periodogram
 from imu_allan.noise.pyramid import Pyramid
+from imu_allan.noise.signal_over_time import Signal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,9 +33,10 @@ class Estimator:
     """
     Streaming estimator of several axes in constant memory.
 
-    Samples go in, in blocks of any size; the state holds the octave pyramid of the Allan variance
-    and the spectrum. How the samples were cut into blocks makes no difference, to the last bit:
-    internally they are always processed in the same chunks.
+    Samples go in, in blocks of any size; the state holds the octave pyramid of the Allan variance,
+    the spectrum, and the signal's mean and extremes over time. How the samples were cut into
+    blocks makes no difference, to the last bit: internally they are always processed in the same
+    chunks.
 
     Parameters
     ----------
@@ -45,6 +48,16 @@ class Estimator:
     samples, bridged : int
         Samples taken in, and how many of them stand in for missing ones.
 
+    Examples
+    --------
+    >>> one, other = Estimator(axes=2), Estimator(axes=2)
+    >>> rows = np.arange(2000.0).reshape(1000, 2)
+    >>> one.update(rows)
+    >>> for row in rows:
+    ...     other.update(row[None])
+    >>> one.samples, bool((one.mean == other.mean).all())
+    (1000, True)
+
     """
 
     def __init__(self, axes: int = 1) -> None:
@@ -53,6 +66,7 @@ class Estimator:
         self.axes = axes
         self.pyramid = Pyramid(axes)
         self.periodogram = Periodogram(axes)
+        self.signal = Signal(axes)
         self.reference: Array | None = None
         self.lowest = np.full(axes, np.inf)
         self.highest = np.full(axes, -np.inf)
@@ -124,6 +138,7 @@ class Estimator:
             raise ValueError(f'missing must not be negative: {missing}')
         self._absorb()
         self.pyramid.start_stretch()
+        self.signal.skip(missing)
         self._n.first += missing
 
     def start_run(self) -> None:
@@ -132,6 +147,8 @@ class Estimator:
         self.pyramid.start_stretch()
         self._n.runs += 1
         self._n.first = 0
+        if self._n.runs >= MOST_RUNS:
+            self._n.runs = self.periodogram.renumber_runs()
 
     def finished(self) -> 'Estimator':
         """Return a copy in which all samples have reached the sums, ready to be fitted."""
@@ -145,6 +162,7 @@ class Estimator:
         twin = Estimator.__new__(Estimator)
         twin.axes = self.axes
         twin.pyramid, twin.periodogram = self.pyramid.copy(), self.periodogram.copy()
+        twin.signal = self.signal.copy()
         twin.reference = None if self.reference is None else self.reference.copy()
         twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
         twin.step = self.step.copy()
@@ -181,17 +199,21 @@ class Estimator:
         self.periodogram.finish()
         if self.reference is None:
             self.reference = theirs.reference
-        series = theirs.periodogram.series
-        shift = (theirs.reference - self.reference)[:, None] * series.counts
-        theirs.periodogram.series = type(series)(series.keys, series.sums + shift, series.counts)
+        # Both keep their samples about a reference of their own.
+        shift = theirs.reference - self.reference
+        self.signal.merge(theirs.signal, shift)
+        theirs.periodogram.shift(shift)
+        runs = theirs.periodogram.renumber_runs()
+        if self._n.runs + runs >= MOST_RUNS:
+            self._n.runs = self.periodogram.renumber_runs()
         self.periodogram.merge(theirs.periodogram, self._n.runs)
         self.pyramid.merge(theirs.pyramid)
-        self.lowest = np.minimum(self.lowest, theirs.lowest)
-        self.highest = np.maximum(self.highest, theirs.highest)
+        self.lowest = np.minimum(self.lowest, theirs.lowest + shift)
+        self.highest = np.maximum(self.highest, theirs.highest + shift)
         self.step = np.minimum(self.step, theirs.step)
         self._n.samples += theirs.samples
         self._n.bridged += theirs.bridged
-        self._n.runs += theirs._n.runs + 1
+        self._n.runs += runs
 
     def _absorb(self) -> None:
         """Bring the samples held back into the sums."""
@@ -209,6 +231,7 @@ class Estimator:
                 np.minimum(self.step, jumps.min(axis=1), out=self.step)
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, n.runs, n.first)
+        self.signal.absorb(rows)
         n.first += n.held
         n.held = 0
 
@@ -229,7 +252,8 @@ class Estimator:
         }
         if self.reference is not None:
             state['reference'] = self.reference
-        for name, part in (('pyramid', self.pyramid), ('periodogram', self.periodogram)):
+        for name, part in (('pyramid', self.pyramid), ('periodogram', self.periodogram),
+                           ('signal', self.signal)):
             state.update({f'{name}/{key}': value for key, value in part.to_state().items()})
         return state
 
@@ -252,7 +276,7 @@ class Estimator:
         ranges = np.array(state['range'], dtype=np.float64)
         counters = _Counters(*(int(value) for value in state['counters']))
         if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
-                or ranges.shape != (3, len(chunk))):
+                or ranges.shape != (3, len(chunk)) or not 0 <= counters.runs < MOST_RUNS):
             raise ValueError('arrays of the estimator do not fit together')
         self = cls(len(chunk))
         self._n = counters
@@ -262,6 +286,8 @@ class Estimator:
             self.reference = np.array(state['reference'], dtype=np.float64)
         self.pyramid = Pyramid.from_state(part('pyramid'))
         self.periodogram = Periodogram.from_state(part('periodogram'))
-        if not self.axes == self.pyramid.sums.shape[1] == self.periodogram.axes:
+        self.signal = Signal.from_state(part('signal'))
+        if not (self.axes == self.pyramid.sums.shape[1] == self.periodogram.axes
+                == self.signal.axes):
             raise ValueError('arrays of the estimator do not fit together')
         return self

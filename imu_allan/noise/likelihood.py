@@ -1,25 +1,33 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Likelihood of the noise terms given a spectrum.
+Likelihood of the noise terms given a spectrum, in one module because it is one computation.
 
 The DCT-II diagonalises white noise and random walk exactly and flicker nearly, so the squared
 coefficients P are independent, each chi-square about its expectation lambda. With the squared
 coefficients theta of the terms, lambda = sum theta_i S_i, and minus the log-likelihood is
 (1/2) sum n (ln lambda + P / lambda), n being the degrees of freedom. Fisher scoring on it is an
-iteratively re-weighted non-negative least squares of a few columns. The ramp is deterministic: it
-enters as a signed mean of the whole-record coefficients.
+iteratively re-weighted non-negative least squares of a few columns.
+
+A ramp, and any other course of the mean, is deterministic: it enters by regressors X on the
+whole-record coefficients c. With W = n / lambda on the diagonal, A = X'WX and b = X'Wc, the
+restricted likelihood takes b'A^-1 b / 2 off and adds (1/2) ln det A; in a step of the scoring only
+the power changes, to (c - X A^-1 b)^2 + x'A^-1 x. What the trend explains then counts neither for
+nor against a random walk.
 
 References
 ----------
 P. Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953).
 C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, ch. 23.
+H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import log
+from typing import Literal, NamedTuple
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.periodogram import Piece
@@ -31,7 +39,13 @@ Array = NDArray[np.float64]
 QUANTIZATION, WHITE, FLICKER, WALK = range(4)
 """Columns of a design: the four terms that have a spectrum."""
 _SINGLE = 48
+"""Coefficients of a whole record that stay single: where the slow terms are told apart."""
 _PER_OCTAVE = 8
+"""Bands to an octave: over one of them the spectrum of the terms changes by a few percent."""
+_RIDGE = 1e-10
+"""Relative; far above rounding and far below what any two different regressors leave."""
+_SHORTEST_STEP = 1e-3
+"""Share of a scoring step below which halving it on gains nothing."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +65,8 @@ class Bins:
         Expected power for a coefficient 1 of each term.
     cross : ndarray, shape (axes, bins)
         Coefficient times that of a unit ramp; zero but in the whole-record part.
+    coefficient : ndarray, shape (axes, bins)
+        The coefficient itself, with its sign; zero but in the whole-record part.
     ramp : ndarray, shape (bins,)
         Squared coefficient of a unit ramp, negative where the sign of the ramp is lost.
     whole : ndarray of bool, shape (bins,)
@@ -65,6 +81,7 @@ class Bins:
     power: Array
     design: Array
     cross: Array
+    coefficient: Array
     ramp: Array
     whole: NDArray[np.bool_]
     piece: NDArray[np.int64]
@@ -80,6 +97,10 @@ class Groups:
     ----------
     frequency, dof, power, cross, ramp : ndarray, shape (groups,)
     design : ndarray, shape (groups, columns)
+    along : ndarray, shape (groups, regressors), optional
+        Mean of coefficient times regressor; zero where the sign is lost.
+    among : ndarray, shape (groups, regressors, regressors), optional
+        Mean products of the regressors.
 
     """
 
@@ -89,6 +110,8 @@ class Groups:
     design: Array
     cross: Array
     ramp: Array
+    along: Array | None = None
+    among: Array | None = None
 
     def at_ramp(self, slope: float) -> Array:
         """Power about the mean that a ramp of `slope` per second gives, shape (groups,)."""
@@ -96,8 +119,22 @@ class Groups:
 
     def below(self, frequency_hz: float) -> 'Groups':
         """Return the groups up to a frequency."""
-        keep = self.frequency <= frequency_hz
-        return Groups(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+        return self.taken(self.frequency <= frequency_hz)
+
+    def taken(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
+        """Return some of the groups, by mask or in an order."""
+        return Groups(self.frequency[which], self.dof[which], self.power[which],
+                      self.design[which], self.cross[which], self.ramp[which],
+                      None if self.along is None else self.along[which],
+                      None if self.among is None else self.among[which])
+
+    def with_regressors(self, which: Sequence[int]) -> 'Groups':
+        """Return the same power with some of the regressors."""
+        if self.along is None or self.among is None:
+            return self
+        chosen = list(which)
+        return replace(self, along=self.along[:, chosen],
+                       among=self.among[:, chosen][:, :, chosen])
 
     def with_design(self, design: Array) -> 'Groups':
         """Return the same power under another set of columns."""
@@ -117,12 +154,15 @@ class Solution:
         The ramp, in sample units per second.
     loss : float
         Minus the log-likelihood, up to a constant.
+    trend : ndarray, shape (regressors,), optional
+        Their coefficients, where they were fitted.
 
     """
 
     theta: Array
     slope: float
     loss: float
+    trend: Array | None = None
 
 
 def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
@@ -185,7 +225,9 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
         shapes = _block_shapes if piece.coefficients is None else _shapes
         flicker, walk, s2 = shapes(piece.length, piece.first, piece.last)
         index = np.arange(piece.first, piece.last)
-        white = np.full(len(s2), (1 - piece.filled) / step)
+        white = np.full(len(s2), 1 / step)
+        if piece.gaps.white is not None:
+            white *= piece.gaps.white[piece.first:piece.last]
         if bridged_share:
             white *= spectrum.bridged_white(index / (2 * piece.length * piece.step),
                                             bridged_share)
@@ -195,22 +237,26 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
         part = slice(piece.first, piece.last)
         ramp = spectrum.ramp_dct(piece.length, step)[piece.first - 1:piece.last - 1]
         if piece.coefficients is None:
-            cross, squared = np.zeros((len(piece.power), len(index))), -ramp**2
+            signed, squared = np.zeros((len(piece.power), len(index))), -ramp**2
         else:
-            cross, squared = piece.coefficients[:, part] * ramp, ramp**2
-        parts.append((index / (2 * piece.length * step), np.full(len(index), piece.blocks),
-                      piece.power[:, part], design, cross, squared,
+            signed, squared = piece.coefficients[:, part], ramp**2
+        # What stands in for missing samples adds nothing new; means of many hardly hold any.
+        known = 1 - max(piece.gaps.filled, bridged_share if piece.step == 1 else 0.0)
+        parts.append((index / (2 * piece.length * step), np.full(len(index), known * piece.blocks),
+                      piece.power[:, part], design, signed * ramp, signed, squared,
                       np.full(len(index), piece.coefficients is not None),
                       np.full(len(index), number), index))
-    frequency, dof, power, design, cross, squared, whole, number_, index_ = zip(
+    frequency, dof, power, design, cross, signed_, squared_, whole, number_, index_ = zip(
         *parts, strict=True)
     return Bins(np.concatenate(frequency), np.concatenate(dof).astype(np.float64),
                 np.concatenate(power, axis=1), np.concatenate(design),
-                np.concatenate(cross, axis=1), np.concatenate(squared), np.concatenate(whole),
+                np.concatenate(cross, axis=1), np.concatenate(signed_, axis=1),
+                np.concatenate(squared_), np.concatenate(whole),
                 np.concatenate(number_), np.concatenate(index_))
 
 
-def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Groups:
+def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
+            regressors: Array | None = None) -> Groups:
     """
     Gather the bins of one axis into bands of an eighth of an octave.
 
@@ -222,6 +268,9 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Gro
         Column of the axis.
     keep : ndarray of bool, shape (bins,), optional
         False leaves a bin out.
+    regressors : ndarray, shape (bins, n), optional
+        Coefficients of what may move the mean beside the ramp, which comes first in any case;
+        zero outside the whole-record part.
 
     Returns
     -------
@@ -245,12 +294,17 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None) -> Gro
     groups = Groups(average(bins.frequency), dof[some], average(bins.power[axis]),
                     np.stack([average(column) for column in bins.design.T], axis=1),
                     average(bins.cross[axis]), average(bins.ramp))
-    order = np.argsort(groups.frequency)
-    return Groups(*(getattr(groups, name)[order] for name in groups.__dataclass_fields__))
+    columns = [-np.sqrt(np.maximum(bins.ramp, 0)), *([] if regressors is None else regressors.T)]
+    along = [average(bins.coefficient[axis] * column) for column in columns]
+    among = [[average(one * other) for other in columns] for one in columns]
+    groups = replace(groups, along=np.stack(along, axis=1),
+                     among=np.moveaxis(np.array(among), 2, 0))
+    return groups.taken(np.argsort(groups.frequency))
 
 
 def maximise(groups: Groups, start: Solution | None = None, *,
              fixed: dict[int, float] | None = None, ramp: float | None = 0.0,
+             trend: Literal['restricted', 'likely'] | None = None,
              tolerance: float = 1e-7) -> Solution:
     """
     Find the most likely squared coefficients.
@@ -265,6 +319,9 @@ def maximise(groups: Groups, start: Solution | None = None, *,
         Squared coefficient by column that is held at a value.
     ramp : float or None, optional
         Slope of the ramp that is held, or None to fit it.
+    trend : {'restricted', 'likely'}, optional
+        Instead of the ramp, take all regressors of the groups out: by restricted likelihood, whose
+        losses compare under the same regressors only, or as parameters like any other.
     tolerance : float, optional
         Change of the loss at which to stop.
 
@@ -273,6 +330,8 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     Solution
 
     """
+    if groups.along is None:
+        trend = None
     columns = groups.design.shape[1]
     fixed = fixed or {}
     free = [i for i in range(columns) if i not in fixed]
@@ -282,54 +341,149 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     for i, value in fixed.items():
         theta[i] = value
         offset = offset + value * groups.design[:, i]
-    slope = ramp if ramp is not None else (start.slope if start else 0.0)
-    power = groups.at_ramp(slope)
+    slope = ramp if ramp is not None and trend is None else (start.slope if start else 0.0)
+    power = _about_blocks(groups, slope) if trend else groups.at_ramp(slope)
     tiny = 1e-12 * float(np.max(power)) if len(power) else 0.0
 
-    def evaluate(part: Array, about: Array) -> tuple[Array, float]:
+    def evaluate(part: Array) -> tuple[Array, float]:
         expected = offset + design @ part
         bad = expected <= 0
         if bad.any():
             expected = np.where(bad, tiny + 1e-300, expected)
-        return expected, float(0.5 * groups.dof @ (np.log(expected) + about / expected))
+        loss = float(0.5 * groups.dof @ (np.log(expected) + power / expected))
+        if trend:
+            loss -= _explained(groups, expected, trend == 'restricted').gain
+        return expected, loss
 
     if start is not None:
         current = start.theta[free]
-        expected, value = evaluate(current, power)
+        expected, value = evaluate(current)
     else:
         current = np.zeros(len(free))
         expected, value = np.maximum(power, tiny), np.inf
+    about = power
+    explained = _Explained(0.0, np.zeros(0), np.zeros((0, 0)))
     for _ in range(60):
-        if ramp is None:
+        if trend:
+            explained = _explained(groups, expected, trend == 'restricted')
+            if explained.trend[0] != slope:
+                slope = float(explained.trend[0])
+                power = _about_blocks(groups, slope)
+                if np.isfinite(value):
+                    _, value = evaluate(current)
+            about = _about_trend(groups, power, explained)
+        elif ramp is None:
             weight = groups.dof / expected * (groups.ramp > 0)
             norm = float(weight @ groups.ramp)
             if norm > 0:
                 slope = float(weight @ groups.cross) / norm
                 power = groups.at_ramp(slope)
                 if np.isfinite(value):
-                    _, value = evaluate(current, power)
+                    _, value = evaluate(current)
+            about = power
         weighted = design * (groups.dof / expected**2)[:, None]
         # Which coefficients are above zero seldom changes from one step to the next.
-        step = _non_negative(design.T @ weighted, weighted.T @ (power - offset),
-                             np.flatnonzero(current).tolist())
-        proposed, new = evaluate(step, power)
-        shrink = 1.0
-        while new > value + 1e-12 * abs(value) and shrink > 1e-3:
-            shrink /= 2
-            mixed = current + shrink * (step - current)
-            proposed, new = evaluate(mixed, power)
-            step = mixed if shrink <= 2e-3 or new <= value else step
+        goal = non_negative(design.T @ weighted, weighted.T @ (about - offset),
+                            np.flatnonzero(current).tolist())
+        reached, (proposed, new) = _backtracked(evaluate, current, goal, value)
         if new > value:
             break
         gained = value - new
-        current, expected, value = step, proposed, new
+        current, expected, value = reached, proposed, new
         if gained < tolerance:
             break
     theta[free] = current
-    return Solution(theta, slope, value)
+    return Solution(theta, slope, value, explained.trend if trend else None)
 
 
-def _non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Array:
+class _Explained(NamedTuple):
+    """What the regressors explain: fall of the loss, their coefficients, and the covariance."""
+
+    gain: float
+    trend: Array
+    covariance: Array
+
+
+def _explained(groups: Groups, expected: Array, restricted: bool) -> _Explained:
+    """Regress the coefficients on the regressors, weighted by what the noise is expected to be."""
+    assert groups.along is not None
+    assert groups.among is not None
+    weight = groups.dof / expected
+    target = weight @ groups.along
+    if len(target) == 1:
+        # The ramp alone: nearly every fit, and plain numbers are several times faster.
+        single, along = max(float(weight @ groups.among[:, 0, 0]), 1e-300), float(target[0])
+        return _Explained(0.5 * (along**2 / single - restricted * log(single)),
+                          np.array([along / single]), np.array([[1 / single]]))
+    gram = np.tensordot(weight, groups.among, 1)
+    scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    # The ridge is for a regressor that no coefficient sees, or that repeats another.
+    lower = np.linalg.cholesky(gram / np.outer(scale, scale) + _RIDGE * np.eye(len(scale)))
+    half = np.linalg.inv(lower) / scale
+    covariance = half.T @ half
+    trend = covariance @ target
+    gain = 0.5 * float(target @ trend)
+    if restricted:
+        gain -= float(np.log(np.diagonal(lower) * scale).sum())
+    return _Explained(gain, trend, covariance)
+
+
+def _about_blocks(groups: Groups, slope: float) -> Array:
+    """Take the ramp out of the blocks, which know no sign, and leave it in the coefficients."""
+    return np.where(groups.ramp < 0, groups.at_ramp(slope), groups.power)
+
+
+def _about_trend(groups: Groups, power: Array, explained: _Explained) -> Array:
+    """Power about the trend, and what its uncertainty has taken away."""
+    assert groups.along is not None
+    assert groups.among is not None
+    trend = explained.trend
+    if len(trend) == 1:
+        slope, variance = float(trend[0]), float(explained.covariance[0, 0])
+        about = power - 2 * slope * groups.along[:, 0] + (slope**2 + variance) \
+            * groups.among[:, 0, 0]
+        return np.asarray(np.maximum(about, 1e-12 * power))
+    moments = np.outer(trend, trend) + explained.covariance
+    about = power - 2 * groups.along @ trend + np.tensordot(groups.among, moments, 2)
+    return np.asarray(np.maximum(about, 1e-12 * power))
+
+
+def residual_power(groups: Groups, theta: Array) -> Array:
+    """
+    Power about the trend that the regressors of the groups give.
+
+    Parameters
+    ----------
+    groups : Groups
+        Of one axis.
+    theta : ndarray, shape (columns,)
+        Squared coefficients of the noise.
+
+    Returns
+    -------
+    ndarray, shape (groups,)
+        As expected under `theta` if noise is all there is beside the trend.
+
+    """
+    if groups.along is None:
+        return groups.power
+    explained = _explained(groups, np.maximum(groups.design @ theta, 1e-300), True)
+    return _about_trend(groups, _about_blocks(groups, float(explained.trend[0])), explained)
+
+
+def _backtracked(evaluate: Callable[[Array], tuple[Array, float]], current: Array, goal: Array,
+                 value: float) -> tuple[Array, tuple[Array, float]]:
+    """Halve the step from `current` to `goal` until the loss is no more than `value`."""
+    reached, found = goal, evaluate(goal)
+    share = 1.0
+    while found[1] > value + 1e-12 * abs(value) and share > _SHORTEST_STEP:
+        share /= 2
+        reached = current + share * (goal - current)
+        found = evaluate(reached)
+    return reached, found
+
+
+def non_negative(gram: Array, target: Array, positive: Sequence[int] = ()) -> Array:
     """Minimise x' gram x / 2 - target' x over x >= 0; `positive`: a guess which x are above."""
     # Plain numbers: for four columns they are several times faster than arrays.
     scale = [max(value, 1e-300) ** -0.5 for value in np.diagonal(gram).tolist()]

@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 
 from imu_allan.noise import spectrum
-from imu_allan.noise.fit import OBSERVABLE
+from imu_allan.noise.trial import OBSERVABLE
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,7 +66,8 @@ def _first(lengths: Array, errors: Array, wanted: float, reached: NDArray[np.boo
         return None
     k = int(np.argmax(reached))
     if k == 0:
-        return 0.0
+        # By this it should have shown already. What hides it is not the length of the record.
+        return None
     x = np.log(errors[k - 1:k + 1] / wanted)
     share = x[0] / (x[0] - x[1])
     return float(lengths[k - 1] * (lengths[k] / lengths[k - 1]) ** share - lengths[0])

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The spectrum of a record of any length, in constant memory.
+The spectrum in constant memory, in one module because each stage begins where another ends.
 
 The record is seen at three or four rates: every sample, means of 64, of 4096, ... Each stage adds
 up the squared DCT-II coefficients of consecutive blocks of 4096 points; what is slower than a
@@ -14,10 +14,22 @@ block are independent of those of its neighbours for white noise and random walk
 flicker.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.cells import Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT
+from imu_allan.noise.cells import (
+    Cells,
+    cells_of,
+    coarser,
+    end_to_end,
+    joined,
+    moved,
+    no_cells,
+    renumbered,
+    RUN_SHIFT,
+)
+from imu_allan.noise.gaps import filled, Gaps, NO_GAPS, white_through_gaps, without_islands
+from imu_allan.noise.segments import Segments
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -34,10 +46,13 @@ SHORTEST = 16
 """Points of the shortest block: the rest of a stretch is cut into blocks of powers of two."""
 
 _MAX_STAGES = 4
+"""Means of 2**18 samples in the slowest: at 1 kHz its blocks last for twelve days."""
 _LOWEST = 32 / (2 * BLOCK)
+"""A block leaves its first 32 coefficients to the next stage, which resolves them better."""
 _HIGHEST_OF_MEANS = 0.25
-_MAX_FILL = 16
-_MAX_FILLED_SHARE = 0.2
+"""Of their own rate: means fold what is faster, the more the nearer to half of it."""
+_MAX_FILLED_SHARE = 0.5
+"""Beyond, the lines over the gaps are most of the record; what they do to noise is known."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +74,11 @@ class Piece:
         Mean squared orthonormal DCT-II coefficients by index, in squared sample units.
     coefficients : ndarray or None, shape (axes, length)
         The coefficients themselves where the piece is one block.
-    filled : float
-        Share of the points that stand in for missing ones.
+    gaps : Gaps
+        What missing samples do to white noise.
+    start : int
+        Of one block: samples from the beginning of the record to its first point; runs are laid
+        end to end.
 
     """
 
@@ -71,7 +89,8 @@ class Piece:
     last: int
     power: Array
     coefficients: Array | None = None
-    filled: float = 0.0
+    gaps: Gaps = NO_GAPS
+    start: int = 0
 
 
 class BlockPower:
@@ -81,9 +100,26 @@ class BlockPower:
         self.axes = axes
         self.power: dict[int, Array] = {}
         self.blocks: dict[int, int] = {}
+        self.excess: dict[int, float] = {}
 
-    def add(self, rows: Array) -> None:
-        """Cut consecutive points, shape (axes, n), into the longest blocks and add them."""
+    def add(self, rows: Array, variance: Array | None = None) -> list[tuple[int, int, Array]]:
+        """
+        Cut consecutive points into the longest blocks and add them.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (axes, n)
+            The points of every axis.
+        variance : ndarray, shape (n,), optional
+            Variance of white noise in each point over that of a full one.
+
+        Returns
+        -------
+        list of (int, int, ndarray)
+            Length, number and summed power, shape (axes, length), of what was added.
+
+        """
+        added = []
         start, length = 0, BLOCK
         while length >= SHORTEST:
             count = (rows.shape[1] - start) // length
@@ -95,22 +131,35 @@ class BlockPower:
                     self.power[length] += power
                     self.blocks[length] += count
                 else:
-                    self.power[length], self.blocks[length] = power, count
+                    self.power[length], self.blocks[length] = power.copy(), count
+                if variance is not None:
+                    more = variance[start:start + count * length] - 1
+                    self.excess[length] = self.excess.get(length, 0.0) + float(more.sum()) / length
+                added.append((length, count, power))
                 start += count * length
             length //= 2
+        return added
 
     def copy(self) -> 'BlockPower':
         """Return an independent copy."""
         twin = BlockPower(self.axes)
         twin.power = {length: power.copy() for length, power in self.power.items()}
-        twin.blocks = dict(self.blocks)
+        twin.blocks, twin.excess = dict(self.blocks), dict(self.excess)
         return twin
+
+    def gaps(self, length: int) -> Gaps:
+        """Tell what half-full points do to the white noise in the blocks of one length."""
+        excess = self.excess.get(length, 0.0)
+        return (Gaps(0.0, np.full(length, 1 + excess / self.blocks[length])) if excess
+                else NO_GAPS)
 
     def merge(self, other: 'BlockPower') -> None:
         """Add the sums of another record."""
         for length, power in other.power.items():
             self.power[length] = self.power.get(length, 0) + power
             self.blocks[length] = self.blocks.get(length, 0) + other.blocks[length]
+        for length, excess in other.excess.items():
+            self.excess[length] = self.excess.get(length, 0.0) + excess
 
 
 class MeansStage:
@@ -133,16 +182,17 @@ class MeansStage:
         self.waiting = growing
         if not len(held):
             return
-        cut = np.flatnonzero(np.diff(held.keys) > _MAX_FILL) + 1
+        # Nothing is filled here: what is slow enough to need it is in the series.
+        cut = np.flatnonzero(np.diff(held.keys) > 1) + 1
         for begin, end in pairwise([0, *cut.tolist(), len(held)]):
             stretch = held.take(slice(begin, end))
-            points = filled(stretch)
+            points, variance = stretch.means, size / stretch.counts
             if end < len(held) or all_of_it:
-                self.power.add(points)
+                self.power.add(points, variance)
             else:
                 # The stretch goes on: only whole blocks are taken now.
                 whole = points.shape[1] // BLOCK * BLOCK
-                self.power.add(points[:, :whole])
+                self.power.add(points[:, :whole], variance[:whole])
                 rest = stretch.take(stretch.keys - stretch.keys[0] >= whole)
                 self.waiting = joined(rest, growing)
 
@@ -167,6 +217,7 @@ class Periodogram:
         self.power = BlockPower(axes)
         self.means: list[MeansStage] = []
         self.series = no_cells(axes)
+        self.segments = Segments(axes)
         self.cell = 1
         self.samples = 0
 
@@ -185,7 +236,7 @@ class Periodogram:
 
         """
         self.samples += rows.shape[1]
-        self.power.add(rows)
+        self.segments.absorb(rows, self.power.add(rows))
         self.series = joined(self.series, cells_of(rows, run, first, self.cell))
         while len(self.series) > SERIES:
             if self.cell > 1 << 36:
@@ -204,6 +255,14 @@ class Periodogram:
             self.means[stage].add(cells, 2**(STAGE_OCTAVES * (stage + 1)))
             cells = coarser(cells, STAGE_OCTAVES)
 
+    def renumber_runs(self) -> int:
+        """Give the runs numbers without holes; return how many numbers that takes at most."""
+        self.series, most = renumbered(self.series)
+        for stage in self.means:
+            stage.waiting, count = renumbered(stage.waiting)
+            most = max(most, count)
+        return most
+
     def finish(self) -> None:
         """Transform what waits in every stage: the record has ended."""
         for i, stage in enumerate(self.means):
@@ -220,12 +279,12 @@ class Periodogram:
         """
         top = 0.5 if self.cell == 1 else _HIGHEST_OF_MEANS
         found = []
-        for segment, share in self._segments():
-            length = segment.shape[1]
-            coefficients = dct(segment, norm='ortho')
+        for points, gaps, start in unbroken(self.series, self.cell):
+            length = points.shape[1]
+            coefficients = dct(points, norm='ortho')
             last = length if self.cell == 1 else int(np.ceil(2 * length * top))
             found.append(Piece(self.cell, length, 1, 1, last, coefficients**2, coefficients,
-                               share))
+                               gaps, start))
         if self.cell == 1:
             return found
         border = top / self.cell
@@ -241,33 +300,15 @@ class Periodogram:
                 first = max(1, int(np.ceil(2 * length * low)))
                 last = int(np.ceil(2 * length * high))
                 blocks = stages[i].blocks[length]
-                found.append(Piece(step, length, blocks, first, last, power / blocks))
+                found.append(Piece(step, length, blocks, first, last, power / blocks,
+                                   gaps=stages[i].gaps(length)))
             border = max(border, _LOWEST / step)
-        return found
-
-    def _segments(self) -> list[tuple[Array, float]]:
-        """Parts of the series whose gaps are few enough to be filled, and the share filled."""
-        whole = self.series.take(self.series.counts >= self.cell / 2)
-        runs = whole.keys >> RUN_SHIFT
-        parts = [whole.take(runs == run) for run in np.unique(runs)]
-        found = []
-        while parts:
-            part = parts.pop(0)
-            if len(part) < SHORTEST:
-                continue
-            span = int(part.keys[-1] - part.keys[0]) + 1
-            share = 1 - len(part) / span
-            if share <= _MAX_FILLED_SHARE:
-                found.append((filled(part), share))
-            else:
-                widest = int(np.argmax(np.diff(part.keys))) + 1
-                parts[:0] = [part.take(slice(None, widest)), part.take(slice(widest, None))]
         return found
 
     def copy(self) -> 'Periodogram':
         """Return an independent copy."""
         twin = Periodogram(self.axes)
-        twin.power = self.power.copy()
+        twin.power, twin.segments = self.power.copy(), self.segments.copy()
         for stage in self.means:
             copied = MeansStage(self.axes)
             copied.power, copied.waiting = stage.power.copy(), stage.waiting
@@ -275,9 +316,15 @@ class Periodogram:
         twin.series, twin.cell, twin.samples = self.series, self.cell, self.samples
         return twin
 
+    def shift(self, values: Array) -> None:
+        """Add a value to all samples of every axis, shape (axes,), of a finished record."""
+        series = self.series
+        self.series = replace(series, sums=series.sums + values[:, None] * series.counts)
+
     def merge(self, other: 'Periodogram', runs: int) -> None:
         """Add another finished record, whose runs are counted on from `runs`."""
         self.power.merge(other.power)
+        self.segments.merge(other.segments)
         for i, stage in enumerate(other.means):
             if i == len(self.means):
                 self.means.append(MeansStage(self.axes))
@@ -286,8 +333,7 @@ class Periodogram:
         octaves = cell.bit_length()
         mine = coarser(self.series, octaves - self.cell.bit_length())
         theirs = coarser(other.series, octaves - other.cell.bit_length())
-        theirs = Cells(theirs.keys + (np.int64(runs) << RUN_SHIFT), theirs.sums, theirs.counts)
-        self.series, self.cell = joined(mine, theirs), cell
+        self.series, self.cell = joined(mine, moved(theirs, runs)), cell
         while len(self.series) > SERIES and self.cell <= 1 << 36:
             self.series = coarser(self.series, 1)
             self.cell *= 2
@@ -298,11 +344,13 @@ class Periodogram:
         state: dict[str, NDArray[np.generic]] = {
             'shape': np.array([self.axes, self.cell, self.samples, len(self.means)]),
             **_cells_state('series', self.series),
+            **{f'segments/{key}': value for key, value in self.segments.to_state().items()},
         }
         for i, power in enumerate([self.power, *(stage.power for stage in self.means)]):
             for length, sums in power.power.items():
                 state[f'power{i}/{length}'] = sums
                 state[f'blocks{i}/{length}'] = np.array(power.blocks[length])
+                state[f'excess{i}/{length}'] = np.array(power.excess.get(length, 0.0))
         for i, stage in enumerate(self.means):
             state.update(_cells_state(f'waiting{i}', stage.waiting))
         return state
@@ -324,6 +372,11 @@ class Periodogram:
         self = cls(axes)
         self.cell, self.samples = cell, samples
         self.series = _cells_from(state, 'series', axes)
+        self.segments = Segments.from_state({
+            key.partition('/')[2]: value for key, value in state.items()
+            if key.startswith('segments/')})
+        if len(self.segments.power) != axes:
+            raise ValueError('segments have the wrong shape')
         self.means = [MeansStage(axes) for _ in range(stages)]
         for i, stage in enumerate(self.means):
             stage.waiting = _cells_from(state, f'waiting{i}', axes)
@@ -338,7 +391,50 @@ class Periodogram:
                 raise ValueError(f'{key} has the wrong shape')
             power.power[length] = sums
             power.blocks[length] = int(state[f'blocks{name[5:]}/{length}'])
+            excess = float(state[f'excess{name[5:]}/{length}'])
+            if not 0 <= excess <= power.blocks[length]:
+                raise ValueError(f'excess{name[5:]}/{length} is out of range')
+            if excess:
+                power.excess[length] = excess
         return self
+
+
+def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
+    """
+    Cut cells into parts whose gaps are few enough to be filled.
+
+    Parameters
+    ----------
+    cells : Cells
+        In order of time.
+    size : int
+        Samples in a full cell; those less than half full are left out, and so are a few that lie
+        alone beyond a gap.
+
+    Returns
+    -------
+    list of (ndarray, Gaps, int)
+        Points, shape (axes, n), of each part of at least `SHORTEST` of them, what filling its gaps
+        did to white noise, and the samples before the first; runs are laid end to end.
+
+    """
+    whole = cells.take(cells.counts >= size / 2)
+    place = end_to_end(whole.keys) * size
+    runs = whole.keys >> RUN_SHIFT
+    parts = [without_islands(whole.take(runs == run)) for run in np.unique(runs)]
+    found: list[tuple[Array, Gaps, int]] = []
+    while parts:
+        part = parts.pop(0)
+        if len(part) < SHORTEST:
+            continue
+        span = int(part.keys[-1] - part.keys[0]) + 1
+        if 1 - len(part) / span <= _MAX_FILLED_SHARE:
+            start = int(place[np.searchsorted(whole.keys, part.keys[0])])
+            found.append((filled(part), white_through_gaps(part, size), start))
+        else:
+            widest = int(np.argmax(np.diff(part.keys))) + 1
+            parts[:0] = [part.take(slice(None, widest)), part.take(slice(widest, None))]
+    return found
 
 
 _LENGTHS = {2**i for i in range(SHORTEST.bit_length() - 1, BLOCK.bit_length())}

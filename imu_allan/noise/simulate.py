@@ -58,6 +58,12 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     ValueError
         If a key is unknown, or `samples` or `sample_rate_hz` is not positive.
 
+    Examples
+    --------
+    >>> record = simulate({'noise_density': 1e-3}, 100_000, 100.0)
+    >>> round(float(record.std()), 3)  # N / sqrt(dt)
+    0.01
+
     """
     _check(coefficients, sample_rate_hz)
     if samples < 1:
@@ -74,7 +80,7 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
         elif key == 'noise_density':
             total += value / np.sqrt(dt) * rng.standard_normal(samples)
         elif key == 'bias_instability':
-            total += value * _flicker(samples, rng)
+            total += value * flicker(samples, rng)
         elif key == 'rate_random_walk':
             total += value * np.sqrt(dt) * _random_walk(samples, rng)[0]
         else:
@@ -82,8 +88,8 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     markov = coefficients.get('gauss_markov')
     if markov:
         rng = np.random.default_rng([seed, len(TERMS)])
-        bank = _MarkovBank(np.array([float(markov['correlation_time_s'])]),
-                           np.array([float(markov['sigma'])]), dt, rng)
+        bank = MarkovBank(np.array([float(markov['correlation_time_s'])]),
+                          np.array([float(markov['sigma'])]), dt, rng)
         total += bank.draw(samples)
     return total
 
@@ -124,8 +130,8 @@ class NoiseStream:
         if markov:
             times.append(float(markov['correlation_time_s']))
             sigmas.append(float(markov['sigma']))
-        self._bank = _MarkovBank(np.array(times), np.array(sigmas), self._dt, self._rng,
-                                 settled=False)
+        self._bank = MarkovBank(np.array(times), np.array(sigmas), self._dt, self._rng,
+                                settled=False)
 
     def draw(self, samples: int) -> Array:
         """Return the next `samples` samples, shape (samples,), in the unit of a sample."""
@@ -168,7 +174,7 @@ def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
     return walk + within, float(walk[-1]) if samples else start
 
 
-def _flicker(samples: int, rng: np.random.Generator) -> Array:
+def flicker(samples: int, rng: np.random.Generator) -> Array:
     """Averaged flicker of unit bias instability that starts at zero, shape (samples,)."""
     if samples == 1:
         return np.zeros(1)
@@ -193,7 +199,7 @@ def _flicker(samples: int, rng: np.random.Generator) -> Array:
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
-class _MarkovBank:
+class MarkovBank:
     """A sum of averaged first-order Gauss-Markov processes, drawn exactly."""
 
     def __init__(self, times: Array, sigmas: Array, dt: float, rng: np.random.Generator, *,

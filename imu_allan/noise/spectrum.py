@@ -15,6 +15,7 @@ they close to elementary functions.
 
 """
 
+from imu_allan.noise.terms import moving_averages
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import zeta
@@ -101,6 +102,29 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     tail = (decay / a) ** 2
     z = np.exp(2j * np.pi * np.asarray(nu))
     return np.asarray(r0 + 2 * tail * np.real(z / (1 - np.exp(-a) * z)))
+
+
+def low_pass(nu: ArrayLike, width: float) -> Array:
+    """
+    Gain in power of the moving average that bends white noise as a boxcar does.
+
+    Parameters
+    ----------
+    nu : array_like, shape (n,)
+        Cycles per sample, in (0, 1/2].
+    width : float
+        Of the boxcar, in samples.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Where the width lies between those of two means of samples, a mixture of them.
+
+    """
+    x = np.pi * np.asarray(nu, dtype=np.float64)
+    n, longer = moving_averages(width)
+    gains = [(np.sin(m * x) / (m * np.sin(x)))**2 for m in (n, n + 1)]
+    return np.asarray((1 - longer) * gains[0] + longer * gains[1])
 
 
 def flicker_dct_factor(j: ArrayLike) -> Array:

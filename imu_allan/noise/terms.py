@@ -154,6 +154,30 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     return np.asarray(2 * sigma**2 / x * bump)
 
 
+def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> NDArray[np.float64]:
+    """
+    Allan variance of a sine wave.
+
+    Parameters
+    ----------
+    frequency_hz, amplitude : float
+        Of the sine wave.
+    tau : array_like, shape (n,)
+        Averaging times in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    References
+    ----------
+    IEEE Std 952-1997, C.1.1.7 (sinusoidal noise).
+
+    """
+    x = np.pi * frequency_hz * np.asarray(tau, dtype=np.float64)
+    return np.asarray((amplitude * np.sin(x) ** 2 / x) ** 2)
+
+
 def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
                     ) -> NDArray[np.float64]:
     """
@@ -178,13 +202,31 @@ def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
 
     """
     m = np.asarray(size, dtype=np.float64)
-    # The mean of n samples begins to fall as a boxcar of sqrt(n^2 - 1) intervals does; between
-    # two means lies a mixture of them.
-    squared = (window_s / dt)**2 + 1
-    n = np.floor(np.sqrt(squared))
-    longer = (squared - n**2) / (2 * n + 1)
+    n, longer = moving_averages(window_s / dt)
     return np.asarray(density**2 / dt * ((1 - longer) * _moving_average_avar(n, m)
                                          + longer * _moving_average_avar(n + 1, m)))
+
+
+def moving_averages(width: float) -> tuple[float, float]:
+    """
+    Mix two moving averages so that together they bend white noise as a boxcar does.
+
+    Parameters
+    ----------
+    width : float
+        Of the boxcar, in samples.
+
+    Returns
+    -------
+    n, longer : float
+        The share `longer` of the mean of n + 1 samples, the rest the mean of n. The mean of n
+        samples begins to fall as a boxcar of ``sqrt(n**2 - 1)`` intervals does; between two means
+        lies a mixture of them.
+
+    """
+    squared = width**2 + 1
+    n = float(np.floor(np.sqrt(squared)))
+    return n, (squared - n**2) / (2 * n + 1)
 
 
 def _moving_average_avar(n: float, m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -213,6 +255,11 @@ def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> NDArray[np
     -------
     ndarray, shape (n,)
         In the squared unit of a sample.
+
+    Examples
+    --------
+    >>> allan_variance({'noise_density': 0.1, 'rate_ramp': 0.01}, [1.0, 100.0])
+    array([0.01005, 0.5001 ])
 
     """
     tau = np.asarray(tau, dtype=np.float64)

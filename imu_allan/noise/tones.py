@@ -22,21 +22,34 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _NEIGHBOURHOOD = 65
+"""Bins of the median: wide enough for a line to be few of them. A judgment: more blurs a knee."""
 _SHORTEST_PIECE = 512
+"""Points of a block below which lines are not sought: eight neighbourhoods, a judgment."""
 _FALSE_ALARM = 1e-4
+"""Probability that a part of the spectrum shows a line by chance: shared among all its bins."""
 _LEAK = 0.02
+"""Share of the floor above which a side lobe still spoils a bin, which is then left out."""
 _WIDEST_SHARE = 0.3
+"""Where more bins than that rise, it is the shape of the spectrum, not lines. A judgment."""
 _LEAST_RISE = 1.3
+"""A long record shows the smallest rise by more than chance; less is no line. A judgment."""
 _LEAST_BROAD_RISE = 1.5
+"""The same for a broad line, which a bend of the spectrum resembles: a judgment."""
 _SCALES = (1, 32, 8)
+"""Bins averaged: sharp lines first, then humps as broad as the idle tones of a quantizer."""
 _LOWEST_INDEX = 32
+"""Coefficients below belong to the slow terms, whose steep rise would pass for a line."""
 _MOST = 32
 _MANY = 8
+"""Blocks from which on an average is smooth enough for broad lines and few neighbours."""
 _BROAD = 64
 _LOWEST_FLOOR = 1e-9
 _LEAST_LEFT = 0.5
+"""With less of the spectrum left than that, no line is left out and the fit says what is wrong."""
 _LOBE_MARGIN = 2.0
+"""So many times its side lobe a line beside a stronger one has to be: a judgment ..."""
 _LOBE_MARGIN_OF_ONE = 4.0
+"""... and so many in a few blocks, where side lobes scatter."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +113,7 @@ def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
             top = int(np.argmax(excess))
             middle = slice(max(top - 2, 0), top + 3) if len(excess) < _BROAD else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
-            if piece.step == 1 or not _folded(centre, lines, 1 / (piece.step * dt), 3 * width):
+            if piece.step == 1 or not folded(centre, lines, 1 / (piece.step * dt), 3 * width):
                 lines.append(Line(centre, float(np.sqrt(2 * excess.sum() / piece.length))))
     # Shorter blocks of the same stage see the same lines, only less sharply.
     for number, piece in enumerate(pieces):
@@ -128,7 +141,7 @@ def _lines_of(power: Array, expected: Array, blocks: int
         # and make a hump of the knee, so broad ones are sought in the spectrum as it is.
         level = expected if scale == 1 else np.ones(len(power))
         candidates = []
-        for begin, end, floor in _rises(np.where(taken, np.nan, power / level), blocks, scale):
+        for begin, end, floor in rises(np.where(taken, np.nan, power / level), blocks, scale):
             excess = np.maximum(power[begin:end] - floor * level[begin:end], 0)
             peak = float(np.max(excess / level[begin:end])) / floor
             # A sharp line leaks into side lobes; a broad one has skirts of its own width.
@@ -153,7 +166,7 @@ def _lines_of(power: Array, expected: Array, blocks: int
     return found, taken
 
 
-def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]:
+def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]:
     """
     Where a flattened spectrum rises above its neighbourhood: begin, end and level around.
 
@@ -182,7 +195,7 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
             return []
         level = np.interp(np.arange(count), good, mean[good])
         floor = (median_filter(level, neighbourhood, mode='reflect') if scale == 1
-                 else _higher_side(level, neighbourhood)) / middle
+                 else higher_side(level, neighbourhood)) / middle
         # A strictly periodic signal has nothing between its lines.
         floor = np.maximum(floor, _LOWEST_FLOOR * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
@@ -196,7 +209,7 @@ def _rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]
     return [(int(g[0]) * scale, (int(g[-1]) + 1) * scale, float(floor[g].min())) for g in groups]
 
 
-def _higher_side(level: Array, neighbourhood: int) -> Array:
+def higher_side(level: Array, neighbourhood: int) -> Array:
     """
     Return the larger of the medians to the left and to the right.
 
@@ -215,7 +228,7 @@ def _peaks(level: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 
 
-def _folded(frequency: float, lines: list[Line], rate: float, width: float) -> bool:
+def folded(frequency: float, lines: list[Line], rate: float, width: float) -> bool:
     """Whether a line is the image of a known one at a lower sample rate."""
     return any(abs(abs(line.frequency_hz - rate * round(line.frequency_hz / rate)) - frequency)
                < width for line in lines)

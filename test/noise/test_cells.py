@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise.cells import Cells, cells_of, coarser, filled, joined, no_cells, RUN_SHIFT
+from imu_allan.noise.cells import Cells, cells_of, coarser, joined, no_cells, RUN_SHIFT
+from imu_allan.noise.gaps import filled
 import numpy as np
 import pytest
 

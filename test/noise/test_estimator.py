@@ -3,7 +3,9 @@
 from itertools import pairwise
 
 from hypothesis import given, settings, strategies as st
-from imu_allan.noise.axis import axis_results, characterize, fit_axes
+from imu_allan.characterization.axis import axis_results, characterize
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.cells import MOST_RUNS
 from imu_allan.noise.curve import octaves
 from imu_allan.noise.estimator import CHUNK, Estimator
 from imu_allan.noise.simulate import simulate
@@ -186,6 +188,38 @@ def test_merged_records_and_what_follows_stay_apart():
     for one, other in zip(a.periodogram.pieces(), b.periodogram.pieces(), strict=True):
         np.testing.assert_allclose(one.power[:, 1:], other.power[:, 1:], rtol=1e-7)
     assert axis_results(merged, 100, GYRO)[0][0].mean == pytest.approx(np.mean(records))
+
+
+def test_merged_records_about_different_levels_keep_what_each_saw():
+    one, other = Estimator(), Estimator()
+    one.update([5.0, 5.0, 5.5, 5.0])
+    other.update([-3.0, -2.0, -3.0, -3.25])
+    one.merge(other)
+    finished = one.finished()
+    assert finished.reference + finished.lowest == pytest.approx([-3.25])
+    assert finished.reference + finished.highest == pytest.approx([5.5])
+    assert finished.step == pytest.approx([0.25])
+    assert finished.mean == pytest.approx([np.mean([5, 5, 5.5, 5, -3, -2, -3, -3.25])])
+
+
+def test_more_runs_than_a_key_holds_are_numbered_anew():
+    many, few = Estimator(), Estimator()
+    for _ in range(MOST_RUNS + 10):
+        many.start_run()
+    for part in np.split(RECORD[:3000, 0], 3):
+        for estimator in (many, few):
+            estimator.update(part)
+            estimator.start_run()
+            estimator.start_run()
+    for _ in range(MOST_RUNS):
+        many.start_run()
+    many.update(RECORD[3000:4000, 0])
+    few.update(RECORD[3000:4000, 0])
+    many.merge(few)
+    few.merge(few.copy())
+    for one, other in zip(many.finished().periodogram.pieces(),
+                          few.finished().periodogram.pieces(), strict=True):
+        np.testing.assert_array_equal(one.power, other.power)
 
 
 def test_memory_does_not_grow_with_the_record():

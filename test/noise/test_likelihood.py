@@ -163,12 +163,12 @@ def test_going_on_behind_the_maximum_changes_nothing():
 
 
 def test_small_non_negative_least_squares_agrees_with_scipy():
-    from imu_allan.noise.likelihood import _non_negative
+    from imu_allan.noise.likelihood import non_negative
     rng = np.random.default_rng(1)
     for _ in range(200):
         a = rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4)
         b = rng.standard_normal(12)
-        np.testing.assert_allclose(a @ _non_negative(a.T @ a, a.T @ b), a @ nnls(a, b)[0],
+        np.testing.assert_allclose(a @ non_negative(a.T @ a, a.T @ b), a @ nnls(a, b)[0],
                                    atol=1e-6)
 
 
@@ -190,12 +190,12 @@ def test_white_noise_of_bridged_samples_is_given_back():
 
 
 def test_columns_that_cannot_be_told_apart_share_what_they_explain():
-    from imu_allan.noise.likelihood import _non_negative
+    from imu_allan.noise.likelihood import non_negative
 
     column = np.array([1.0, 2.0, 3.0])
     a = np.column_stack((column, column, [0.0, 0.0, 1.0]))
     for b in ([1.0, 2.0, 3.0], [1.0, 2.0, 9.0], [-1.0, -2.0, -3.0], [1.0, 2.0, -9.0]):
-        part = _non_negative(a.T @ a, a.T @ np.array(b))
+        part = non_negative(a.T @ a, a.T @ np.array(b))
         assert (part >= 0).all()
         np.testing.assert_allclose(a @ part, a @ nnls(a, np.array(b))[0], atol=1e-6)
 
@@ -204,8 +204,8 @@ def test_columns_that_cannot_be_told_apart_share_what_they_explain():
 @pytest.mark.parametrize('target', [(1.0, 3.0), (3.0, 1.0), (1.0, 1.0), (-3.0, 3.0)])
 @pytest.mark.parametrize('start', [(), (0,), (1,)])
 def test_columns_that_rounding_makes_indefinite_still_give_an_answer(beside, target, start):
-    from imu_allan.noise.likelihood import _non_negative
+    from imu_allan.noise.likelihood import non_negative
 
-    part = _non_negative(np.array([[1.0, beside], [beside, 1.0]]), np.array(target), start)
+    part = non_negative(np.array([[1.0, beside], [beside, 1.0]]), np.array(target), start)
     assert (part >= 0).all()
     assert np.isfinite(part).all()

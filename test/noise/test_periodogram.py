@@ -48,7 +48,7 @@ def test_a_short_record_is_transformed_whole(samples):
     np.testing.assert_allclose(piece.coefficients[:, 1:], dct(rows, norm='ortho')[:, 1:],
                                atol=1e-12)
     np.testing.assert_array_equal(piece.power, piece.coefficients**2)
-    assert (piece.first, piece.last, piece.blocks, piece.filled) == (1, samples, 1, 0)
+    assert (piece.first, piece.last, piece.blocks, piece.gaps.filled) == (1, samples, 1, 0)
 
 
 def test_every_stage_holds_the_transforms_of_its_means():

@@ -3,7 +3,7 @@
 """Published values: NBS14, Stable32 and the exact degrees of freedom of Greenhall and Riley."""
 
 import allantools
-from imu_allan.noise.axis import characterize
+from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import edf, octaves
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise.simulate import _flicker, _MarkovBank, NoiseStream, simulate
+from imu_allan.noise.simulate import flicker, MarkovBank, NoiseStream, simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar
 import numpy as np
 import pytest
@@ -118,7 +118,7 @@ def test_drawing_nothing_from_a_stream_changes_nothing():
 
 def test_steps_of_flicker_vary_alike_at_every_place_and_depend_on_distance_alone():
     rng = np.random.default_rng(0)
-    draws = np.array([np.diff(_flicker(9, rng)) for _ in range(20_000)])
+    draws = np.array([np.diff(flicker(9, rng)) for _ in range(20_000)])
     # Fourth difference of t^2 ln|t| / 2 pi, the generalised covariance of the phase.
     lag = np.arange(-2.0, 10)
     phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
@@ -131,7 +131,7 @@ def test_steps_of_flicker_vary_alike_at_every_place_and_depend_on_distance_alone
 @pytest.mark.parametrize('interval', [1e-4, 5e-4, 9.99e-4, 1.001e-3, 0.1, 10.0])
 def test_end_and_mean_of_a_gauss_markov_process_have_their_joint_law(interval):
     dt = 0.5
-    bank = _MarkovBank(np.array([dt / interval]), np.array([3.0]), dt, np.random.default_rng(0))
+    bank = MarkovBank(np.array([dt / interval]), np.array([3.0]), dt, np.random.default_rng(0))
     a = np.longdouble(interval)
     decay = np.exp(-a)
     # Of a process that stands at s: mean s (1 - decay) / a, end s decay, and what comes on top.

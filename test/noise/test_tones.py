@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.likelihood import bins_of, grouped, maximise
 from imu_allan.noise.periodogram import Periodogram, Piece
-from imu_allan.noise.tones import _folded, _higher_side, _rises, find_lines, Line
+from imu_allan.noise.tones import find_lines, folded, higher_side, Line, rises
 import numpy as np
 import pytest
 
@@ -61,8 +61,8 @@ def test_white_noise_has_no_line():
 def test_nothing_rises_above_too_few_neighbours():
     ratio = np.ones(200)
     ratio[100] = 1e6
-    assert _rises(ratio, 1, 1) == []
-    assert len(_rises(np.concatenate((ratio, np.ones(200))), 1, 1)) == 1
+    assert rises(ratio, 1, 1) == []
+    assert len(rises(np.concatenate((ratio, np.ones(200))), 1, 1)) == 1
 
 
 @pytest.mark.parametrize(('scale', 'height', 'expected'), [
@@ -72,7 +72,7 @@ def test_what_rises_by_less_than_anyone_cares_about_is_no_line(scale, height, ex
     # Of so many blocks that chance allows a thousandth.
     ratio = np.ones(200 * scale)
     ratio[100 * scale:103 * scale] = height
-    found = _rises(ratio, 10**7, scale)
+    found = rises(ratio, 10**7, scale)
     if expected:
         [(begin, end, floor)] = found
         assert (begin, end) == (100 * scale, 103 * scale)
@@ -86,7 +86,7 @@ def test_what_rises_by_less_than_anyone_cares_about_is_no_line(scale, height, ex
 def test_what_chance_allows_depends_on_all_that_is_averaged(blocks, scale, expected):
     ratio = np.ones(200 * scale)
     ratio[100 * scale:103 * scale] = 2.1
-    assert bool(_rises(ratio, blocks, scale)) == expected
+    assert bool(rises(ratio, blocks, scale)) == expected
 
 
 @pytest.mark.parametrize('unit', [1e-12, 1.0, 1e12])
@@ -94,7 +94,7 @@ def test_lines_are_found_in_any_unit(unit):
     ratio = np.ones(1600)
     ratio[800:824] = 3.0
     for scale in (1, 8):
-        assert [place[:2] for place in _rises(ratio * unit, 10**7, scale)] == [(800, 824)]
+        assert [place[:2] for place in rises(ratio * unit, 10**7, scale)] == [(800, 824)]
 
 
 def test_amplitude_of_a_line_is_free_of_the_noise_below_it():
@@ -110,17 +110,17 @@ def test_amplitude_of_a_line_is_free_of_the_noise_below_it():
 def test_a_line_folded_by_a_lower_rate_is_known_again(frequency, image):
     rate = 1.0 if frequency != 1.3 or image == 0.3 else 0.9
     lines = [Line(17.4, 1.0), Line(frequency, 1.0)]
-    assert _folded(image, lines, rate, 0.01)
-    assert not _folded(image + 0.02, lines[1:], rate, 0.01)
+    assert folded(image, lines, rate, 0.01)
+    assert not folded(image + 0.02, lines[1:], rate, 0.01)
 
 
 def test_what_is_taken_already_is_not_found_again():
     ratio = np.ones(8 * 200)
     ratio[8 * 100:8 * 103] = 5.0
     ratio[8 * 50:8 * 53] = np.nan
-    assert [(begin, end) for begin, end, _ in _rises(ratio, 10**7, 8)] == [(800, 824)]
+    assert [(begin, end) for begin, end, _ in rises(ratio, 10**7, 8)] == [(800, 824)]
     ratio[8 * 100:8 * 103] = np.nan
-    assert _rises(ratio, 10**7, 8) == []
+    assert rises(ratio, 10**7, 8) == []
 
 
 def test_no_line_is_sought_in_a_part_of_a_few_bins():
@@ -140,9 +140,9 @@ def test_no_line_is_sought_in_a_part_of_a_few_bins():
 def test_what_is_broad_is_held_against_the_higher_of_both_sides():
     # Behind the knee the left side is the higher one, as far as the left side reaches.
     level = np.where(np.arange(400) < 200, 2.0, 1.0)
-    higher = _higher_side(level, 65)
+    higher = higher_side(level, 65)
     assert (higher[:200] == 2).all()
     [edge] = np.flatnonzero(np.diff(higher)) + 1
     # Half of the 33 neighbours on the left are in front of the knee.
     assert edge == 200 + 33 // 2
-    np.testing.assert_array_equal(_higher_side(level[::-1], 65), higher[::-1])
+    np.testing.assert_array_equal(higher_side(level[::-1], 65), higher[::-1])

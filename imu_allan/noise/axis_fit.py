@@ -1,0 +1,100 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a finished estimator to the fit of every axis."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+from imu_allan.noise.agreement import PARTS
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.fit import Fit, fit
+from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise
+from imu_allan.noise.parts import part_groups
+from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness
+from imu_allan.noise.tones import find_lines, Line
+from imu_allan.noise.trends import RecordSpectrum
+
+SHORTEST_RECORD = 64
+"""Samples below which no coefficient is estimated."""
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """
+    What the spectrum of one axis says.
+
+    Attributes
+    ----------
+    fit : Fit
+        The fitted terms.
+    lines : list of Line
+        What was left out of the fit, the strongest first.
+    groups : Groups
+        What was fitted: the spectrum without the lines.
+    whole : Groups
+        The spectrum with them.
+    steadiness : Steadiness or None
+        What parts of the record say of each other; None where it is too short to have parts.
+    segments : SegmentPowers or None
+        Of all axes.
+
+    """
+
+    fit: Fit
+    lines: list[Line]
+    groups: Groups
+    whole: Groups
+    steadiness: Steadiness | None = None
+    segments: SegmentPowers | None = None
+
+
+def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
+    """
+    Fit the spectrum of every axis.
+
+    Parameters
+    ----------
+    finished : Estimator
+        As `Estimator.finished` returns it.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    list of AxisFit or None
+        None for an axis that is constant, or a record that is too short.
+
+    """
+    pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
+    if not pieces:
+        return [None] * finished.axes
+    bins = bins_of(pieces, dt, finished.bridged / finished.samples)
+    segments = segment_powers(finished.periodogram)
+    found: list[AxisFit | None] = []
+    for axis in range(finished.axes):
+        if finished.lowest[axis] == finished.highest[axis]:
+            found.append(None)
+            continue
+        whole = grouped(bins, axis)
+        first = maximise(whole, ramp=None)
+        lines, keep = find_lines(pieces, bins, axis, dt, first)
+        lines_hz = [line.frequency_hz for line in lines]
+        steady = steadiness(segments, axis, dt, lines_hz) if segments else None
+        record = RecordSpectrum(pieces, bins, axis, dt, keep)
+        groups = whole if keep.all() else record.groups()
+        parts = partial(_parts, finished, axis, dt, lines_hz)
+        fitted = fit(groups, dt, first, record, steady, parts)
+        found.append(AxisFit(fitted, lines, groups, whole, steady, segments))
+    return found
+
+
+def _parts(finished: Estimator, axis: int, dt: float, lines_hz: Sequence[float]) -> list[Groups]:
+    """Spectra of the quarters of a record."""
+    periodogram = finished.periodogram
+    used = periodogram.segments.used
+    ends = [round(part * used / PARTS) for part in range(PARTS + 1)]
+    return [part_groups(periodogram, axis, dt, first, last, lines_hz,
+                        finished.bridged / finished.samples)
+            for first, last in pairwise(ends) if last > first]

@@ -1,0 +1,226 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The drift model of one axis: what predicts the sensor, and what a filter therefore wants.
+
+The five noise coefficients say what is compared with a datasheet. For prediction they are the
+wrong family: flicker has no state of its own in a filter, and a real sensor drifts in ways that no
+power law describes. The drift model is white noise, a random walk and at most four first-order
+Gauss-Markov processes, all at least zero, fitted to the same spectrum below the frequency where it
+still is well-behaved. Two things keep it safe where the record says little: no half-octave counts
+for more than a misfit of 10 % allows, and every half-octave is drawn towards a fit of white noise,
+flicker and walk, whose walk is the upper end of what the record allows as often as the likeliest.
+No trend is fitted: it does not help prediction reliably, and ruins it on short records.
+
+References
+----------
+C. W. Granger and R. Joyeux, J. Time Ser. Anal. 1 (1980), and M. S. Keshner, "1/f noise", Proc.
+IEEE 70 (1982): flicker as a sum of relaxation processes.
+
+"""
+
+from imu_allan.noise.likelihood import Groups, maximise, QUANTIZATION, Solution, WALK, WHITE
+from imu_allan.noise.spectrum import gauss_markov
+from imu_allan.noise.terms import gauss_markov_avar, line_avar
+from imu_allan.result import DriftModel, GaussMarkov, Tone
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+MOST_PROCESSES = 4
+"""States of a filter cost time; a fifth process gains nothing on any recording tried."""
+_EDGES_HZ = (10.0, 5.0, 2.5, 1.25, 0.625)  # above: vibration, low-passes, quantizer tones
+_EDGES_FROM_HZ = 20.0   # sample rate below which the edges shrink with it
+_JUDGED = 6             # half-octaves below the edge that have to be described
+_EDGE_MISFIT = 0.2      # of the logarithm of their power, beyond chance ...
+_EDGE_CHANCE = 2.6      # ... at 1 % for each
+_MISFIT = 0.1           # a relative misfit that may not decide what happens at the slow end
+_PRIOR_DOF = 4.0        # pseudo-observations a half-octave: fewer lets a short record invent
+_PER_DECADE = 2         # correlation times to choose from
+_LONGEST_SHARE = 3.0    # of the record: what is slower is a walk to it
+_CLOSE = 1 / 3          # of a decade: neighbours that are one process
+_FEWEST_GROUPS = 8
+"""An octave, at eight to one: of less no process is told from white noise. A judgment."""
+
+
+def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None = None
+                    ) -> DriftModel | None:
+    """
+    Fit the drift model of one axis.
+
+    Parameters
+    ----------
+    groups : Groups
+        Spectrum of the axis, lines left out.
+    dt : float
+        Sample interval in seconds.
+    correlation_time_s : float, optional
+        Of a Gauss-Markov process that the fit of the terms has found.
+
+    Returns
+    -------
+    DriftModel or None
+        None where the spectrum has too few bands. The horizons it is known for reach from one
+        over the band edge to a third of the record.
+
+    """
+    if len(groups.dof) < _FEWEST_GROUPS:
+        return None
+    longest = 1 / (2 * float(groups.frequency[0])) / _LONGEST_SHARE
+    expected = groups
+    if correlation_time_s is not None:
+        expected = groups.with_design(np.column_stack(
+            (groups.design, _process_column(groups, dt, correlation_time_s))))
+    edge, band, terms = _edge(expected, dt)
+    smooth = _shrunk(band, terms)
+    count = max(int(np.floor(_PER_DECADE * np.log10(longest * edge))) + 1, 1)
+    shortest = max(1 / edge, 2 * dt)
+    times = shortest * 10 ** (np.arange(count) / _PER_DECADE)
+    times, solution = _pruned(smooth, dt, times[times <= longest])
+    variances = solution.theta[2:]
+    processes = tuple(GaussMarkov(float(np.sqrt(variance)), float(time))
+                      for variance, time in zip(variances, times, strict=True))
+    return DriftModel(float(np.sqrt(solution.theta[0])), float(np.sqrt(solution.theta[1])),
+                      processes, shortest, max(longest, shortest))
+
+
+def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> Array:
+    """
+    Allan variance of a drift model with the lines that were left out of it.
+
+    Parameters
+    ----------
+    model : DriftModel
+        Of one axis.
+    tones : tuple of Tone
+        Of the same axis.
+    tau_s : array_like, shape (n,)
+        Averaging times in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the squared unit of a sample.
+
+    """
+    tau = np.asarray(tau_s, dtype=np.float64)
+    total = model.noise_density**2 / tau + model.rate_random_walk**2 * tau / 3
+    for process in model.processes:
+        total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
+    for tone in tones:
+        total = total + line_avar(tone.frequency_hz, tone.amplitude, tau)
+    return np.asarray(total)
+
+
+def _half_octaves(groups: Groups) -> tuple[NDArray[np.int64], Array]:
+    """Half-octave that each group is in, from the slowest, and the degrees of freedom of it."""
+    _, inverse = np.unique(np.floor(2 * np.log2(groups.frequency)), return_inverse=True)
+    dof: Array = np.bincount(inverse, groups.dof).astype(np.float64)
+    return inverse.astype(np.int64), dof
+
+
+def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
+    """Highest frequency up to which noise, flicker and walk describe the spectrum; the rest."""
+    scale = min(1.0, 1 / (dt * _EDGES_FROM_HZ))
+    edge, band, terms = 0.0, groups, None
+    for hz in _EDGES_HZ:
+        below = groups.below(hz * scale)
+        if len(below.dof) < _FEWEST_GROUPS and terms is not None:
+            break
+        edge, band = hz * scale, _capped(below if len(below.dof) >= _FEWEST_GROUPS else groups)
+        terms = maximise(band, fixed={QUANTIZATION: 0.0})
+        octave, dof = _half_octaves(below)
+        ratio = below.power / np.maximum(below.design @ terms.theta, 1e-300)
+        mean = np.bincount(octave, below.dof * ratio) / dof
+        allowed = _EDGE_MISFIT + _EDGE_CHANCE * np.sqrt(2 / dof)
+        # Without noise the mean is zero.
+        off = np.abs(np.log(np.maximum(mean, 1e-300)))
+        if np.all(off < allowed, where=np.arange(len(dof)) >= len(dof) - _JUDGED):
+            break
+    assert terms is not None
+    return edge, band, terms
+
+
+def _capped(groups: Groups) -> Groups:
+    """Count each half-octave for no more than a misfit of 10 % leaves it worth."""
+    octave, dof = _half_octaves(groups)
+    return _with(groups, groups.dof / (1 + dof[octave] * _MISFIT**2 / 2), groups.power)
+
+
+def _with(groups: Groups, dof: Array, power: Array) -> Groups:
+    return Groups(groups.frequency, dof, power, groups.design, groups.cross, groups.ramp)
+
+
+def _shrunk(band: Groups, terms: Solution) -> Groups:
+    """Draw the power of every half-octave towards that of white noise, flicker and walk."""
+    most = _most_walk(band, terms)
+    prior = band.design @ (terms.theta + most.theta) / 2
+    octave, dof = _half_octaves(band)
+    pseudo = _PRIOR_DOF * band.dof / dof[octave]
+    counted = band.dof + pseudo
+    return _with(band, counted, (band.dof * band.power + pseudo * prior) / counted)
+
+
+def _most_walk(band: Groups, best: Solution) -> Solution:
+    """Terms with the walk at the upper end of its one-sigma interval: likelihood ratio 1."""
+    def held(walk: float) -> Solution:
+        return maximise(band, best, fixed={QUANTIZATION: 0.0, WALK: walk**2}, tolerance=1e-3)
+
+    def excess(solution: Solution) -> float:
+        return 2 * (solution.loss - best.loss) - 1
+
+    low = float(np.sqrt(best.theta[WALK]))
+    # The walk that the slowest coefficient alone would allow sets the scale of the search.
+    slowest = float(band.power[0] / band.design[0, WALK])
+    high = max(2 * low, 1e-3 * np.sqrt(slowest), 1e-150)
+    while excess(upper := held(high)) < 0:
+        low, high = high, 2 * high
+    for _ in range(12):
+        middle = (low + high) / 2
+        upper = held(middle)
+        gone_too_far = excess(upper)
+        if abs(gone_too_far) < 0.05:
+            break
+        low, high = (low, middle) if gone_too_far > 0 else (middle, high)
+    return upper
+
+
+def _columns(band: Groups, dt: float, times: Array) -> Groups:
+    """White noise, walk and processes of unit variance as the columns."""
+    processes = [_process_column(band, dt, float(time)) for time in times]
+    return band.with_design(np.stack((band.design[:, WHITE], band.design[:, WALK], *processes),
+                                     axis=1))
+
+
+def _process_column(groups: Groups, dt: float, time: float) -> Array:
+    """Power that a process of unit variance gives."""
+    nu = np.minimum(groups.frequency * dt, 0.5)
+    return np.asarray(groups.design[:, WHITE] * dt * gauss_markov(nu, dt, time))
+
+
+def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
+    """Fit processes of the given correlation times and keep those that matter, at most four."""
+    def fitted(of: Array) -> tuple[Array, Solution]:
+        solution = maximise(_columns(band, dt, of))
+        there = solution.theta[2:] > 0
+        theta = np.concatenate((solution.theta[:2], solution.theta[2:][there]))
+        return of[there], Solution(theta, 0.0, solution.loss)
+
+    times, solution = fitted(times)
+    close = np.flatnonzero(np.diff(np.log10(times)) < _CLOSE)
+    if len(close):
+        times, solution = fitted(_joined(times, solution.theta[2:], int(close[0])))
+    while len(times) > MOST_PROCESSES:
+        variances = solution.theta[2:]
+        fewer = [np.delete(times, i) for i in range(len(times))]
+        fewer += [_joined(times, variances, i) for i in range(len(times) - 1)]
+        times, solution = min((fitted(some) for some in fewer), key=lambda found: found[1].loss)
+    return times, solution
+
+
+def _joined(times: Array, variances: Array, at: int) -> Array:
+    """Put one process in the place of two neighbours: the weighted mean of the logarithms."""
+    pair = slice(at, at + 2)
+    mean = np.exp(np.average(np.log(times[pair]), weights=variances[pair]))
+    return np.concatenate((times[:at], [mean], times[at + 2:]))

@@ -1,0 +1,114 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The fitted model of one axis, as Allan variance and as spectrum."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from imu_allan.noise import spectrum
+from imu_allan.noise.terms import (
+    allan_variance,
+    gauss_markov_avar,
+    line_avar,
+    low_passed_avar,
+)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_SHAPES: dict[str, Callable[[ArrayLike, float], Array]] = {
+    'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
+    'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """
+    A sum of terms, its white noise behind a low-pass, and Gauss-Markov processes.
+
+    Attributes
+    ----------
+    coefficients : mapping
+        SI coefficient by key of `TERMS`; a missing key means zero.
+    window_s : float or None
+        Width of the boxcar that bends the white noise as the low-pass does.
+    processes : tuple of (float, float)
+        Standard deviation and correlation time of every Gauss-Markov process.
+    lines : tuple of (float, float)
+        Frequency and amplitude of every line. They stand in the Allan variance, but have no
+        density.
+
+    Examples
+    --------
+    >>> model = FittedModel({'noise_density': 0.01}, window_s=0.08)
+    >>> model.allan_variance([1000], dt=0.01).round(9)
+    array([9.96e-06])
+    >>> model.density([0.1, 10.0], dt=0.01).round(9)
+    array([9.9979e-05, 5.3930e-06])
+
+    """
+
+    coefficients: Mapping[str, float]
+    window_s: float | None = None
+    processes: tuple[tuple[float, float], ...] = ()
+    lines: tuple[tuple[float, float], ...] = ()
+
+    def allan_variance(self, size: ArrayLike, dt: float) -> Array:
+        """
+        Allan variance over clusters.
+
+        Parameters
+        ----------
+        size : array_like, shape (n,)
+            Samples in a cluster.
+        dt : float
+            Sample interval in seconds.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In the squared unit of a sample.
+
+        """
+        size = np.asarray(size)
+        tau = size * dt
+        values = dict(self.coefficients)
+        total = np.zeros(len(size))
+        if self.window_s is not None:
+            density = values.pop('noise_density', 0.0)
+            total = total + low_passed_avar(density, self.window_s, size, dt)
+        for sigma, time in self.processes:
+            total = total + gauss_markov_avar(sigma, time, tau)
+        for frequency, amplitude in self.lines:
+            total = total + line_avar(frequency, amplitude, tau)
+        return np.asarray(total + allan_variance(values, tau))
+
+    def density(self, frequency_hz: ArrayLike, dt: float) -> Array:
+        """
+        Two-sided power spectral density of the samples.
+
+        Parameters
+        ----------
+        frequency_hz : array_like, shape (n,)
+            Above zero, up to half the sample rate.
+        dt : float
+            Sample interval in seconds.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In squared sample units per Hz. The ramp is deterministic and has no spectrum.
+
+        """
+        nu = np.asarray(frequency_hz, dtype=np.float64) * dt
+        total = np.zeros(nu.shape)
+        for key, value in self.coefficients.items():
+            if key in _SHAPES:
+                own = value**2 * dt * _SHAPES[key](nu, dt)
+                if key == 'noise_density' and self.window_s is not None:
+                    own = own * spectrum.low_pass(nu, self.window_s / dt)
+                total = total + own
+        for sigma, time in self.processes:
+            total = total + sigma**2 * dt * spectrum.gauss_markov(nu, dt, time)
+        return total

@@ -1,0 +1,272 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Random effects: units that differ, each measured with an error of its own.
+
+Unit i has the true value x_i, normal about the mean of the population with the standard deviation
+`between`, and was measured as y_i with the standard error e_i: y_i is normal with the variance
+between^2 + e_i^2. The spread is that of the restricted likelihood, which pays for the mean that is
+fitted as well (without that, the spread of 20 units comes out 4 to 12 % too small); a unit of
+which only an upper bound u is known contributes the probability that it lies below. So the spread
+between units is told apart from the spread that measuring adds.
+
+References
+----------
+H. D. Patterson and R. Thompson, Biometrika 58 (1971): the restricted likelihood. W. Viechtbauer,
+Stat. Med. 26 (2007): the interval of the spread. D. B. Owen, Technometrics 10 (1968): tolerance
+limits by the non-central t. B. Rosner, Technometrics 25 (1983): several outliers.
+
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_FINEST = 1e-6
+"""Smallest spread that is looked for, as a share of the scatter of the measured values."""
+_STEPS = 97
+"""Spreads that are tried before the best is refined: 16 a decade."""
+_FEWEST_FREE = 2.0
+"""Units' worth of information on the spread below which its upper bound takes its place."""
+_FEWEST_FOR_OUTLIERS = 5
+"""Of fewer units nobody can say which is the odd one."""
+_MOST_OUTLIERS = 1 / 4
+"""Share of the units that may be outliers; more would be a population of their own."""
+_INLIERS_IN_A_ROW = 8
+"""Units that belong, one after the other, after which nobody is looked for behind them."""
+
+
+@dataclass(frozen=True)
+class Effects:
+    """
+    A population as its measured units show it.
+
+    Attributes
+    ----------
+    values, errors : ndarray, shape (units,)
+        As measured, with their standard errors.
+    bounds : ndarray, shape (censored,)
+        Upper bounds of further units.
+    mean, between : float
+        Of the population: restricted maximum likelihood.
+    between_ci95 : (float, float)
+        By the generalised Q statistic, exact for any number of units.
+
+    """
+
+    values: Array
+    errors: Array
+    bounds: Array
+    mean: float
+    between: float
+    between_ci95: tuple[float, float]
+
+    @cached_property
+    def _shares(self) -> Array:
+        """Return what part of each unit's scatter is the population's, not the measurement's."""
+        total = self.between**2 + self.errors**2
+        return np.divide(self.between**2, total, out=np.zeros_like(total), where=total > 0)
+
+    def percentile(self, share: float) -> float:
+        """Value below which `share` of all units lie."""
+        return self.mean + _normal_quantile(share) * self.between
+
+    def tolerance(self, share: float = 0.95, confidence: float = 0.95) -> float:
+        """
+        Limit that a share of all units keeps, not only of those measured.
+
+        Parameters
+        ----------
+        share : float, optional
+            Of the units that lie below the limit.
+        confidence : float, optional
+            Probability with which at least that share does.
+
+        Returns
+        -------
+        float
+            Exact where the measurement is much finer than the spread; where the spread cannot be
+            told from measurement error, its upper bound takes its place.
+
+        """
+        from scipy.stats import nct
+
+        z, shares = _normal_quantile(share), self._shares
+        free, weight = float(np.sum(shares**2)) - 1, float(np.sum(shares))
+        if free < _FEWEST_FREE:
+            spread = max(self.between_ci95[1], self.between)
+            weights = 1 / np.maximum(spread**2 + self.errors**2, 1e-300)
+            error = 1 / np.sqrt(float(np.sum(weights)))
+            return float(self.mean + _normal_quantile(confidence) * error + z * spread)
+        factor = float(nct.ppf(confidence, free, z * np.sqrt(weight))) / np.sqrt(weight)
+        return float(self.mean + factor * self.between)
+
+
+def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ()) -> Effects:
+    """
+    Fit a population to units that were measured with different errors.
+
+    Parameters
+    ----------
+    values, errors : array_like, shape (units,)
+        At least two units, errors not negative.
+    bounds : array_like, shape (censored,), optional
+        Upper bounds of further units.
+
+    Returns
+    -------
+    Effects
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two units.
+
+    """
+    y, e, u = (np.asarray(part, dtype=np.float64) for part in (values, errors, bounds))
+    if len(y) < 2 or y.shape != e.shape:
+        raise ValueError('at least two units are needed, each with its error')
+    scatter = float(np.std(y)) or float(np.max(e)) or 1e-12 * float(np.max(np.abs(y))) or 1e-300
+    spreads = scatter * np.geomspace(_FINEST, 10.0, _STEPS)
+    profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
+    best = int(np.argmin(profile))
+    spread = _refined(lambda s: _best_mean(y, e, u, s)[1], spreads, best)
+    # A spread at the lower end of what was tried is none.
+    spread = 0.0 if best == 0 else spread
+    return Effects(y, e, u, _best_mean(y, e, u, spread)[0], spread, _interval(y, e, scatter))
+
+
+def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> float:
+    """
+    Weighted square sum about the weighted mean.
+
+    Parameters
+    ----------
+    values, errors : array_like, shape (units,)
+        As measured, with their standard errors.
+    spread : float, optional
+        Of the true values.
+
+    Returns
+    -------
+    float
+        Chi-square with one degree of freedom less than there are units, if the spread is true.
+
+    """
+    y, e = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    weight = 1 / np.maximum(spread**2 + e**2, 1e-300)
+    return float(weight @ (y - weight @ y / weight.sum())**2)
+
+
+def _interval(y: Array, e: Array, scatter: float) -> tuple[float, float]:
+    """Spreads under which the square sum would be neither too large nor too small by chance."""
+    from scipy.optimize import brentq
+    from scipy.special import chdtri
+
+    def end(probability: float) -> float:
+        wanted = float(chdtri(len(y) - 1, probability))
+        if q_statistic(y, e) <= wanted:
+            return 0.0
+        high = scatter
+        while q_statistic(y, e, high) > wanted:
+            high *= 4
+        return float(brentq(lambda spread: q_statistic(y, e, spread) - wanted, 0.0, high,
+                            xtol=1e-6 * scatter))
+
+    return end(0.025), end(0.975)
+
+
+def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, float]:
+    """Mean that fits a spread best, and minus its log-likelihood."""
+    variance = np.maximum(spread**2 + e**2, 1e-300)
+    weight = 1 / variance
+    mean = float(weight @ y / weight.sum())
+    if not len(u):
+        return mean, _loss(y, variance, mean)
+    from scipy.optimize import minimize_scalar
+    from scipy.special import log_ndtr
+
+    # A bound has no error of its own: that of the typical unit stands in.
+    deviation = np.sqrt(spread**2 + float(np.median(e))**2) or 1e-300
+
+    def loss(at: float) -> float:
+        return _loss(y, variance, at) - float(np.sum(log_ndtr((u - at) / deviation)))
+
+    reach = 5 * np.sqrt(float(np.mean(variance))) + float(np.ptp(np.append(y, u)))
+    found = minimize_scalar(loss, bounds=(mean - reach, mean), method='bounded')
+    return float(found.x), float(found.fun)
+
+
+def _loss(y: Array, variance: Array, mean: float) -> float:
+    """Minus the restricted log-likelihood."""
+    information = float(np.sum(1 / variance))
+    return float(0.5 * (np.sum(np.log(variance) + (y - mean)**2 / variance)
+                        + np.log(information)))
+
+
+def _refined(loss: Callable[[float], float], grid: Array, best: int) -> float:
+    from scipy.optimize import minimize_scalar
+
+    around = np.log(grid[[max(best - 1, 0), min(best + 1, len(grid) - 1)]])
+    return float(np.exp(minimize_scalar(lambda log: loss(float(np.exp(log))),
+                                        bounds=tuple(around), method='bounded',
+                                        options={'xatol': 1e-4}).x))
+
+
+def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDArray[np.bool_]:
+    """
+    Find the units that do not belong to the population of the others.
+
+    Parameters
+    ----------
+    values, errors : array_like, shape (units,)
+        As measured, with their standard errors.
+    chance : float, optional
+        Probability with which a population without outliers shows one all the same.
+
+    Returns
+    -------
+    ndarray of bool, shape (units,)
+        None among fewer than five units. One unit after the other, the farthest first, is held
+        against the population without it and its forerunners, at the quantile of Student's t that
+        as many tests call for; the last that fails takes its forerunners with it, so that two bad
+        units do not hide each other.
+
+    """
+    from scipy.stats import t
+
+    y, e = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    found = np.zeros(len(y), dtype=np.bool_)
+    if len(y) < _FEWEST_FOR_OUTLIERS:
+        return found
+    rest = np.arange(len(y))
+    effects = random_effects(y, e)
+    taken: list[int] = []
+    last = 0
+    for _ in range(max(1, int(_MOST_OUTLIERS * len(y)))):
+        scatter = np.sqrt(np.maximum(effects.between**2 + e[rest]**2, 1e-300))
+        farthest = int(np.argmax(np.abs(y[rest] - effects.mean) / scatter))
+        unit = int(rest[farthest])
+        taken.append(unit)
+        rest = np.delete(rest, farthest)
+        effects = random_effects(y[rest], e[rest])
+        expected = np.sqrt(effects.between**2 * (1 + 1 / len(rest)) + e[unit]**2)
+        # Of a population without outliers the farthest of all is tested each time.
+        threshold = float(t.isf(chance / (2 * (len(rest) + 1)), len(rest) - 1))
+        if abs(y[unit] - effects.mean) > threshold * max(float(expected), 1e-300):
+            last = len(taken)
+        if len(taken) - last == _INLIERS_IN_A_ROW:
+            break
+    found[taken[:last]] = True
+    return found
+
+
+def _normal_quantile(share: float) -> float:
+    from scipy.special import ndtri
+
+    return float(ndtri(share))

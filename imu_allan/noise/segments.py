@@ -1,0 +1,209 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The spectrum of every part of a record, in constant memory.
+
+A record is cut into at most 16 segments of equal length; when they are used up, neighbours are
+added in pairs and the length doubles. A segment keeps the power of its blocks in bands of an
+eighth of an octave. What is slower than a block is not kept here: the whole-record series has it,
+and its cells are shared out among the segments when somebody asks.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+Array = NDArray[np.float64]
+State = dict[str, NDArray[np.generic]]
+
+SEGMENTS = 16
+"""Most segments: halves and quarters of a record are whole segments, and each still has many
+blocks."""
+SHORTEST_SEGMENT = 16_384
+"""Samples of a segment at first: what the estimator takes in at once."""
+OCTAVES = 12
+"""The slowest band begins at 2**-12 cycles per sample: the means of the series lie below it."""
+PER_OCTAVE = 8
+MEANS = 64
+"""Samples in a mean of the slower of two transforms, as in the first stage of the spectrum."""
+_BANDS = PER_OCTAVE * (OCTAVES - 1)
+_BORDER = 1 / 256
+"""Cycles per sample up to which the slower transform is used: a quarter of its sample rate."""
+_SHORTEST_BLOCK = 256
+_LOWEST_INDEX = 8
+"""Below, the ends of a block leak into its coefficients."""
+
+
+class Layout(NamedTuple):
+    """
+    Which coefficients of a block fall into which band.
+
+    Attributes
+    ----------
+    first, last : int
+        The DCT indices, `first` up to and without `last`.
+    starts : ndarray of int, shape (bands,)
+        Where each band begins, counted from `first`.
+    bands : ndarray of int, shape (bands,)
+        Numbers of these bands.
+    counts : ndarray of int, shape (bands,)
+        Coefficients in each.
+
+    """
+
+    first: int
+    last: int
+    starts: NDArray[np.int64]
+    bands: NDArray[np.int64]
+    counts: NDArray[np.int64]
+
+
+@lru_cache(maxsize=64)
+def layout(length: int, step: int) -> Layout:
+    """
+    Lay the coefficients of a block out on the bands.
+
+    Parameters
+    ----------
+    length : int
+        Points of the block.
+    step : int
+        Samples in a point: 1, or `MEANS`.
+
+    """
+    low, high = (_BORDER, 0.5) if step == 1 else (2.0**-OCTAVES, _BORDER)
+    first = max(_LOWEST_INDEX, int(np.ceil(2 * length * step * low)))
+    last = min(length, int(np.ceil(2 * length * step * high)))
+    index = np.arange(first, last)
+    # A power of two stands at the lower end of its band, without rounding.
+    band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * step)) + OCTAVES)).astype(np.int64)
+    starts = np.flatnonzero(np.diff(band, prepend=-1))
+    return Layout(first, last, starts, band[starts], np.diff(np.append(starts, len(band))))
+
+
+class Segments:
+    """
+    Power by segment and band.
+
+    Parameters
+    ----------
+    axes : int
+        How many axes are kept side by side.
+
+    Attributes
+    ----------
+    width : int
+        Samples in a whole segment; gaps do not count.
+    samples : int
+        Samples taken in.
+    power : ndarray, shape (axes, SEGMENTS, bands)
+        Sum of squared orthonormal DCT-II coefficients, in squared sample units.
+    dof : ndarray of int, shape (SEGMENTS, bands)
+        How many coefficients were added.
+
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.width = SHORTEST_SEGMENT
+        self.samples = 0
+        self.power = np.zeros((axes, SEGMENTS, _BANDS))
+        self.dof: NDArray[np.int64] = np.zeros((SEGMENTS, _BANDS), np.int64)
+
+    @property
+    def used(self) -> int:
+        """How many segments have samples; the last one may be short."""
+        return -(-self.samples // self.width)
+
+    def absorb(self, rows: Array, blocks: Sequence[tuple[int, int, Array]]) -> None:
+        """
+        Add the next samples.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (axes, n)
+            At most `SHORTEST_SEGMENT` consecutive samples.
+        blocks : sequence of (int, int, ndarray)
+            Length, number and summed power, shape (axes, length), of the blocks that they make.
+
+        """
+        n = rows.shape[1]
+        while self.samples + n > SEGMENTS * self.width:
+            self._widen()
+        at = (self.samples + n // 2) // self.width
+        for length, count, power in blocks:
+            if length >= _SHORTEST_BLOCK:
+                self._add(at, layout(length, 1), count, power)
+        if n == SHORTEST_SEGMENT:
+            means = rows.reshape(len(rows), n // MEANS, MEANS).mean(axis=2)
+            self._add(at, layout(n // MEANS, MEANS), 1, dct(means, norm='ortho')**2)
+        self.samples += n
+
+    def _add(self, at: int, place: Layout, count: int, power: Array) -> None:
+        part = power[:, place.first:place.last]
+        self.power[:, at, place.bands] += np.add.reduceat(part, place.starts, axis=1)
+        self.dof[at, place.bands] += count * place.counts
+
+    def _widen(self) -> None:
+        """Add neighbouring segments in pairs."""
+        half = SEGMENTS // 2
+        axes = len(self.power)
+        power = self.power.reshape(axes, half, 2, _BANDS).sum(axis=2)
+        self.power = np.concatenate((power, np.zeros_like(power)), axis=1)
+        dof = self.dof.reshape(half, 2, _BANDS).sum(axis=1)
+        self.dof = np.concatenate((dof, np.zeros_like(dof)))
+        self.width *= 2
+
+    def merge(self, other: 'Segments') -> None:
+        """Add the segments of another record behind those of this one."""
+        theirs = other.copy()
+        while self.width < theirs.width or self.samples + theirs.samples > SEGMENTS * self.width:
+            self._widen()
+        while theirs.width < self.width:
+            theirs._widen()
+        for number in range(theirs.used):
+            # Where the first record ends within a segment, the second's are shared out by their
+            # middles, so that the samples before a segment stay those of the series.
+            middle = min((number + 0.5) * self.width, theirs.samples - 1)
+            at = int(self.samples + middle) // self.width
+            self.power[:, at] += theirs.power[:, number]
+            self.dof[at] += theirs.dof[number]
+        self.samples += theirs.samples
+
+    def copy(self) -> 'Segments':
+        """Return an independent copy."""
+        twin = Segments(len(self.power))
+        twin.width, twin.samples = self.width, self.samples
+        twin.power, twin.dof = self.power.copy(), self.dof.copy()
+        return twin
+
+    def to_state(self) -> State:
+        """Return the state as plain arrays."""
+        return {'shape': np.array([self.width, self.samples]), 'power': self.power.copy(),
+                'dof': self.dof.copy()}
+
+    @classmethod
+    def from_state(cls, state: State) -> 'Segments':
+        """
+        Return the segments that `to_state` described.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If the state is not one of segments.
+
+        """
+        width, samples = (int(value) for value in state['shape'])
+        power = np.array(state['power'], dtype=np.float64)
+        dof = np.array(state['dof'], dtype=np.int64)
+        if power.shape[1:] != dof.shape or dof.shape != (SEGMENTS, _BANDS):
+            raise ValueError('arrays of the segments do not fit together')
+        if width < SHORTEST_SEGMENT or width & (width - 1) or not (
+                0 <= samples <= SEGMENTS * width) or (dof < 0).any():
+            raise ValueError('counts of the segments do not fit together')
+        self = cls(len(power))
+        self.width, self.samples, self.power, self.dof = width, samples, power, dof
+        return self

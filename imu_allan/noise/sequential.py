@@ -1,0 +1,70 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+When a coefficient is certain to lie below or above a limit: Wald's sequential test.
+
+Two tests run side by side on the growing record, each the ratio of two likelihoods. One holds the
+limit L against L / m, the other L against L m, m being a margin. The record has passed once it is
+1 / beta times as likely under L / m as under L, and failed once it is 1 / alpha times as likely
+under L m. At the limit itself the first happens with a probability of at most beta and the second
+of at most alpha, however often one looks (Ville's inequality), and away from it in the wrong
+direction less often still. Once both tests speak for L, the coefficient lies too near to the limit
+for either word within the margin, and waiting longer would not help soon.
+
+The other coefficients are fitted anew under each value, so that the bounds hold as nearly as those
+of a profile likelihood do; the Monte Carlo in docs/statistics.md says how nearly.
+
+References
+----------
+A. Wald, "Sequential Analysis", 1947. M. Sobel and A. Wald, Ann. Math. Statist. 20 (1949): three
+decisions.
+
+"""
+
+from math import log
+from typing import Literal
+
+from imu_allan.noise.intervals import log_ratio
+from imu_allan.noise.trial import Trial
+
+Decision = Literal['below', 'above', 'near', 'open']
+
+SMALLEST_RECORD = 1024
+"""Samples before the first look: of fewer the slow terms are not told from the white noise."""
+
+
+def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error: float,
+           fail_error: float) -> Decision:
+    """
+    Hold one coefficient against its limit.
+
+    Parameters
+    ----------
+    trial : Trial
+        The record so far.
+    column : int
+        Which coefficient.
+    limit : float
+        Above zero.
+    margin : float
+        Relative distance from the limit at which the tests look; half of it makes the record
+        about four times as long.
+    pass_error : float
+        Probability of passing at the limit, or above, at most.
+    fail_error : float
+        Probability of failing at the limit, or below, at most.
+
+    Returns
+    -------
+    'below', 'above', 'near' or 'open'
+        The last as long as the record decides nothing.
+
+    """
+    below = log_ratio(trial, column, limit / (1 + margin), limit)
+    if below >= -log(pass_error):
+        return 'below'
+    above = log_ratio(trial, column, limit * (1 + margin), limit)
+    if above >= -log(fail_error):
+        return 'above'
+    near = below <= log(pass_error) and above <= log(fail_error)
+    return 'near' if near else 'open'

@@ -1,0 +1,325 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether and by how much noise changes, in one module because both are read off one table.
+
+The spectrum of every segment is held against their mean, band by band, so that the shape of the
+spectrum, a low-pass and what the fit makes of them cancel. A long record rejects any hypothesis of
+equal noise; what counts is the size of the difference beyond sampling error.
+
+References
+----------
+M. S. Bartlett, Proc. R. Soc. A 160 (1937): the test of equal variances.
+R. T. Birge, Phys. Rev. 40 (1932): intervals of measurements that disagree.
+
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from imu_allan.noise import chi_square
+from imu_allan.noise.cells import end_to_end
+from imu_allan.noise.likelihood import Groups
+from imu_allan.noise.parts import part_cells
+from imu_allan.noise.periodogram import Periodogram, unbroken
+from imu_allan.noise.segments import OCTAVES, PER_OCTAVE
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+Array = NDArray[np.float64]
+
+_SMALLEST_P = 1e-3
+"""Of equal noise; 1 steady record in 1000 goes on to the question of size."""
+_LEAST_SPREAD = 0.05
+"""Relative spread of the power between segments that a user cares about, beyond sampling error."""
+_SPLITS_HZ = (0.03, 0.3, 3.0)
+"""Borders of the broad bands that findings speak of."""
+_DEPTH = 40
+_FIRST_INDEX = 3
+"""Coefficients 1 and 2 of a segment hold its trend, which is no change of the noise."""
+_FEWEST = 4.0
+"""Degrees of freedom of a band in a segment, on average, from which its logarithm is of use."""
+_WEAKEST = 0.1
+"""Share of the median density below which a band is behind a low-pass and only leaks."""
+_SMOOTH = 0.7
+"""Octaves over which the spread is averaged: neighbouring half-octaves change together."""
+_WHITE_SHARE = 0.8
+"""Share of the white noise in a band from which the band speaks for its density."""
+
+
+@dataclass(frozen=True)
+class SegmentPowers:
+    """
+    Power of all axes by segment and band of an eighth of an octave.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (bands,)
+        Middle of each band, in cycles per sample.
+    power : ndarray, shape (axes, segments, bands)
+        Mean power.
+    dof : ndarray, shape (segments, bands)
+    duration : ndarray, shape (segments,)
+        Samples in each segment.
+    start : ndarray, shape (segments,)
+        Place of the first on the grid; runs are laid end to end.
+    mean, drift : ndarray, shape (axes, segments)
+        Mean about the reference, and standard deviation of the means of 16 parts.
+    drift_samples : ndarray, shape (segments,)
+        Samples in each of these parts.
+
+    """
+
+    frequency: Array
+    power: Array
+    dof: Array
+    duration: Array
+    start: Array
+    mean: Array
+    drift: Array
+    drift_samples: Array
+
+
+@dataclass(frozen=True)
+class Change:
+    """
+    Change of the noise in a broad band.
+
+    Attributes
+    ----------
+    low_hz, high_hz : float
+        The band; 0 and infinity at its ends.
+    spread : float
+        Relative standard deviation of the amplitude between segments, beyond sampling error.
+    amplitude : ndarray, shape (segments,)
+        Over the mean of all.
+
+    """
+
+    low_hz: float
+    high_hz: float
+    spread: float
+    amplitude: Array
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """
+    What the segments of one axis say of each other.
+
+    Attributes
+    ----------
+    steady : bool
+    p_value : float
+        Of equal noise in all segments.
+    changes : tuple of Change
+        By band, the largest spread first; only those beyond what a user would care about.
+    frequency_hz, spread, dof : ndarray, shape (half_octaves,)
+        Relative spread of the power beyond sampling error, and degrees of freedom in all segments.
+
+    """
+
+    steady: bool
+    p_value: float
+    changes: tuple[Change, ...]
+    frequency_hz: Array
+    spread: Array
+    dof: Array
+
+    def capped(self, groups: Groups) -> Groups:
+        """Return groups whose degrees of freedom the spread does not let average down."""
+        half = np.interp(np.log(groups.frequency), np.log(self.frequency_hz), self.spread)
+        number = np.floor(2 * np.log2(groups.frequency)).astype(np.int64)
+        _, place = np.unique(number, return_inverse=True)
+        dof = np.bincount(place, groups.dof)[place]
+        return Groups(groups.frequency, groups.dof / (1 + dof * half**2 / 2), groups.power,
+                      groups.design, groups.cross, groups.ramp, groups.along, groups.among)
+
+
+def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:
+    """
+    Gather the power of every segment.
+
+    Parameters
+    ----------
+    periodogram : Periodogram
+        Finished.
+
+    Returns
+    -------
+    SegmentPowers or None
+        None for a record of fewer than three segments.
+
+    """
+    segments = periodogram.segments
+    used = segments.used
+    if used and segments.samples - (used - 1) * segments.width < segments.width / 2:
+        used -= 1  # a short rest says little about itself
+    if used < 3:
+        return None
+    axes = len(segments.power)
+    low = (_DEPTH - OCTAVES) * PER_OCTAVE
+    bands = low + segments.dof.shape[1]
+    power, dof = np.zeros((axes, used, bands)), np.zeros((used, bands))
+    power[:, :, low:] = segments.power[:, :used]
+    dof[:, low:] = segments.dof[:used]
+    about = [_slow_part(periodogram, number, power[:, number], dof[number])
+             for number in range(used)]
+    start, duration, mean, drift, drift_samples = (list(x) for x in zip(*about, strict=True))
+    seen = np.flatnonzero(dof.sum(axis=0))
+    frequency = 2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH)
+    dof = dof[:, seen]
+    return SegmentPowers(frequency, power[:, :, seen] / np.maximum(dof, 1), dof,
+                         np.array(duration), np.array(start), np.stack(mean, axis=1),
+                         np.stack(drift, axis=1), np.array(drift_samples))
+
+
+def _slow_part(periodogram: Periodogram, number: int, power: Array, dof: Array
+               ) -> tuple[float, float, Array, Array, float]:
+    """Add what is slower than a block; return start, samples, mean and drift of a segment."""
+    cell = periodogram.cell
+    cells = part_cells(periodogram, number, number + 1)
+    for points, _, _ in unbroken(cells, cell):
+        length = points.shape[1]
+        index = np.arange(_FIRST_INDEX, length)
+        nu = index / (2 * length * cell)
+        index = index[nu < min(0.25 / cell, 2.0**-OCTAVES)]
+        band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * cell)) + _DEPTH))
+        squares = dct(points, norm='ortho')[:, index]**2
+        for axis, row in enumerate(squares):
+            power[axis] += np.bincount(band.astype(np.int64), row, len(dof))
+        dof += np.bincount(band.astype(np.int64), minlength=len(dof))
+    before = part_cells(periodogram, 0, number + 1).keys
+    start = float(end_to_end(before)[len(before) - len(cells)] * cell) if len(cells) else 0.0
+    count = max(float(cells.counts.sum()), 1.0)
+    parts = np.array_split(np.arange(len(cells)), min(16, max(len(cells), 1)))
+    sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
+    counts = np.array([max(cells.counts[part].sum(), 1) for part in parts])
+    return (start, count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),
+            count / len(parts))
+
+
+def steadiness(powers: SegmentPowers, axis: int, dt: float,
+               lines_hz: Sequence[float] = ()) -> Steadiness:
+    """
+    Compare the segments of one axis.
+
+    Parameters
+    ----------
+    powers : SegmentPowers
+        Of all axes.
+    axis : int
+        Row of `powers.power`.
+    dt : float
+        Sample interval in seconds.
+    lines_hz : sequence of float, optional
+        Lines, whose bands are left out.
+
+    Returns
+    -------
+    Steadiness
+
+    """
+    frequency = powers.frequency / dt
+    keep = np.asarray((powers.dof > 0).all(axis=0))
+    for line in lines_hz:
+        keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
+    power, dof = powers.power[axis], powers.dof
+    level = np.average(power, axis=0, weights=np.maximum(dof, 1e-9))
+    if keep.any():
+        keep &= level > _WEAKEST * np.median(level[keep])
+    ratio = power / np.maximum(level, 1e-300)
+    half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
+    if half is None:
+        nothing = np.array([1.0])
+        return Steadiness(True, 1.0, (), nothing, np.zeros(1), nothing)
+    at, middle, count = half
+    p_value = _bartlett(at, count)
+    spread = _spread(at, count)
+    weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (_SMOOTH / 2))**2) \
+        * count.mean(axis=0)
+    smooth = np.sqrt(weight @ spread**2 / weight.sum(axis=1))
+    edges = (0.0, *_SPLITS_HZ, np.inf)
+    broad = _by_band(np.digitize(frequency, _SPLITS_HZ), ratio, dof, frequency, keep)
+    assert broad is not None
+    at, centre, count = broad
+    wide = _spread(at, count)
+    changes = []
+    for place in np.argsort(-wide):
+        only = slice(place, place + 1)
+        if wide[place] <= _LEAST_SPREAD or _bartlett(at[:, only], count[:, only]) >= _SMALLEST_P:
+            continue
+        band = int(np.digitize(centre[place], _SPLITS_HZ))
+        changes.append(Change(edges[band], edges[band + 1], float(wide[place]) / 2,
+                              np.sqrt(at[:, place])))
+    steady = p_value >= _SMALLEST_P or not changes
+    return Steadiness(steady, p_value, () if steady else tuple(changes), middle, smooth,
+                      count.sum(axis=0))
+
+
+def white_ratio(powers: SegmentPowers, axis: int, white: float, density: Array,
+                below: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+    """
+    Amplitude of the white noise of every segment over that of the whole record.
+
+    Parameters
+    ----------
+    powers : SegmentPowers
+        Of all axes.
+    axis : int
+        Row of `powers.power`.
+    white : float
+        Fitted density, squared.
+    density : ndarray, shape (bands,)
+        That of all terms, squared.
+    below : ndarray of bool, shape (bands,)
+        Where the spectrum is not bent.
+
+    Returns
+    -------
+    (ndarray, ndarray) or None
+        Ratio and its relative standard error, shape (segments,).
+
+    """
+    keep = below & (white > _WHITE_SHARE * density) & (powers.dof > 0).all(axis=0)
+    if not keep.any():
+        return None
+    dof, power = powers.dof[:, keep], powers.power[axis][:, keep]
+    level = np.sum(power * dof, axis=0) / dof.sum(axis=0)
+    ratio = np.sum(dof * power / np.maximum(level, 1e-300), axis=1) / dof.sum(axis=1)
+    return np.sqrt(ratio), np.sqrt(1 / (2 * dof.sum(axis=1)))
+
+
+def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Array,
+             keep: NDArray[np.bool_]) -> tuple[Array, Array, Array] | None:
+    """Average ratios over bands: ratio by segment and band, middle, degrees of freedom."""
+    found = []
+    for band in np.unique(number[keep]):
+        here = keep & (number == band)
+        count = dof[:, here].sum(axis=1)
+        if count.min() < _FEWEST / 2 or count.mean() < _FEWEST:
+            continue
+        mean = (dof[:, here] * ratio[:, here]).sum(axis=1) / count
+        found.append((mean, np.exp(np.mean(np.log(frequency[here]))), count))
+    if not found:
+        return None
+    at, middle, counts = zip(*found, strict=True)
+    return np.stack(at, axis=1), np.array(middle), np.stack(counts, axis=1)
+
+
+def _bartlett(ratio: Array, dof: Array) -> float:
+    """Probability of ratios so different, shape (segments, bands), under equal noise."""
+    parts = len(ratio)
+    pooled = np.sum(dof * ratio, axis=0) / dof.sum(axis=0)
+    value = dof.sum(axis=0) * np.log(pooled) - np.sum(dof * np.log(np.maximum(ratio, 1e-300)), 0)
+    correction = 1 + (np.sum(1 / dof, axis=0) - 1 / dof.sum(axis=0)) / (3 * (parts - 1))
+    return float(chi_square.survival(float(np.sum(value / correction)),
+                                     (parts - 1) * ratio.shape[1]))
+
+
+def _spread(ratio: Array, dof: Array) -> Array:
+    """Relative spread of power between segments beyond sampling error, by band."""
+    noise = np.mean(2 / dof + 2 / dof**2, axis=0)
+    seen = np.var(np.log(np.maximum(ratio, 1e-300)), axis=0, ddof=1)
+    return np.asarray(np.sqrt(np.maximum(seen - noise, 0.0)))

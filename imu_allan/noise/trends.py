@@ -1,0 +1,188 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Courses of the mean that are no noise, as regressors on the whole-record coefficients.
+
+Whatever moves the mean slowly stands in the slowest coefficients, where the random walk is read
+too. A course is given as a function of time; its cosine transform over the cells of the series is
+what the coefficients would be if it were all there is.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from imu_allan.noise.likelihood import Bins, grouped, Groups
+from imu_allan.noise.periodogram import Piece
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+Array = NDArray[np.float64]
+_POINTS = 1024
+"""Enough for a course of a few dozen cycles in the record."""
+Course = Callable[[Array], Array]
+"""Value at every time, in seconds from the beginning of the record."""
+
+
+@dataclass(frozen=True)
+class SlowCoefficients:
+    """
+    The slowest whole-record coefficients of one axis.
+
+    Attributes
+    ----------
+    pieces : sequence of Piece
+        Of the record.
+    count : int
+        Index of the last of them.
+    which : ndarray of bool
+        Which coefficients up to that index are no line.
+    dt : float
+        Sample interval in seconds.
+    design : ndarray, shape (n, columns)
+    coefficient, ramp : ndarray, shape (n,)
+        Values, and what a unit ramp would give.
+
+    """
+
+    pieces: Sequence[Piece]
+    count: int
+    which: NDArray[np.bool_]
+    dt: float
+    design: Array
+    coefficient: Array
+    ramp: Array
+
+    def regressors(self, courses: Sequence[Course]) -> Array:
+        """Transform courses of the mean, shape (n, courses), which are slow themselves."""
+        return regressors(self.pieces, self.dt, courses, self.count)[self.which]
+
+
+@dataclass(frozen=True)
+class RecordSpectrum:
+    """
+    The spectrum of one axis, to which courses of the mean can be laid.
+
+    Attributes
+    ----------
+    pieces : sequence of Piece
+    bins : Bins
+        Of these pieces.
+    axis : int
+    dt : float
+        Sample interval in seconds.
+    keep : ndarray of bool, shape (bins,), or None
+        False where a line is.
+
+    """
+
+    pieces: Sequence[Piece]
+    bins: Bins
+    axis: int
+    dt: float
+    keep: NDArray[np.bool_] | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the beginning of the record to its end."""
+        return duration(self.pieces, self.dt)
+
+    def slowest(self, count: int) -> SlowCoefficients:
+        """Return the slowest whole-record coefficients, up to index `count`."""
+        which = slow = self.bins.whole & (self.bins.index <= count)
+        if self.keep is not None:
+            which = slow & self.keep
+        return SlowCoefficients(self.pieces, count, which[slow], self.dt, self.bins.design[which],
+                                self.bins.coefficient[self.axis, which],
+                                -np.sqrt(np.maximum(self.bins.ramp[which], 0)))
+
+    def groups(self, *courses: Course) -> Groups:
+        """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
+        columns = regressors(self.pieces, self.dt, courses) if courses else None
+        return grouped(self.bins, self.axis, self.keep, columns)
+
+
+def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
+               slowest: int | None = None) -> Array:
+    """
+    Transform courses of the mean as the record was transformed.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        Of the record.
+    dt : float
+        Sample interval in seconds.
+    courses : sequence of Course
+        Each gives a column.
+    slowest : int, optional
+        Last index that is wanted; the courses shall be slow themselves.
+
+    Returns
+    -------
+    ndarray, shape (bins, courses)
+        For the bins of the same pieces, zero outside the whole-record part; or for the slowest
+        coefficients of the whole-record parts alone.
+
+    """
+    parts = []
+    for piece in pieces:
+        if piece.coefficients is None:
+            if slowest is None:
+                parts.append(np.zeros((piece.last - piece.first, len(courses))))
+            continue
+        length = piece.length if slowest is None else min(piece.length, max(_POINTS, slowest + 1))
+        last = piece.last if slowest is None else min(piece.last, slowest + 1)
+        middle = (np.arange(length) + 0.5) * (piece.length / length)
+        time: Array = np.asarray((piece.start + middle * piece.step) * dt, dtype=np.float64)
+        rows = dct(np.stack([course(time) for course in courses]), norm='ortho')
+        parts.append(rows[:, piece.first:last].T * np.sqrt(piece.length / length))
+    return np.concatenate(parts)
+
+
+def duration(pieces: Sequence[Piece], dt: float) -> float:
+    """Seconds from the beginning of the record to its end; runs are laid end to end."""
+    return max(((piece.start + piece.length * piece.step) * dt for piece in pieces
+                if piece.coefficients is not None), default=0.0)
+
+
+def legendre(order: int, duration_s: float) -> Course:
+    """
+    Return a Legendre polynomial over the record.
+
+    Examples
+    --------
+    >>> legendre(2, 10.0)(np.array([0.0, 5.0, 10.0]))
+    array([ 1. , -0.5,  1. ])
+
+    """
+    coefficients = [0.0] * order + [1.0]
+    return lambda time: np.asarray(
+        np.polynomial.legendre.legval(2 * time / duration_s - 1, coefficients))
+
+
+def warming(time_constant_s: float) -> Course:
+    """
+    Return the exponential approach to a steady value, 1 at the beginning of the record.
+
+    Examples
+    --------
+    >>> warming(100.0)(np.array([0.0, 100.0])).round(4)
+    array([1.    , 0.3679])
+
+    """
+    return lambda time: np.exp(-time / time_constant_s)
+
+
+def cycle(frequency_hz: float) -> tuple[Course, Course]:
+    """
+    Return the two phases of a slow cycle.
+
+    Examples
+    --------
+    >>> [float(course(np.array([50.0]))[0].round(9)) + 0 for course in cycle(0.01)]
+    [-1.0, 0.0]
+
+    """
+    omega = 2 * np.pi * frequency_hz
+    return lambda time: np.cos(omega * time), lambda time: np.sin(omega * time)

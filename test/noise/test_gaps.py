@@ -1,0 +1,98 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.characterization.axis import axis_results
+from imu_allan.noise.cells import Cells, RUN_SHIFT
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.gaps import filled, NO_GAPS, white_through_gaps, without_islands
+from imu_allan.noise.terms import AXES
+import numpy as np
+import pytest
+from scipy.fft import dct
+
+SLOW = ('bias_instability', 'rate_random_walk')
+
+
+def cells_with(counts: np.ndarray, rows: np.ndarray) -> Cells:
+    """Give cells of white noise, of which those with a count of 0 are missing."""
+    keys = np.flatnonzero(counts)
+    return Cells(keys, rows[:, keys] * np.sqrt(counts[keys]), counts[keys])
+
+
+@pytest.mark.parametrize('name', ['half full', 'periodic', 'random', 'one long'])
+def test_white_noise_through_gaps_has_the_power_that_is_worked_out(name):
+    rng = np.random.default_rng(1)
+    span, size = 600, 8
+    counts = np.full(span, size)
+    if name == 'half full':
+        counts[:] = rng.integers(4, 9, span)
+    elif name == 'periodic':
+        counts[np.arange(span) % 10 < 3] = 0
+    elif name == 'random':
+        counts[:] = np.where(rng.random(span) < 0.2, 0, rng.integers(4, 9, span))
+    else:
+        counts[200:330] = 0
+    counts[[0, -1]] = size
+    found = white_through_gaps(cells_with(counts, np.zeros((1, span))), size)
+    assert found.filled == pytest.approx(np.mean(counts == 0))
+    power = np.zeros(span)
+    draws = 0
+    for _ in range(20):
+        rows = rng.standard_normal((50, span)) * np.sqrt(size)
+        power += (dct(filled(cells_with(counts, rows)), norm='ortho') ** 2).sum(axis=0)
+        draws += 50
+    power /= draws
+    low = slice(1, 48)
+    assert np.abs(power[low] / found.white[low] - 1).max() < 0.2
+    bands = np.array_split(np.arange(48, span), 12)
+    for band in bands:
+        assert power[band].mean() == pytest.approx(found.white[band].mean(), rel=0.04)
+
+
+def test_full_cells_change_nothing():
+    cells = cells_with(np.full(100, 4), np.zeros((1, 100)))
+    assert white_through_gaps(cells, 4) is NO_GAPS
+
+
+def test_a_few_cells_alone_beyond_a_gap_are_left_out():
+    keys = np.concatenate([[0, 1], np.arange(20, 60), [70], np.arange(72, 100)])
+    keys = keys + (3 << RUN_SHIFT)
+    cells = Cells(keys, np.zeros((1, len(keys))), np.ones(len(keys), np.int64))
+    assert np.array_equal(without_islands(cells).keys - (3 << RUN_SHIFT),
+                          np.concatenate([np.arange(20, 60), np.arange(72, 100)]))
+
+
+@pytest.mark.parametrize(('samples', 'pattern'), [
+    (60_000, (12, 8)), (60_000, (80, 20)), (6000, (60, 40)), (30_000, (500, 520))])
+def test_repeated_gaps_invent_no_slow_term(samples, pattern):
+    on, off = pattern
+    rng = np.random.default_rng(2)
+    false, axes = 0, 0
+    for _ in range(4):
+        estimator = Estimator(6)
+        rows = rng.standard_normal((samples, 6))
+        for first in range(0, samples, on + off):
+            estimator.update(rows[first:first + on])
+            estimator.skip(off)
+        for axis, _ in axis_results(estimator, 100.0, [AXES['gyro_x']] * 6):
+            false += any(axis.coefficients[key].observable for key in SLOW)
+            axes += 1
+            density = axis.coefficients['noise_density']
+            assert density.value == pytest.approx(0.1, rel=0.06)
+    assert false <= 0.1 * axes
+
+
+@pytest.mark.parametrize('alone', [1, 2, 5])
+@pytest.mark.parametrize('where', ['start', 'end'])
+def test_samples_alone_beyond_a_gap_invent_no_slow_term(alone, where):
+    rng = np.random.default_rng(3)
+    false = 0
+    for _ in range(4):
+        estimator = Estimator(6)
+        parts = [rng.standard_normal((alone, 6)), rng.standard_normal((6000, 6))]
+        first, second = parts if where == 'start' else parts[::-1]
+        estimator.update(first)
+        estimator.skip(40)
+        estimator.update(second)
+        false += sum(any(axis.coefficients[key].observable for key in SLOW)
+                     for axis, _ in axis_results(estimator, 100.0, [AXES['gyro_x']] * 6))
+    assert false <= 2

@@ -1,0 +1,93 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A mean that moves is told from a random walk."""
+
+from imu_allan.characterization.axis import axis_results
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.likelihood import bins_of, grouped, maximise
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import Quantity
+import numpy as np
+import pytest
+
+RATE = 20.0
+HOURS_2 = 144_000
+STILL = {'noise_density': 1e-3, 'bias_instability': 1e-3}
+TIME = np.arange(HOURS_2) / RATE
+
+
+def lived(samples):
+    estimator = Estimator()
+    estimator.update(samples)
+    return axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
+
+
+def codes(remarks):
+    return {remark.code for remark in remarks}
+
+
+def test_warm_up_is_no_random_walk():
+    axis, remarks = lived(simulate(STILL, HOURS_2, RATE, 1) + 0.02 * np.exp(-TIME / 600))
+    assert not axis.coefficients['rate_random_walk'].observable
+    low, high = axis.trend.warm_up.ci95
+    assert low < axis.trend.warm_up.amplitude < high
+    assert axis.trend.warm_up.amplitude == pytest.approx(0.02, rel=0.2)
+    assert axis.trend.warm_up.time_constant_s == pytest.approx(600, rel=0.5)
+    assert axis.coefficients['bias_instability'].value == pytest.approx(1e-3, rel=0.2)
+    [told] = [remark.message for remark in remarks if remark.code == 'warm_up']
+    assert told.startswith('the mean settles as after switching on: 0.0')
+    assert told.endswith('leave that out with --start auto')
+
+
+def test_slow_cycle_is_no_random_walk():
+    axis, remarks = lived(simulate(STILL, HOURS_2, RATE, 2)
+                          + 3e-3 * np.sin(2 * np.pi * TIME / 1200 + 1))
+    assert not axis.coefficients['rate_random_walk'].observable
+    [told] = [remark.message for remark in remarks if remark.code == 'slow_cycle']
+    assert told == ("the mean follows a slow cycle of about 20 min, such as a heater's; the "
+                    'coefficients are given without it')
+    assert axis.trend.warm_up is None
+
+
+@pytest.mark.parametrize('model', [STILL, {**STILL, 'rate_random_walk': 2e-4}])
+def test_where_the_mean_stands_still_or_walks_there_is_no_such_word(model):
+    axis, remarks = lived(simulate(model, HOURS_2, RATE, 3))
+    assert not codes(remarks) & {'warm_up', 'slow_cycle', 'trend_or_walk'}
+    assert axis.coefficients['rate_random_walk'].observable == ('rate_random_walk' in model)
+
+
+def test_a_ramp_of_any_slope_leaves_the_restricted_fit_as_it_is():
+    record = simulate({**STILL, 'rate_random_walk': 1e-4}, HOURS_2, RATE, 4)
+    solutions = []
+    for slope in (0.0, 1e-7, -1e-5):
+        estimator = Estimator()
+        estimator.update(record + slope * TIME)
+        groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 1 / RATE), 0)
+        solutions.append(maximise(groups, fixed={0: 0.0}, trend='restricted'))
+    for slope, solution in zip((1e-7, -1e-5), solutions[1:], strict=True):
+        np.testing.assert_allclose(solution.theta, solutions[0].theta, rtol=2e-3)
+        assert solution.slope - solutions[0].slope == pytest.approx(slope, rel=1e-3)
+
+
+def test_restricted_likelihood_is_that_of_what_the_ramp_leaves_over():
+    record = simulate({'noise_density': 1.0, 'rate_random_walk': 1.0}, 300, RATE, 5)
+    estimator = Estimator()
+    estimator.update(record)
+    [piece] = estimator.finished().periodogram.pieces()
+    groups = grouped(bins_of([piece], 1 / RATE), 0)
+    c = piece.coefficients[0, 1:]
+    ramp = bins_of([piece], 1 / RATE).ramp
+    # Any orthonormal basis of what is orthogonal to the ramp has this likelihood.
+    basis = np.linalg.svd(np.sqrt(ramp)[:, None])[0][:, 1:]
+
+    def exact(theta):
+        covariance = basis.T @ np.diag(bins_of([piece], 1 / RATE).design @ theta) @ basis
+        rest = basis.T @ c
+        return 0.5 * (np.linalg.slogdet(covariance)[1]
+                      + rest @ np.linalg.solve(covariance, rest))
+
+    one, other = np.array([0, 1.0, 0, 1.0]), np.array([0, 2.0, 0, 0.3])
+    ours = [maximise(groups, fixed=dict(enumerate(theta)), trend='restricted').loss
+            for theta in (one, other)]
+    # Above index 48 coefficients of one band share a mean expectation.
+    assert ours[1] - ours[0] == pytest.approx(exact(other) - exact(one), rel=2e-3)

@@ -1,0 +1,108 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.random_effects import outliers, random_effects
+import numpy as np
+import pytest
+
+
+def test_without_measurement_error_the_spread_is_the_sample_standard_deviation():
+    values = np.random.default_rng(1).normal(3.0, 2.0, 30)
+    effects = random_effects(values, np.zeros(30))
+    assert effects.mean == pytest.approx(values.mean())
+    assert effects.between == pytest.approx(values.std(ddof=1), rel=1e-3)
+    low, high = effects.between_ci95
+    assert low < effects.between < high
+
+
+def test_scatter_that_measuring_explains_is_no_spread_between_units():
+    values = np.array([-1.0, 1.0, -1.0, 1.0, 0.0])
+    effects = random_effects(values, np.full(5, 2.0))
+    assert effects.between == 0.0
+    assert effects.between_ci95[0] == 0.0
+
+
+def test_a_unit_measured_badly_counts_less():
+    effects = random_effects([1.0, 1.1, 0.9, 50.0], [0.05, 0.05, 0.05, 100.0])
+    assert effects.mean == pytest.approx(1.0, abs=0.1)
+
+
+def test_scaling_and_shifting_the_units_scales_and_shifts_the_population():
+    values, errors = np.random.default_rng(2).normal(size=12), np.full(12, 0.5)
+    one, other = random_effects(values, errors), random_effects(7 * values + 3, 7 * errors)
+    assert other.mean == pytest.approx(7 * one.mean + 3, rel=1e-6)
+    assert other.between == pytest.approx(7 * one.between, rel=1e-3)
+    assert other.tolerance() == pytest.approx(7 * one.tolerance() + 3, rel=1e-3)
+
+
+def test_an_upper_bound_pulls_the_mean_down():
+    values, errors = np.random.default_rng(3).normal(size=12), np.full(12, 0.1)
+    without = random_effects(values, errors)
+    assert random_effects(values, errors, [-1.0, -1.5]).mean < without.mean
+    assert random_effects(values, errors, [30.0]).mean == pytest.approx(without.mean, abs=1e-3)
+
+
+def test_the_tolerance_limit_is_owens():
+    values = np.arange(20.0)
+    effects = random_effects(values, np.zeros(20))
+    # One-sided tolerance factor of 20 values for 95 % with 95 % confidence.
+    assert effects.tolerance() == pytest.approx(values.mean() + 2.396 * values.std(ddof=1),
+                                                rel=1e-3)
+
+
+def test_the_interval_of_the_spread_is_that_of_a_variance_where_measuring_is_exact():
+    values = np.random.default_rng(9).normal(size=5)
+    low, high = random_effects(values, np.zeros(5)).between_ci95
+    # Quantiles of chi-square with four degrees of freedom.
+    assert low == pytest.approx(values.std(ddof=1) * (4 / 11.143)**0.5, rel=1e-3)
+    assert high == pytest.approx(values.std(ddof=1) * (4 / 0.48442)**0.5, rel=1e-3)
+
+
+def test_fewer_than_two_units_are_refused():
+    with pytest.raises(ValueError, match='at least two units'):
+        random_effects([1.0], [0.1])
+
+
+@pytest.mark.parametrize('shift', [6.0, -6.0])
+def test_two_bad_units_do_not_hide_each_other(shift):
+    rng = np.random.default_rng(4)
+    values = rng.normal(size=20)
+    values[[3, 11]] += 2 * shift
+    assert np.flatnonzero(outliers(values, np.full(20, 0.1))).tolist() == [3, 11]
+
+
+def test_a_unit_that_is_only_measured_badly_is_no_outlier():
+    values, errors = np.random.default_rng(5).normal(size=20), np.full(20, 0.1)
+    values[7], errors[7] = 15.0, 20.0
+    assert not outliers(values, errors).any()
+
+
+def test_of_four_units_none_is_the_odd_one():
+    assert not outliers([0.0, 0.0, 0.0, 9.0], [0.1] * 4).any()
+
+
+def population(rng, units, ratio):
+    errors = ratio * np.exp(rng.normal(0, 0.2, units))
+    return rng.normal(size=units) + errors * rng.normal(size=units), errors
+
+
+@pytest.mark.parametrize('ratio', [0.0, 0.5, 1.0])
+def test_the_spread_of_twenty_units_is_right_within_a_tenth(ratio):
+    rng = np.random.default_rng(6)
+    found = [random_effects(*population(rng, 20, ratio)) for _ in range(150)]
+    assert np.mean([effects.between for effects in found]) == pytest.approx(1.0, abs=0.1)
+    covered = np.mean([e.between_ci95[0] <= 1 <= e.between_ci95[1] for e in found])
+    assert covered > 0.9
+    # 95 % of a standard normal population lie below 1.645.
+    assert np.mean([effects.tolerance() > 1.645 for effects in found]) > 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('units', 'ratio'), [(20, 0.0), (20, 0.5), (20, 1.0), (40, 1.0)])
+def test_spread_interval_limit_and_false_outliers_over_many_populations(units, ratio):
+    rng = np.random.default_rng(7)
+    samples = [population(rng, units, ratio) for _ in range(2000)]
+    found = [random_effects(*sample) for sample in samples]
+    assert np.mean([effects.between for effects in found]) == pytest.approx(1.0, abs=0.08)
+    assert 0.92 < np.mean([e.between_ci95[0] <= 1 <= e.between_ci95[1] for e in found]) < 0.98
+    assert np.mean([effects.tolerance() > 1.645 for effects in found]) > 0.935
+    assert np.mean([outliers(*sample).any() for sample in samples]) < 0.03

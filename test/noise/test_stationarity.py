@@ -1,0 +1,82 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Noise that changes is seen, its size told, and intervals are wider there and only there."""
+
+from itertools import pairwise
+
+from imu_allan.characterization.axis import axis_results, characterize
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.stationarity import segment_powers, steadiness
+from imu_allan.noise.terms import Quantity
+import numpy as np
+import pytest
+
+RATE = 100.0
+SENSOR = {'noise_density': 1e-3, 'bias_instability': 1e-3}
+SAMPLES = 360_000
+
+
+def compared(record):
+    estimator = Estimator()
+    estimator.update(record)
+    return steadiness(segment_powers(estimator.finished().periodogram), 0, 1 / RATE)
+
+
+def test_noise_that_stays_the_same_is_steady():
+    found = [compared(simulate(SENSOR, 65_536, RATE, seed)) for seed in range(20)]
+    assert all(one.steady for one in found)
+    assert sum(one.p_value < 0.01 for one in found) <= 2
+
+
+@pytest.mark.parametrize('samples', [65_536, SAMPLES])
+def test_a_tenth_more_in_one_half_is_seen_with_its_size(samples):
+    record = simulate(SENSOR, samples, RATE, 1)
+    record[:samples // 2] *= 1.1
+    found = compared(record)
+    assert not found.steady
+    fast = next(change for change in found.changes if change.low_hz == 3.0)
+    # Two halves a tenth apart have half of it as their standard deviation.
+    assert fast.spread == pytest.approx(0.05, abs=0.01)
+    assert fast.amplitude[0] / fast.amplitude[-1] == pytest.approx(1.1, abs=0.02)
+
+
+def test_a_step_of_the_noise_is_told_and_widens_the_intervals():
+    record = simulate(SENSOR, SAMPLES, RATE, 1)
+    changed = record.copy()
+    changed[:200_000] *= 1.5
+    estimator = Estimator()
+    estimator.update(changed)
+    axis, remarks = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
+    [told] = [remark.message for remark in remarks if remark.code == 'not_steady']
+    assert 'higher in the first 3' in told
+    assert told.endswith('than after; the intervals are widened accordingly')
+    assert not axis.stationarity.steady
+    first, last = axis.stationarity.segments[0], axis.stationarity.segments[-1]
+    assert first.noise_density / last.noise_density == pytest.approx(1.5, rel=0.03)
+    low, high = axis.coefficients['noise_density'].ci95
+    assert low < 1.1e-3
+    assert high > 1.4e-3
+    assert axis.coefficients['noise_density'].between > 1e-4
+    steady = characterize(record, RATE)
+    assert steady.stationarity.steady
+    assert steady.coefficients['noise_density'].between is None
+
+
+def test_segments_follow_one_another_and_know_their_means():
+    record = simulate(SENSOR, SAMPLES, RATE, 2) + 1e-5 * np.arange(SAMPLES) / RATE
+    axis = characterize(record, RATE)
+    segments = axis.stationarity.segments
+    for before, after in pairwise(segments):
+        assert after.start_s == pytest.approx(before.start_s + before.duration_s)
+    for segment in segments:
+        begin = round(segment.start_s * RATE)
+        part = record[begin:begin + round(segment.duration_s * RATE)]
+        assert segment.mean == pytest.approx(part.mean(), abs=1e-9)
+        low, high = segment.ci95
+        assert low < segment.noise_density < high
+
+
+@pytest.mark.parametrize('samples', [100, 20_000])
+def test_a_record_too_short_for_parts_says_nothing_of_them(samples):
+    assert characterize(simulate(SENSOR, samples, RATE, 3), RATE).stationarity is None
