@@ -13,14 +13,12 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.noise.model import NoiseModel
 from imu_allan.noise.simulate import NoiseStream
 from imu_allan.noise.terms import AXES
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
 from numpy.typing import NDArray
-
-STANDARD_GRAVITY = 9.80665
-"""What an accelerometer at rest measures upwards, in m/s^2."""
 
 _DRAWN_AT_ONCE = 1024
 
@@ -92,7 +90,11 @@ def find_model(name: str) -> Path:
         If there is neither.
 
     """
-    path = Path(name).expanduser()
+    try:
+        path = Path(name).expanduser()
+    except RuntimeError as error:
+        raise ImuAllanError(f'{printable(name)}: this user has no home folder; write the path '
+                            'without ~') from error
     if path.is_file():
         return path
     if path.name == name:

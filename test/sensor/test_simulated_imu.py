@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from hypothesis import given, settings, strategies as st
-from imu_allan.noise.model import parse_model
-from imu_allan.simulator import simulated_blocks, SimulatedImu, STANDARD_GRAVITY
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks, SimulatedImu
+from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
 import pytest
 

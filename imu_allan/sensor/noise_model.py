@@ -1,0 +1,270 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Noise models and datasheets as YAML files whose values carry units.
+
+One shape serves the simulator (what the sensor's noise is) and the datasheet check (what it may at
+most be)::
+
+    name: My IMU
+    gyro: {noise_density: 0.03 deg/s/sqrt(Hz), bias_instability: 18 deg/h}
+    accel:
+      noise_density: 100 ug/sqrt(Hz)
+      z: {noise_density: 150 ug/sqrt(Hz)}
+
+What stands under a sensor holds for its three axes, what stands under ``x``, ``y`` or ``z`` for
+that axis, before the sensor's. A coefficient may be called by its key or by the name that tables
+print (``angle_random_walk``). A datasheet may limit besides what is no noise (`LIMITS`); a
+simulation passes that over.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import os
+from pathlib import Path
+from typing import Any
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES, Quantity, TERMS
+from imu_allan.result import GaussMarkov
+from imu_allan.sensor.units import parse
+
+LIMITS: dict[str, dict[Quantity, str]] = {
+    key: {Quantity.ANGULAR_VELOCITY: gyro, Quantity.LINEAR_ACCELERATION: accel} if gyro
+    else {Quantity.LINEAR_ACCELERATION: accel}
+    for key, gyro, accel in (
+        ('zero_bias', 'rad/s', 'm/s^2'),
+        ('gravity_error', '', 'm/s^2'),
+        ('band_limit', 's', 's'),
+        ('lines', 'rad/s', 'm/s^2'),
+        ('temperature_drift', 'rad/s/K', 'm/s^2/K'),
+        ('turn_on_bias', 'rad/s', 'm/s^2'),
+    )
+}
+"""
+What a datasheet may limit besides the noise terms, with the SI unit by quantity: distance of the
+mean from `mean`, distance of the mean vector's length from standard gravity, effective window of a
+low-pass, amplitude of a spectral line, change of the mean with temperature, and its spread from
+one power-on to the next.
+"""
+_OF_THE_SENSOR = 'gravity_error'
+_SENSORS = ('gyro', 'accel')
+_LONGEST_FILE = 1_000_000
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """
+    Noise coefficients per axis: a model to simulate or the limits of a datasheet.
+
+    Attributes
+    ----------
+    name : str or None
+        What the file calls the sensor.
+    axes : mapping of axis name to mapping of term key to float
+        Coefficients in SI units; axes and terms the file does not name are missing.
+    gauss_markov : mapping of axis name to GaussMarkov
+    mean : mapping of axis name to float
+        Constant part of the signal, in rad/s or m/s^2.
+    as_written : mapping of axis name to mapping of key to str
+        The text of each coefficient and limit in the file.
+    limits : mapping of axis name to mapping of key to float
+        What a datasheet limits besides, by key of `LIMITS`, SI units.
+
+    """
+
+    name: str | None
+    axes: Mapping[str, Mapping[str, float]]
+    gauss_markov: Mapping[str, GaussMarkov] = field(default_factory=dict)
+    mean: Mapping[str, float] = field(default_factory=dict)
+    as_written: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def load_model(path: str | os.PathLike[str]) -> NoiseModel:
+    """
+    Read a model or datasheet file.
+
+    Raises
+    ------
+    ImuAllanError
+        If the file cannot be read or a key, value or unit is not right; the message names the
+        file, the key and a right example.
+
+    """
+    try:
+        with Path(path).open('rb') as file:
+            data = file.read(_LONGEST_FILE + 1)
+    except OSError as error:
+        raise ImuAllanError(f'{path}: cannot be read ({error.strerror or error}); '
+                            'give the path of a noise model or datasheet YAML file') from error
+    if len(data) > _LONGEST_FILE:
+        raise ImuAllanError(f'{path}: too large for a noise model or datasheet YAML file')
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        raise ImuAllanError(f'{path}: not a text file; give a noise model or datasheet '
+                            'YAML file') from error
+    return parse_model(text, str(path))
+
+
+def parse_model(text: str, name: str = 'model') -> NoiseModel:
+    """
+    Read the text of a model or datasheet file.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    name : str
+        What errors call the text, for instance its path.
+
+    Raises
+    ------
+    ImuAllanError
+        If a key, value or unit is not right.
+
+    """
+    document = _yaml(text, name)
+    if not isinstance(document, dict) or not any(sensor in document for sensor in _SENSORS):
+        raise ImuAllanError(f"{name}: names neither 'gyro' nor 'accel'; write for instance "
+                            'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
+    title: str | None = None
+    axes: dict[str, _Axis] = {}
+    for key, value in document.items():
+        if key == 'name':
+            if not isinstance(value, str):
+                raise ImuAllanError(f'{name}: name: expected a text')
+            title = value
+        elif key in _SENSORS:
+            axes.update(_axes_of_sensor(key, value, f'{name}: {key}'))
+        else:
+            raise ImuAllanError(f'{name}: unknown key {_shown(key)}; '
+                                f'known are name, {", ".join(_SENSORS)}')
+    return NoiseModel(
+        title,
+        axes={name: axis.values for name, axis in axes.items()},
+        gauss_markov={name: axis.gauss_markov for name, axis in axes.items()
+                      if axis.gauss_markov is not None},
+        mean={name: axis.mean for name, axis in axes.items() if axis.mean is not None},
+        as_written={name: axis.texts for name, axis in axes.items()},
+        limits={name: axis.limits for name, axis in axes.items()})
+
+
+def _yaml(text: str, name: str) -> Any:
+    import yaml
+
+    try:
+        # The base loader leaves every scalar a text: a value without unit stays what was typed.
+        return yaml.load(text, Loader=yaml.BaseLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' line {mark.line + 1}' if mark is not None else ''
+        problem = getattr(error, 'problem', None) or 'unreadable'
+        raise ImuAllanError(f'{name}:{line} not YAML ({_one_line(problem)})') from error
+    except (RecursionError, ValueError) as error:
+        raise ImuAllanError(f'{name}: not YAML of a noise model or datasheet') from error
+
+
+@dataclass
+class _Axis:
+    """What a file says of one axis; a later entry of a key takes the place of an earlier one."""
+
+    values: dict[str, float] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    gauss_markov: GaussMarkov | None = None
+    mean: float | None = None
+    limits: dict[str, float] = field(default_factory=dict)
+
+
+def _axes_of_sensor(sensor: str, value: Any, where: str) -> dict[str, _Axis]:
+    """Read what stands under a sensor and, before that, under its single axes."""
+    entries = _mapping(value, where)
+    found = {}
+    for letter in 'xyz':
+        own = _mapping(entries[letter], f'{where}.{letter}') if letter in entries else {}
+        shared = {key: item for key, item in entries.items()
+                  if key not in ('x', 'y', 'z') and key not in own}
+        if shared or letter in entries:
+            name = f'{sensor}_{letter}'
+            axis = found[name] = _Axis()
+            _read_axis(axis, AXES[name], shared, where)
+            _read_axis(axis, AXES[name], own, f'{where}.{letter}')
+    return found
+
+
+def _read_axis(axis: _Axis, quantity: Quantity, entries: Mapping[str, Any], where: str) -> None:
+    for written, value in entries.items():
+        here = f'{where}.{written}'
+        key = _key(written, quantity)
+        if key in entries and key != written:
+            raise ImuAllanError(f'{where}: {written} and {key} are the same; keep one')
+        if key in TERMS:
+            axis.values[key] = _value(value, TERMS[key].unit(quantity), here,
+                                      signed=key == 'rate_ramp')
+            axis.texts[key] = value.strip()
+        elif quantity in LIMITS.get(key, {}):
+            if key == _OF_THE_SENSOR and where.endswith(('.x', '.y', '.z')):
+                raise ImuAllanError(f'{here}: is of the three axes together; '
+                                    'write it under accel itself')
+            axis.limits[key] = _value(value, LIMITS[key][quantity], here)
+            axis.texts[key] = value.strip()
+        elif key == 'gauss_markov':
+            axis.gauss_markov = _gauss_markov(value, quantity, here)
+        elif key == 'mean':
+            axis.mean = _value(value, quantity.unit, here, signed=True)
+        else:
+            others = (limit for limit, units in LIMITS.items() if quantity in units)
+            known = ', '.join((*TERMS, 'gauss_markov', 'mean', *others, 'x', 'y', 'z'))
+            raise ImuAllanError(f'{where}: unknown key {_shown(written)}; known are {known}')
+
+
+def _key(written: str, quantity: Quantity) -> str:
+    """Key of a term that is called by the name that tables print; anything else as it is."""
+    words = written.replace('_', ' ').replace('-', ' ')
+    return next((key for key, term in TERMS.items() if term.name(quantity) == words), written)
+
+
+def _gauss_markov(value: Any, quantity: Quantity, where: str) -> GaussMarkov:
+    entries = _mapping(value, where)
+    if set(entries) != {'sigma', 'correlation_time'}:
+        example = '{sigma: 10 deg/h, correlation_time: 100 s}' \
+            if quantity is Quantity.ANGULAR_VELOCITY else '{sigma: 50 ug, correlation_time: 100 s}'
+        raise ImuAllanError(f'{where}: expected sigma and correlation_time, such as {example}')
+    time = _value(entries['correlation_time'], 's', f'{where}.correlation_time')
+    if time == 0:
+        raise ImuAllanError(f'{where}.correlation_time: must be greater than zero')
+    return GaussMarkov(_value(entries['sigma'], quantity.unit, f'{where}.sigma'), time)
+
+
+def _value(text: Any, unit: str, where: str, *, signed: bool = False) -> float:
+    if not isinstance(text, str):
+        raise ImuAllanError(f"{where}: expected a value with its unit, such as '1 {unit}'")
+    try:
+        value = parse(text, unit)
+    except ImuAllanError as error:
+        raise ImuAllanError(f'{where}: {error}') from error
+    if value < 0 and not signed:
+        raise ImuAllanError(f'{where}: {_shown(text)} is negative; a noise coefficient is '
+                            'zero or greater')
+    return value
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+        raise ImuAllanError(f'{where}: expected keys with values, such as '
+                            '{noise_density: ' + _example(where) + '}')
+    return value
+
+
+def _example(where: str) -> str:
+    return '100 ug/sqrt(Hz)' if 'accel' in where.rsplit(': ', 1)[-1] else '0.03 deg/s/sqrt(Hz)'
+
+
+def _shown(text: object) -> str:
+    shown = repr(text)
+    return shown if len(shown) <= 60 else shown[:60] + '...'
+
+
+def _one_line(text: str) -> str:
+    return ' '.join(text.split())

@@ -1,0 +1,262 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Units as engineers write them, to SI and back.
+
+One table, of the units that inertial sensors are described in and no others. An angle is a
+dimension of its own here, so that ``0.03 1/s/sqrt(Hz)`` is not taken for an angular rate; ``g`` is
+the standard acceleration, not a gram.
+"""
+
+from functools import lru_cache
+from math import isfinite, pi
+import re
+
+from imu_allan.errors import ImuAllanError
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2 in one g, by definition; what an accelerometer at rest measures upwards."""
+
+ENGINEERING_UNITS: dict[str, str] = {
+    'rad': 'deg',
+    'rad/s/sqrt(Hz)': 'deg/sqrt(h)',
+    'rad/s': 'deg/h',
+    'rad/s^2/sqrt(Hz)': 'deg/h/sqrt(h)',
+    'rad/s^2': 'deg/h^2',
+    'm/s': 'mm/s',
+    'm/s^2/sqrt(Hz)': 'ug/sqrt(Hz)',
+    'm/s^2': 'ug',
+    'm/s^3/sqrt(Hz)': 'ug/sqrt(h)',
+    'm/s^3': 'ug/h',
+    'rad/s/K': 'deg/h/K',
+    'm/s^2/K': 'ug/K',
+    's': 's',
+}
+"""The unit that datasheets use for each SI unit of a coefficient or of an Allan deviation."""
+
+_Powers = tuple[float, float, float, float]
+_ANGLE: _Powers = (1.0, 0.0, 0.0, 0.0)
+_LENGTH: _Powers = (0.0, 1.0, 0.0, 0.0)
+_TIME: _Powers = (0.0, 0.0, 1.0, 0.0)
+_KELVIN: _Powers = (0.0, 0.0, 0.0, 1.0)
+_UNITS: dict[str, tuple[float, _Powers]] = {
+    name: (factor, powers)
+    for names, factor, powers in (
+        ('rad radian radians', 1.0, _ANGLE),
+        ('deg degree degrees', pi / 180, _ANGLE),
+        ('arcmin arcminute', pi / 10_800, _ANGLE),
+        ('arcsec arcsecond', pi / 648_000, _ANGLE),
+        ('m metre meter', 1.0, _LENGTH),
+        ('s sec second seconds', 1.0, _TIME),
+        ('min minute minutes', 60.0, _TIME),
+        ('h hr hour hours', 3600.0, _TIME),
+        ('Hz hertz', 1.0, (0.0, 0.0, -1.0, 0.0)),
+        ('dps', pi / 180, (1.0, 0.0, -1.0, 0.0)),
+        ('g', STANDARD_GRAVITY, (0.0, 1.0, -2.0, 0.0)),
+        # A difference of temperature: a degree Celsius is as large as a kelvin.
+        ('K kelvin degC', 1.0, _KELVIN),
+    )
+    for name in names.split()
+}
+"""
+Size in SI units, and powers of angle, length, time and temperature, of every unit that is known.
+"""
+_PREFIXES = {'n': 1e-9, 'nano': 1e-9, 'u': 1e-6, 'micro': 1e-6, 'm': 1e-3, 'milli': 1e-3}
+
+_NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
+                     re.DOTALL)
+_SPELLINGS = (
+    ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
+)
+# Exponents have one digit and no exponent of their own: no text asks for an enormous power.
+_TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1)(?=\s*/)|([*/()](?!\*))'
+                    r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
+_ROOT = re.compile(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))')
+_LONGEST = 80
+
+
+def parse(text: str, to: str) -> float:
+    """
+    Read a value with its unit.
+
+    Parameters
+    ----------
+    text : str
+        A number and a unit, such as ``0.03 deg/s/sqrt(Hz)``, ``18 deg/h`` or ``100 ug/sqrt(Hz)``.
+        The signs of datasheets (``°``, ``µ``, ``√``, ``²``) are understood.
+    to : str
+        Unit of the result, which is one of the keys of `ENGINEERING_UNITS`.
+
+    Returns
+    -------
+    float
+        In the unit `to`.
+
+    Raises
+    ------
+    ImuAllanError
+        If the number, the unit or its dimension is not right; the message gives a right example.
+
+    """
+    known = dict.fromkeys((ENGINEERING_UNITS.get(to, to), to))
+    examples = f"write it with a unit, such as {' or '.join(repr(f'1 {unit}') for unit in known)}"
+    shown = repr(text if len(text) <= _LONGEST else text[:_LONGEST] + '...')
+    match = _NUMBER.match(text)
+    if match is None:
+        raise ImuAllanError(f'{shown} does not begin with a number; {examples}')
+    number, unit = float(match[1]), match[2].strip()
+    if not unit:
+        raise ImuAllanError(f'{shown} has no unit; {examples}')
+    if not isfinite(number):
+        raise ImuAllanError(f'{shown} is not a finite number; {examples}')
+    factor = _factor(unit, to)
+    if factor is None:
+        raise ImuAllanError(f'{shown} is not in a unit that can be turned into {to}; {examples}')
+    value = number * factor
+    if not isfinite(value):
+        raise ImuAllanError(f'{shown} is not a finite number; {examples}')
+    return value
+
+
+def unit_of(text: str) -> str:
+    """
+    Return the unit of a value that `parse` reads, as it is written.
+
+    Raises
+    ------
+    ImuAllanError
+        If `text` does not begin with a number.
+
+    """
+    match = _NUMBER.match(text)
+    if match is None:
+        raise ImuAllanError(f'{text[:_LONGEST]!r} does not begin with a number')
+    return match[2].strip()
+
+
+def convert(value: float, unit: str, to: str) -> float:
+    """
+    Return `value` given in `unit` in the unit `to`.
+
+    Raises
+    ------
+    ImuAllanError
+        If the two units are not of one dimension.
+
+    """
+    factor = _factor(unit, to)
+    if factor is None:
+        raise ImuAllanError(f'{unit} cannot be turned into {to}')
+    return value * factor
+
+
+def engineering(value: float, unit: str) -> tuple[float, str]:
+    """
+    Return an SI value in the unit that datasheets use for it.
+
+    Parameters
+    ----------
+    value : float
+        In the SI unit `unit`.
+    unit : str
+        One of the keys of `ENGINEERING_UNITS`.
+
+    Returns
+    -------
+    value : float
+    unit : str
+        For instance ``deg/sqrt(h)`` for an angle random walk.
+
+    """
+    to = ENGINEERING_UNITS[unit]
+    return convert(value, unit, to), to
+
+
+def typeset(unit: str) -> str:
+    """Return `unit` with the signs of print: ``°/√h`` for ``deg/sqrt(h)``, ``µg`` for ``ug``."""
+    unit = re.sub(r'sqrt\((\w+)\)', r'√\1', unit)
+    unit = re.sub(r'\bdeg\b', '°', re.sub(r'\bug\b', 'µg', unit))
+    return unit.replace('^2', '²').replace('^3', '³')
+
+
+@lru_cache(maxsize=256)
+def _factor(unit: str, to: str) -> float | None:
+    """Units of `to` in one `unit`; None where `unit` is unknown or of another dimension."""
+    try:
+        size, powers = _size(unit)
+        to_size, to_powers = _size(to)
+    except (_NotAUnit, ArithmeticError):
+        return None
+    return size / to_size if powers == to_powers else None
+
+
+_Size = tuple[float, tuple[float, ...]]
+
+
+class _NotAUnit(ValueError):
+    """Text that is no unit of this module."""
+
+
+def _size(text: str) -> _Size:
+    """Size in SI units, and powers of angle, length, time and temperature, of a unit."""
+    for sign, spelling in _SPELLINGS:
+        text = text.replace(sign, spelling)
+    text = _ROOT.sub(lambda m: f'({m[1] or m[2]})^0.5', text).strip()
+    if len(text) > _LONGEST:
+        raise _NotAUnit(text)
+    tokens: list[tuple[str, ...]] = []
+    place = 0
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None:
+            raise _NotAUnit(text)
+        tokens.append(match.groups(''))
+        place = match.end()
+    size, rest = _product(tokens)
+    if rest:
+        raise _NotAUnit(text)
+    return size
+
+
+def _product(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
+    """Read factors up to a closing parenthesis or the end; return what follows them too."""
+    size, tokens = _power(tokens)
+    while tokens and tokens[0][2] != ')':
+        sign = tokens[0][2]
+        # Two units side by side are multiplied.
+        other, tokens = _power(tokens[1:] if sign in ('*', '/') else tokens)
+        exponent = -1.0 if sign == '/' else 1.0
+        size = (size[0] * other[0]**exponent,
+                tuple(a + exponent * b for a, b in zip(size[1], other[1], strict=True)))
+    return size, tokens
+
+
+def _power(tokens: list[tuple[str, ...]]) -> tuple[_Size, list[tuple[str, ...]]]:
+    if not tokens:
+        raise _NotAUnit
+    (name, one, sign, _), tokens = tokens[0], tokens[1:]
+    size: _Size = (1.0, (0.0, 0.0, 0.0, 0.0))
+    if sign == '(':
+        size, tokens = _product(tokens)
+        if not tokens:
+            raise _NotAUnit
+        tokens = tokens[1:]
+    elif name:
+        size = _named(name)
+    elif not one:
+        raise _NotAUnit
+    if tokens and tokens[0][3]:
+        exponent = float(tokens[0][3])
+        size = size[0]**exponent, tuple(exponent * power for power in size[1])
+        tokens = tokens[1:]
+    return size, tokens
+
+
+def _named(name: str) -> _Size:
+    if name in _UNITS:
+        return _UNITS[name]
+    for prefix, factor in _PREFIXES.items():
+        if name.startswith(prefix) and name[len(prefix):] in _UNITS:
+            size, powers = _UNITS[name[len(prefix):]]
+            return factor * size, powers
+    raise _NotAUnit(name)

@@ -1,0 +1,125 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+import contextlib
+
+from hypothesis import given, strategies as st
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.sensor.units import (
+    convert,
+    engineering,
+    ENGINEERING_UNITS,
+    parse,
+    typeset,
+    unit_of,
+)
+import pytest
+
+GYRO_N = 'rad/s/sqrt(Hz)'
+ACCEL_N = 'm/s^2/sqrt(Hz)'
+
+
+@pytest.mark.parametrize(('text', 'unit', 'expected'), [
+    ('1 deg/h', 'rad/s', 4.848136811e-6),
+    ('1 deg/sqrt(h)', GYRO_N, 2.908882087e-4),
+    ('1 deg/h/sqrt(h)', 'rad/s^2/sqrt(Hz)', 8.080228018e-8),
+    ('1 deg/h^2', 'rad/s^2', 1.346704670e-9),
+    ('1 ug', 'm/s^2', 9.80665e-6),
+    ('60 m/s/sqrt(h)', ACCEL_N, 1.0),
+    ('0.03 deg/s/sqrt(Hz)', GYRO_N, 5.235987756e-4),
+    ('100 ug/sqrt(Hz)', ACCEL_N, 9.80665e-4),
+    ('2 min', 's', 120.0),
+])
+def test_units_of_datasheets_have_their_textbook_value(text, unit, expected):
+    assert parse(text, unit) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_noise_density_per_second_is_sixty_per_root_hour():
+    assert parse('0.03 deg/s/sqrt(Hz)', GYRO_N) == pytest.approx(parse('1.8 deg/sqrt(h)', GYRO_N),
+                                                                 rel=1e-14)
+
+
+@pytest.mark.parametrize('text', [
+    '0.03 deg/s/sqrt(Hz)', '0.03deg/s/sqrt(Hz)', '0.03 °/s/√Hz', '0.03 deg/s/rtHz',
+    '0.03 dps/√Hz', '30 mdps/sqrt(Hz)', '3e-2 deg/s/Hz^0.5', '0.03 deg / s / sqrt( Hz )',
+    '0.03 deg/(s*sqrt(Hz))', '0.03 deg s^-1 / sqrt(Hz)', '.03 degrees/sec/sqrt(Hz)',
+])
+def test_one_noise_density_may_be_spelled_in_many_ways(text):
+    assert parse(text, GYRO_N) == pytest.approx(5.235987756e-4, rel=1e-9)
+
+
+@pytest.mark.parametrize(('text', 'complaint'), [
+    ('0.03', 'has no unit'), ('deg/h', 'does not begin with a number'), ('', 'number'),
+    ('nan deg/h', 'number'), ('inf deg/h', 'number'), ('1e999 deg/h', 'not a finite number'),
+    ('1,5 deg/h', 'unit'), ('3 deg', 'unit'), ('3 1/s', 'unit'), ('3 kg', 'unit'),
+    ('3 deg/h^99', 'unit'), ('3 deg/h^9^9^9', 'unit'), ('3 ((((', 'unit'), ('3 deg//h', 'unit'),
+    ('3 __import__("os")', 'unit'), ('3 deg/h; x', 'unit'), ('3 deg/h 5', 'unit'),
+])
+def test_what_is_not_an_angular_rate_is_refused_with_an_example(text, complaint):
+    with pytest.raises(ImuAllanError, match=complaint) as error:
+        parse(text, 'rad/s')
+    assert "'1 deg/h' or '1 rad/s'" in str(error.value)
+    assert '\n' not in str(error.value)
+
+
+def test_a_unit_of_another_quantity_is_refused():
+    with pytest.raises(ImuAllanError):
+        parse('100 ug/sqrt(Hz)', GYRO_N)
+    with pytest.raises(ImuAllanError):
+        parse('18 deg/h', GYRO_N)
+    with pytest.raises(ImuAllanError):
+        convert(1.0, 'rad', 'm/s')
+
+
+@given(st.text(max_size=60))
+def test_any_text_gives_a_number_or_the_known_error(text):
+    for unit in ('rad/s', ACCEL_N):
+        with contextlib.suppress(ImuAllanError):
+            assert isinstance(parse(text, unit), float)
+
+
+@given(st.text(alphabet='degsqrthHzmuradg/^*()0123456789. -√°', max_size=40))
+def test_any_text_of_unit_characters_gives_a_number_or_the_known_error(text):
+    with contextlib.suppress(ImuAllanError):
+        assert isinstance(parse('1 ' + text, 'rad/s'), float)
+
+
+@given(st.sampled_from(sorted(ENGINEERING_UNITS)),
+       st.floats(1e-12, 1e6, allow_nan=False, allow_infinity=False))
+def test_engineering_units_convert_back_to_the_same_value(unit, value):
+    shown, name = engineering(value, unit)
+    assert parse(f'{shown!r} {name}', unit) == pytest.approx(value, rel=1e-12)
+
+
+def test_every_coefficient_has_an_engineering_unit():
+    for term in TERMS.values():
+        for quantity in Quantity:
+            assert term.unit(quantity) in ENGINEERING_UNITS
+
+
+def test_units_are_typeset_with_the_signs_of_print():
+    assert typeset('deg/sqrt(h)') == '°/√h'
+    assert typeset('ug/sqrt(Hz)') == 'µg/√Hz'
+    assert typeset('rad/s^2/sqrt(Hz)') == 'rad/s²/√Hz'
+
+
+def test_the_unit_of_a_value_is_what_follows_the_number():
+    assert unit_of('0.03 deg/s/sqrt(Hz)') == 'deg/s/sqrt(Hz)'
+
+
+@pytest.mark.parametrize('text', [
+    '1 ' + 'rad/' * 200 + 's', '1 rad/s)', '1 (rad/s',
+    '1 rad/', '1 (', '1 rad/s ?', '1 rad/s^'])
+def test_a_unit_that_is_no_unit_is_refused(text):
+    with pytest.raises(ImuAllanError):
+        parse(text, 'rad/s')
+
+
+def test_a_value_too_large_for_a_number_is_refused():
+    with pytest.raises(ImuAllanError, match='not a finite number'):
+        parse('1e308 rad/us', 'rad/s')
+
+
+def test_the_unit_of_what_is_no_value_is_refused():
+    with pytest.raises(ImuAllanError, match='does not begin with a number'):
+        unit_of('deg/s')
