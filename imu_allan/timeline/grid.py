@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The even grid of the sensor's own rate: how far apart its places are, and which are empty.
+The even grid of the sensor's own rate: which of its places are empty, and what bridges them.
 
 Stamps jitter, come in pairs and bursts, and drift slowly; samples get lost. What tells them apart
 is the phase of the stamps against the grid: a lost sample moves it for good by one whole place,
@@ -9,10 +9,13 @@ jitter moves it for a moment, drift moves it slowly, and only the first leaves t
 one place unchanged.
 """
 
-from dataclasses import dataclass
-from math import exp, log, pi, sqrt
-
-from imu_allan.timeline.clock import Stamps
+from imu_allan.timeline.pace import (
+    FIRM_PHASE,
+    group_phases,
+    lasting_jumps,
+    Pace,
+    PHASE_GROUP,
+)
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,142 +28,12 @@ NEIGHBOURS = 8
 EVEN_JITTER = 0.25
 """Stamps that all come within so many intervals of the expected distance need no further look."""
 
-_GROUP = 64
 _LONG_STEP = 10.0
-_COUNTING_SPREAD = 0.27
-_FIRM_PHASE = exp(-0.5 * (2 * pi * _COUNTING_SPREAD) ** 2)
 _SMOOTHING = 31
 _FEW = 5
 _BURST_WINDOW = 128
 _MOST_JUMPS = 64
 _RATE_BLOCK = 256
-_FEWEST_RECEIVED = 0.5
-_MOSTLY_IN_BURSTS = 0.55
-
-
-@dataclass(frozen=True)
-class Pace:
-    """
-    How the stamps of a sensor advance.
-
-    Attributes
-    ----------
-    interval_ns : float
-        Mean distance of two samples.
-    spread : float
-        Standard deviation of the stamps about the grid, in intervals.
-    counting : bool
-        The stamps are too uneven to see a single missing sample: messages are counted, and only
-        a lasting jump of the phase is taken for missing samples.
-
-    """
-
-    interval_ns: float
-    spread: float = 0.0
-    counting: bool = False
-
-
-def measure_pace(stamps: Stamps) -> Pace | None:
-    """
-    Measure the sample interval of rising stamps.
-
-    The interval is the one whose grid fits the phases best, among the medians of the distance of
-    every 1, 2, 4, .. 64 messages: one message apart is best where samples get lost, many apart
-    where they come in pairs or bursts.
-
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (n,)
-        Rising stamps in nanoseconds.
-
-    Returns
-    -------
-    Pace or None
-        None for fewer than two stamps.
-
-    """
-    n = len(stamps)
-    if n < 2:
-        return None
-    time = (stamps - stamps[0]).astype(np.float64)
-    if n < 8:
-        return Pace(float(np.median(np.diff(time))))
-    overall = _median_interval(time, max(n // 4, 1))
-    # Bursts fit the grid of every interval that divides their distance.
-    if np.mean(np.diff(time) < 0.5 * overall) > _MOSTLY_IN_BURSTS:
-        return Pace(overall, spread=1.0, counting=True)
-    best: Pace | None = None
-    for apart in (1, 2, 4, 8, 16, 32, 64):
-        interval = _median_interval(time, apart) if apart * 2 < n else 0.0
-        if not _FEWEST_RECEIVED * overall < interval < 1.1 * overall:
-            continue
-        pace = _refine(time, interval)
-        if best is None or pace.spread < 0.9 * best.spread - 0.005:
-            best = pace
-    if best is None:
-        return Pace(overall or float(time[-1]) / (n - 1), spread=1.0, counting=True)
-    even = _even_line(time)
-    if best.spread > _COUNTING_SPREAD or (
-            even is not None and _looks_lossy(time, best.interval_ns)):
-        return even or Pace(overall, spread=best.spread, counting=True)
-    return best
-
-
-def _refine(time: Floats, interval: float) -> Pace:
-    """Adjust the interval until the phase stands still, and measure the spread about it."""
-    spread = 1.0
-    for _ in range(4):
-        phase = time / interval - np.arange(len(time))
-        turn, length = _group_phases(phase)
-        if len(turn) > 1:
-            drift = np.median(np.diff(turn)) / _GROUP
-            interval *= 1 + float(drift)
-        mean_length = float(np.mean(length))
-        spread = sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
-    return Pace(interval, spread)
-
-
-def _even_line(time: Floats) -> Pace | None:
-    """Fit one straight line; a pace only if every message lies within 0.6 intervals of it."""
-    n = len(time)
-    interval = float(np.polyfit(np.arange(n), time, 1)[0])
-    residual = time / interval - np.arange(n)
-    residual -= residual.mean()
-    if np.max(np.abs(residual)) > 0.6:
-        return None
-    return Pace(interval, float(residual.std()), counting=True)
-
-
-def _looks_lossy(time: Floats, interval: float) -> bool:
-    """Whether a grid of `interval` would call eight or more samples missing."""
-    steps = np.rint(np.diff(time) / interval)
-    return int(np.count_nonzero(steps > 1)) >= 8
-
-
-def _median_interval(time: Floats, apart: int) -> float:
-    """Interval by the median distance of messages `apart`."""
-    return float(np.median(time[apart:] - time[:-apart])) / apart
-
-
-def _group_phases(phase: Floats) -> tuple[Floats, Floats]:
-    """
-    Mean phase, modulo one place, of every group of 64 messages.
-
-    Returns
-    -------
-    turn : ndarray, shape (groups,)
-        Unwrapped: neighbours differ by less than half a place.
-    length : ndarray, shape (groups,)
-        Resultant length: 1 without jitter, 0 where the phase is arbitrary.
-
-    """
-    circle = np.exp(2j * pi * phase)
-    starts = np.arange(0, max(len(phase) - _GROUP // 2, 1), _GROUP)
-    sums = np.add.reduceat(circle, starts)
-    counts = np.diff(np.append(starts, len(phase)))
-    mean = sums / counts
-    turn = np.unwrap(np.angle(mean)) / (2 * pi)
-    return turn, np.abs(mean)
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
@@ -197,17 +70,18 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
     missing = None if pace.counting else _missing_by_phase(phase, new_run)
     if missing is None:
         missing = _missing_by_bursts(phase, steps)
+        missing = missing + lasting_jumps(phase - missing, None if new_run else 0.0)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
 
 
 def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
     """Count samples missing before each message, by the phase about its own slow drift."""
-    turn, length = _group_phases(phase)
-    if np.mean(length) < _FIRM_PHASE:
+    turn, length = group_phases(phase)
+    if np.mean(length) < FIRM_PHASE:
         return None
     turn -= np.rint(turn[0])
-    centres = np.minimum(np.arange(len(turn)) * _GROUP + _GROUP / 2, len(phase))
+    centres = np.minimum(np.arange(len(turn)) * PHASE_GROUP + PHASE_GROUP / 2, len(phase))
     slow = np.interp(np.arange(len(phase)), centres, turn) if len(turn) > 1 else turn[0]
     raw = np.rint(phase - slow).astype(np.int64)
     before = _level(raw[:_FEW]) if new_run else 0
@@ -293,7 +167,9 @@ def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
     around = np.clip(around, 0, len(samples) - 1)
     valid &= stretch[around] == stretch[at][:, None]
     weight = valid / valid.sum(axis=1, keepdims=True)
-    means: Floats = np.einsum('gk,gki->gi', weight, samples[around])
+    # About the sample behind the gap: the mean of equal values is that value, to the last bit.
+    behind = samples[at]
+    means: Floats = behind + np.einsum('gk,gki->gi', weight, samples[around] - behind[:, None])
     return means
 
 
@@ -344,7 +220,11 @@ def _on_rate(places: Floats, tolerance: float) -> bool:
         distance = float(np.median(places[apart:] - places[:-apart])) / apart
         if abs(distance - 1) < tolerance:
             return True
-    return len(places) < 2
+    # Where samples are dropped in turn, no number of messages apart is as many intervals.
+    steps = np.diff(places)
+    whole = np.rint(steps)
+    return len(places) < 2 or bool(np.mean(np.abs(steps - whole) < 0.05) > 0.9
+                                   and np.mean(whole == 1) > 0.3)
 
 
 def _change_point(places: Floats, near: int, to_other: bool) -> int:

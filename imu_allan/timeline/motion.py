@@ -1,11 +1,12 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Motion and knocks: found against the axis's own noise, and left out.
+Motion and knocks, in one class because the verdicts move the baseline that they rest on.
 
-Half-second windows are compared with the windows before them, in the terms of
-`imu_allan.timeline.rest`. A last test knows physics: no sensor at rest changes its mean by 3 deg/s
-or 0.5 m/s^2 within two seconds, unless its white noise does it.
+They are found against the axis's own noise, and left out. Half-second windows are compared with
+the windows before them, in the terms of `imu_allan.timeline.sensor_at_rest`. A last test knows
+physics: no sensor at rest changes its mean by 3 deg/s or 0.5 m/s^2 within two seconds, unless its
+white noise does it.
 """
 
 from collections.abc import Mapping
@@ -13,11 +14,18 @@ from copy import copy as shallow_copy
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 import json
-from math import sqrt
+from math import log, sqrt
 from typing import Any
 
 from imu_allan.block import EvenBlock
-from imu_allan.timeline.rest import Baseline, baseline_of, describe, resolution_of, settle
+from imu_allan.timeline.messages import EvenPiece
+from imu_allan.timeline.sensor_at_rest import (
+    Baseline,
+    baseline_of,
+    describe,
+    resolution_of,
+    settle,
+)
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,59 +34,50 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 PART_S = 0.02
+"""Loudness is told within such parts of a window, fast noise, and between them, slow noise."""
 START_WINDOWS = 128
 """Windows held back at the start, of which the quieter ones make the first baseline."""
 
 _PARTS = 25
+"""Half a second: a shorter window knows its noise worse, a longer one cuts more for a knock."""
 _MARGIN = 2
+"""Windows cut on each side of one in motion: a second, to settle. A judgment."""
 _LAGS = (1, 4)
+"""Windows apart that are held against each other: a jerk, and a slow turn of two seconds."""
 _LONGEST_LAG_S = 6.0
+"""Of a slow sensor windows are longer: beyond this, drift is no motion. A judgment."""
 _CONTEXT = _MARGIN + max(_LAGS) + 1
 _REMEMBERED = 512
+"""Windows at rest that make the baseline: four minutes. Of fewer the threshold scatters."""
 _REFRESH = 256
 _PERSISTENT = 128
+"""Windows after which a new level may be the sensor's own: a minute. A judgment."""
 _PERSISTENT_SHARE = 0.25
+"""Of those so many must have been called motion: below, what was seen is knocks."""
 _PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
+"""rad/s and m/s^2 in two seconds: what moves less is judged by its noise alone."""
 _PLAUSIBLE_SIGMAS = 10.0
+"""A noisy sensor's mean changes as much by chance: so many standard deviations it does not."""
 _ADOPTED_RATIO = 3.0
+"""What is so much louder than rest may be is an engine, not the sensor. A judgment."""
 _ADOPTED_SHARE = 0.9
+"""Of the windows of a new level that have to be alike: motion is not."""
 _FEWEST_WINDOWS = 8
+"""Below, the spread of loudness is not measured: `_FEW_SPREAD` stands in."""
+_FEW_WINDOWS = 32
+"""Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
+_FEW_SPREAD = 0.1
+"""Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
 _TOLD_RATIO = 3.0
+"""Noise that has become so many times louder or quieter is told. A judgment."""
 _LATELY_S = 5.0
+_QUIETER = 3.0 ** (2 / 3)
+"""Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
+_REST_WINDOWS = 6
+"""Three seconds in a row: between two bumps of a road there is less."""
 
 LISTED_SPANS = 1000
 """Spans that are listed one by one."""
-
-
-@dataclass(frozen=True)
-class EvenPiece:
-    """
-    Even samples on their way to the detector.
-
-    Attributes
-    ----------
-    samples : ndarray of float64, shape (n, 6)
-        NaN only in columns of absent axes.
-    first_index : int
-        Place of the first row on the grid.
-    start_s : float
-        Its time since the first sample.
-    new_run : bool
-        As in `EvenBlock`.
-    bridged : ndarray of int64, shape (b,)
-        Rising grid places whose row stands in for a missing sample.
-
-    """
-
-    samples: Floats
-    first_index: int
-    start_s: float
-    new_run: bool
-    bridged: Ints
-
-    def block(self) -> EvenBlock:
-        """Give all rows."""
-        return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run)
 
 
 @dataclass
@@ -139,6 +138,13 @@ class MotionSummary:
         Rows decided on, and those of them in windows that moved, without the margins.
     moving : bool
         The newest span ended less than five seconds before the newest row.
+    rests : tuple of (float, float)
+        Start and duration in seconds of the first stretches that were kept.
+    rest_s, longest_rest_s : float
+        What was kept in all, and the longest stretch of it.
+    contrast : float, contrasted : int
+        By how much the windows that moved are louder than rest, as the mean of a logarithm, and
+        how many these are.
     changes : tuple of (float, float)
         When the noise level changed for good, and the ratio of new to old standard deviation.
 
@@ -151,6 +157,11 @@ class MotionSummary:
     seen: int = 0
     struck: int = 0
     moving: bool = False
+    rests: tuple[tuple[float, float], ...] = ()
+    rest_s: float = 0.0
+    longest_rest_s: float = 0.0
+    contrast: float = 0.0
+    contrasted: int = 0
     changes: tuple[tuple[float, float], ...] = ()
 
 
@@ -179,6 +190,10 @@ class MotionDetector:
         self._lately = np.empty((0, 19))
         self._summary = MotionSummary()
         self._run_pending = False
+        self._quieter = 0
+        self._void = False
+        self._rest_end = -1
+        self._rest_lasts = 0.0
         self._span_end = -1
         self._span_end_s = -_LATELY_S
 
@@ -209,6 +224,8 @@ class MotionDetector:
         text = json.dumps({
             'interval_s': self._interval_s, 'summary': asdict(self._summary),
             'run_pending': self._run_pending, 'span_end': self._span_end,
+            'quieter': self._quieter, 'void': self._void, 'rest_end': self._rest_end,
+            'rest_lasts': self._rest_lasts,
             'span_end_s': self._span_end_s, 'stretches': stretches})
         baseline, first = self._baseline, self._first_loudness
         empty = np.empty((0, 6))
@@ -235,10 +252,13 @@ class MotionDetector:
         plain = json.loads(str(state['motion']))
         detector = cls(float(plain['interval_s']))
         summary = plain['summary']
-        for name in ('spans', 'changes'):
+        for name in ('spans', 'rests', 'changes'):
             summary[name] = tuple((float(a), float(b)) for a, b in summary[name])
         detector._summary = MotionSummary(**summary)
         detector._run_pending = bool(plain['run_pending'])
+        detector._quieter, detector._void = int(plain['quieter']), bool(plain['void'])
+        detector._rest_end = int(plain['rest_end'])
+        detector._rest_lasts = float(plain['rest_lasts'])
         detector._span_end = int(plain['span_end'])
         detector._span_end_s = float(plain['span_end_s'])
 
@@ -347,7 +367,19 @@ class MotionDetector:
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
         if len(loudness) < _FEWEST_WINDOWS:
-            self._baseline = replace(quiet, resolution=resolution)
+            self._baseline = _of_few(loudness, resolution)
+            return
+        if np.count_nonzero(still) < _FEW_WINDOWS:
+            # Of so few the quietest eighth is one or two, whose spread says nothing.
+            few = _of_few(loudness[still], resolution)
+            still &= np.all(loudness <= few.loudest(), axis=1)
+            found = baseline_of(loudness[still], wander[still], resolution)
+            self._baseline = replace(
+                few, wander=found.wander if np.count_nonzero(still) >= _FEWEST_WINDOWS
+                else few.wander)
+            self._first_loudness = self._baseline.loudness
+            self._past = np.hstack([loudness, wander])[still]
+            self._past = self._past[~np.isnan(self._past).any(axis=1)]
             return
         self._baseline, rest = settle(loudness[still], wander[still], resolution)
         self._first_loudness = self._baseline.loudness
@@ -387,9 +419,75 @@ class MotionDetector:
         if moving.any() and self._refine_resolution(stretch, np.flatnonzero(moving) + first):
             moving = beyond | self._unlike_rest(loudness, wander, shorter)
         stretch.moving = np.concatenate([stretch.moving, moving])
+        if not short and self._seek_rest(stretch, first, last):
+            return
+        self._note_contrast(loudness[moving])
         if not short:
             self._learn(np.hstack([loudness, wander]), moving, beyond,
                         self._time(stretch, stretch.base + last))
+
+    def _note_contrast(self, loudness: Floats) -> None:
+        """Bring the mean contrast of windows that moved up to date."""
+        assert self._baseline is not None
+        rest = self._baseline.loudness
+        known = (rest > 0) & np.isfinite(rest)
+        if not len(loudness) or not known.any():
+            return
+        louder = np.log(np.maximum(np.max(loudness[:, known] / rest[known], axis=1), 1.0))
+        self._add_contrast(float(louder.sum()), len(louder))
+
+    def _add_contrast(self, total: float, windows: int) -> None:
+        summary = self._summary
+        count = summary.contrasted + windows
+        self._summary = replace(summary, contrasted=count, contrast=(
+            summary.contrast * summary.contrasted + total) / count)
+
+    def _seek_rest(self, stretch: _Stretch, first: int, last: int) -> bool:
+        """
+        Take windows far quieter than the baseline for the rest, and all before them for motion.
+
+        A recording may begin while its vehicle drives: then the first baseline is that of driving.
+        """
+        assert self._baseline is not None
+        loud = self._baseline.loudness
+        known = (loud > 0) & np.isfinite(loud)
+        quiet = stretch.loudness[first:last, known] < loud[known] / _QUIETER
+        # A coarse or constant axis may be as it was.
+        quieter = (np.mean(quiet, axis=1) > 0.5) & ~np.any(
+            stretch.loudness[first:last] > self._baseline.loudest(), axis=1) if known.any() else (
+            np.zeros(last - first, dtype=bool))
+        for at in range(first, last):
+            self._quieter = self._quieter + 1 if quieter[at - first] else 0
+            if self._quieter == _REST_WINDOWS and at + 1 >= _REST_WINDOWS:
+                self._begin_at_rest(stretch, at + 1 - _REST_WINDOWS, last)
+                return True
+        return False
+
+    def _begin_at_rest(self, stretch: _Stretch, first: int, last: int) -> None:
+        """Begin anew with the windows from number `first` of the arrays on."""
+        assert self._baseline is not None
+        found = baseline_of(stretch.loudness[first:last], stretch.wander()[first:last],
+                            self._baseline.resolution)
+        # A few windows tell a spread to a factor of two.
+        self._baseline = replace(found, spread=2 * found.spread,
+                                 wander=2 * found.wander)
+        self._first_loudness = found.loudness
+        self._quieter, self._void = 0, True
+        self._past, self._news, self._lately = np.empty((0, 18)), [], self._lately[:0]
+        stretch.moving[:first] = True
+        stretch.moving[first:] = (self._implausible(stretch, first)[:last - first]
+                                  | self._unlike_rest(stretch.loudness[first:last],
+                                                      stretch.wander()[first:last], 1.0))
+        summary = self._summary
+        excluded_s = summary.excluded_s + summary.rest_s
+        self._summary = replace(
+            summary, spans=((0.0, excluded_s),), count=1, excluded=summary.seen,
+            excluded_s=excluded_s, struck=summary.seen, rests=(), rest_s=0.0, longest_rest_s=0.0,
+            contrast=0.0, contrasted=0, changes=())
+        windows = max(summary.seen // self._size, 1)
+        self._add_contrast(windows * log(_QUIETER), windows)
+        self._span_end = stretch.first_index + stretch.given * self._size
+        self._rest_end, self._rest_lasts = -1, 0.0
 
     def _unlike_rest(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
         assert self._baseline is not None
@@ -503,8 +601,9 @@ class MotionDetector:
                     bridged = bridged[np.searchsorted(bridged, first + begin):
                                       np.searchsorted(bridged, first + end)]
                 blocks.append(EvenBlock(rows[begin:end], first + begin, len(bridged),
-                                        stretch.new_run or self._run_pending))
-                self._run_pending = False
+                                        stretch.new_run or self._run_pending, self._void))
+                self._run_pending = self._void = False
+                self._keep(first + begin, end - begin, self._time(stretch, stretch.given + left))
             stretch.new_run = False
         seen = self._summary.seen + length
         struck = int(np.count_nonzero(stretch.moving[context:context + count])) * size
@@ -525,6 +624,23 @@ class MotionDetector:
             stretch.bridged = stretch.bridged[np.searchsorted(stretch.bridged, first + length):]
         return blocks
 
+    def _keep(self, first: int, rows: int, start_s: float) -> None:
+        """Note rows at rest, as part of the stretch before if they follow it."""
+        summary = self._summary
+        duration = rows * self._interval_s
+        rests = summary.rests
+        if first == self._rest_end and rests:
+            self._rest_lasts += duration
+            if len(rests) < LISTED_SPANS:
+                rests = (*rests[:-1], (rests[-1][0], self._rest_lasts))
+        else:
+            self._rest_lasts = duration
+            if len(rests) < LISTED_SPANS:
+                rests = (*rests, (start_s, duration))
+        self._rest_end = first + rows
+        self._summary = replace(summary, rests=rests, rest_s=summary.rest_s + duration,
+                                longest_rest_s=max(summary.longest_rest_s, self._rest_lasts))
+
     def _cut(self, first: int, rows: int, start_s: float) -> None:
         """Note rows that are left out, as part of the span before if they follow it."""
         summary = self._summary
@@ -543,3 +659,10 @@ class MotionDetector:
         self._summary = replace(summary, spans=spans, count=count,
                                 excluded=summary.excluded + rows,
                                 excluded_s=summary.excluded_s + duration)
+
+
+def _of_few(loudness: Floats, resolution: Floats) -> Baseline:
+    """Take the quieter half of a few windows for rest, as surely as their samples tell it."""
+    order = np.argsort(loudness.sum(axis=1))
+    centre = np.median(loudness[order[:(len(order) + 1) // 2]], axis=0)
+    return Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that wait until enough of them have come to be worked off together."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from imu_allan.block import ImuBlock
 import numpy as np
@@ -58,6 +59,25 @@ class Pending:
         twin = Pending()
         twin._blocks, twin._messages = list(self._blocks), self._messages
         return twin
+
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Messages that wait, as a flat dict of arrays."""
+        window = self.look(len(self))
+        return {'header_ns': window.header, 'receive_ns': window.receive,
+                'samples': window.samples, 'absent': window.absent}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]], frame_id: str) -> 'Pending':
+        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
+        pending = cls()
+        samples = np.asarray(state['samples'], dtype=np.float64).reshape(-1, 6)
+        n = len(samples)
+        if n:
+            pending.append(ImuBlock(
+                np.asarray(state['header_ns'], dtype=np.int64).reshape(n),
+                np.asarray(state['receive_ns'], dtype=np.int64).reshape(n),
+                samples, np.asarray(state['absent'], dtype=bool).reshape(n, 2), frame_id))
+        return pending
 
     def look(self, n: int) -> Window:
         """Give the first `n` messages; they go on waiting."""

@@ -1,33 +1,47 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What was seen of the messages: the counts, and what to tell the user about them.
+What was seen of the messages, in one module because every remark is of the same counts.
 
 The result, `imu_allan info` and the node's /diagnostics all tell the story of one
 `TimelineSummary`.
 """
 
-from collections.abc import Mapping
-from copy import copy as shallow_copy
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from math import log
 
 from imu_allan.result import Remark, Span, Timeline
+from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.timeline.clock import iso_time, SECOND
+from imu_allan.timeline.content import Content
+from imu_allan.timeline.counts import Counts
+from imu_allan.timeline.decision import Clock, Decision
 from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.placing import Cursor
 import numpy as np
 
-Clock = Literal['header', 'receive']
-
-LISTED_GAPS = 1000
-"""Gaps that are listed one by one; more are only counted."""
-
-_GRAVITY = 9.80665
 _GRAVITY_TOLERANCE = 0.5
+"""In m/s^2: usual offsets are less, units of g or removed gravity far more. A judgment."""
 _MANY_MISSING = 0.05
+"""The fit allows for bridges; so many say that the link is bad. A judgment."""
 _MOSTLY = 0.5
+"""Of the samples, in motion, from which on a recording is not one of a sensor at rest."""
 _LONG_MOTION_S = 10.0
+"""Less than that is a knock with its margins, whatever its share of a short recording."""
+_SHORTEST_REST_S = 5.0
+"""A stop at a traffic light is longer; a car between two bends is quiet for less."""
+_LEAST_CONTRAST = 0.999 * log(3.0) * 2 / 3
+"""A third of the noise: what shakes as much where it does not turn is no rest, but a straight."""
+_NAMED_RESTS = 5
+_LITTLE_HIDDEN = 0.005
+"""Losses up to here move the noise density by less than a tenth of a usual interval."""
+_MANY_ABSENT = 0.01
+_FEWEST_FOR_SPEED = 256
+_OTHER_SPEED = 0.05
+"""A crystal is off by millionths; a replay or a simulation by more than this. A judgment."""
+_LONGEST_LAG_S = 0.3
+"""Receive stamps lag by tenths of a second: over some seconds that is a few percent."""
 _EPOCH_CLOCK_NS = 20 * 365 * 86400 * SECOND
 """Stamps below count from a boot, not from 1970."""
 
@@ -62,6 +76,8 @@ class TimelineSummary:
         Number and total duration of the gaps that were not bridged, listed or not.
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
+    stamps_read : str
+        How the stamps of the clock in use are read, in words.
     jitter_s : float or None
         Standard deviation of the stamps about the grid, lately.
     header_repeats, header_backward, receive_repeats, receive_backward : int
@@ -74,8 +90,13 @@ class TimelineSummary:
         Number and total duration of the spans of motion cut out, listed or not.
     moving : bool
         Motion was seen within the last seconds.
+    rests : tuple of Span
+        The first stretches that were kept beside motion; empty where nothing was cut out.
     mostly_motion : bool
-        More than half of the samples are motion: this is no recording at rest.
+        More than half of the samples are motion, and no stretch of five seconds is at rest: this
+        is no recording at rest.
+    noise_changes : tuple of (float, float)
+        Time and ratio of lasting changes of the noise, with motion excluded.
 
     """
 
@@ -90,6 +111,7 @@ class TimelineSummary:
     gaps: int = 0
     gaps_s: float = 0.0
     measured_rate_hz: float | None = None
+    stamps_read: str = ''
     jitter_s: float | None = None
     header_repeats: int = 0
     header_backward: int = 0
@@ -100,118 +122,20 @@ class TimelineSummary:
     motions: int = 0
     excluded_s: float = 0.0
     moving: bool = False
+    rests: tuple[Span, ...] = ()
     mostly_motion: bool = False
+    noise_changes: tuple[tuple[float, float], ...] = ()
 
 
-@dataclass
-class Facts:
-    """
-    The running state of a timeline: counts, conclusions, and where on the grid it stands.
-
-    Plain numbers and text only, so that JSON keeps it. `elapsed_ns` is the time since the first
-    sample, which goes on where the clock jumps; `late_ns` how far the last stamp lies behind its
-    place on the grid.
-    """
-
-    messages: int = 0
-    samples: int = 0
-    missing: int = 0
-    bridged: int = 0
-    duplicates: int = 0
-    out_of_order: int = 0
-    rejected: int = 0
-    header_repeats: int = 0
-    header_backward: int = 0
-    receive_repeats: int = 0
-    receive_backward: int = 0
-    clock_jumps: int = 0
-    gaps: int = 0
-    gaps_ns: int = 0
-    listed_gaps: list[tuple[float, float]] = field(default_factory=list)
-    remarks: dict[str, str] = field(default_factory=dict)
-    other_frames: dict[str, int] = field(default_factory=dict)
-    frame_id: str | None = None
-
-    clock: Clock | None = None
-    counted_only: bool = False
-    present: list[bool] | None = None
-    interval_ns: float | None = None
-    spread: float = 0.0
-    counting: bool = False
-    jitter: float | None = None
-    paced_ns: int = 0
-    paced_steps: int = 0
-    gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    gravity_samples: int = 0
-
-    first_ns: int | None = None
-    first_receive_ns: int = 0
-    last_header: int | None = None
-    last_receive: int | None = None
-    last_ns: int | None = None
-    other_ns: int = 0
-    late_ns: float = 0.0
-    tied_to: int | None = None
-    ties: int = 0
-    index: int = -1
-    elapsed_ns: int = 0
-    fresh_run: bool = False
-    jumped: bool = False
-
-    other_rate: bool = False
-    at_other_rate: int = 0
-    rate_changed_s: float = 0.0
-    changed_rate_hz: float = 0.0
-
-    def copy(self) -> 'Facts':
-        """Give an independent copy."""
-        twin = shallow_copy(self)
-        for name, value in vars(self).items():
-            if isinstance(value, (list, dict)):
-                setattr(twin, name, value.copy())
-        return twin
-
-    @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> 'Facts':
-        """
-        Take the fields as JSON gives them.
-
-        Raises
-        ------
-        TypeError
-            If a field is unknown or of another type.
-
-        """
-        facts = cls(**plain)
-        for name, default in vars(cls()).items():
-            value = getattr(facts, name)
-            kinds: tuple[type, ...] = (type(default),)
-            if default is None:
-                kinds = (type(None), int, float, str, list)
-            elif isinstance(default, float):
-                kinds = (float, int)
-            if not isinstance(value, kinds):
-                raise TypeError(f'{name} is {value!r}')
-        facts.listed_gaps = [(float(start), float(lasts)) for start, lasts in facts.listed_gaps]
-        return facts
-
-    def list_gap(self, start_ns: float, duration_ns: float) -> None:
-        """Note a gap that is not bridged."""
-        self.gaps += 1
-        self.gaps_ns += round(duration_ns)
-        if len(self.listed_gaps) < LISTED_GAPS:
-            self.listed_gaps.append((start_ns / SECOND, duration_ns / SECOND))
-
-
-def summarize(facts: Facts, options: TimelineOptions, motion: MotionSummary,
-              held_back: int) -> TimelineSummary:
+def summarize(counts: Counts, decision: Decision, content: Content, cursor: Cursor,
+              options: TimelineOptions, motion: MotionSummary, held_back: int) -> TimelineSummary:
     """
     Tell what was seen.
 
     Parameters
     ----------
-    facts, options, motion
-        State, options and cut spans of a timeline.
+    counts, decision, content, cursor, options, motion
+        What the parts of a timeline remember, its options, and the spans cut out.
     held_back : int
         Messages that came but are not decided on.
 
@@ -221,44 +145,64 @@ def summarize(facts: Facts, options: TimelineOptions, motion: MotionSummary,
         Of all that is decided on.
 
     """
-    measured = facts.paced_steps / facts.paced_ns * SECOND if facts.paced_ns > 0 else None
+    measured = counts.paced_steps / counts.paced_ns * SECOND if counts.paced_ns > 0 else None
     rate = options.rate_hz or measured
-    last_sample_s = 1 / rate if rate and facts.samples else 0.0
+    last_sample_s = 1 / rate if rate and counts.samples else 0.0
     start = None
-    if facts.first_ns is not None and not facts.counted_only:
-        boot_clock = facts.first_ns < _EPOCH_CLOCK_NS
-        start = iso_time(max(facts.first_ns, facts.first_receive_ns) if boot_clock
-                         else facts.first_ns)
+    if cursor.first_ns is not None and not decision.counted_only:
+        boot_clock = cursor.first_ns < _EPOCH_CLOCK_NS
+        start = iso_time(max(cursor.first_ns, counts.first_receive_ns) if boot_clock
+                         else cursor.first_ns)
     jitter = None
-    if facts.jitter is not None and facts.interval_ns is not None and not facts.counted_only:
-        jitter = facts.jitter * facts.interval_ns / SECOND
+    if (cursor.jitter is not None and decision.interval_ns is not None
+            and not decision.counted_only):
+        jitter = cursor.jitter * decision.interval_ns / SECOND
     return TimelineSummary(
         timeline=Timeline(
-            sample_rate_hz=rate, samples=facts.samples,
-            duration_s=facts.elapsed_ns / SECOND + last_sample_s,
-            missing=facts.missing, duplicates=facts.duplicates,
-            out_of_order=facts.out_of_order, rejected=facts.rejected,
-            gaps=tuple(Span(*gap) for gap in facts.listed_gaps),
+            sample_rate_hz=rate, samples=counts.samples,
+            duration_s=cursor.elapsed_ns / SECOND + last_sample_s,
+            missing=counts.missing, duplicates=counts.duplicates,
+            out_of_order=counts.out_of_order, rejected=counts.rejected,
+            gaps=tuple(Span(*gap) for gap in counts.listed_gaps),
             motion=tuple(Span(*span) for span in motion.spans)),
-        clock=None if facts.counted_only else facts.clock,
-        frame_id=facts.frame_id,
+        clock=None if decision.counted_only else decision.clock,
+        frame_id=decision.frame_id,
         start_time=start,
-        remarks=tuple(Remark(code, text)
-                      for code, text in _remarks(facts, options, motion).items()),
-        present=tuple(facts.present or [True] * 6),
-        messages=facts.messages + held_back,
-        bridged=facts.bridged,
-        gaps=facts.gaps, gaps_s=facts.gaps_ns / SECOND,
-        measured_rate_hz=None if facts.counted_only else measured,
+        remarks=tuple(Remark(code, text) for code, text in _remarks(
+            counts, decision, content, options, motion).items()),
+        present=tuple(decision.present or [True] * 6),
+        messages=counts.messages + held_back,
+        bridged=counts.bridged,
+        gaps=counts.gaps, gaps_s=counts.gaps_ns / SECOND,
+        measured_rate_hz=None if decision.counted_only else measured,
+        stamps_read=_how_read(decision),
         jitter_s=jitter,
-        header_repeats=facts.header_repeats, header_backward=facts.header_backward,
-        receive_repeats=facts.receive_repeats, receive_backward=facts.receive_backward,
-        clock_jumps=facts.clock_jumps, at_other_rate=facts.at_other_rate,
+        header_repeats=counts.header_repeats, header_backward=counts.header_backward,
+        receive_repeats=counts.receive_repeats, receive_backward=counts.receive_backward,
+        clock_jumps=counts.clock_jumps, at_other_rate=counts.at_other_rate,
         motions=motion.count, excluded_s=motion.excluded_s, moving=motion.moving,
-        mostly_motion=_mostly_motion(motion))
+        rests=tuple(Span(*span) for span in motion.rests) if motion.count else (),
+        mostly_motion=_mostly_motion(motion), noise_changes=motion.changes)
+
+
+def _how_read(decision: Decision) -> str:
+    """Say how stamps are read, and thus how surely a lost sample is seen."""
+    if decision.counted_only or decision.interval_ns is None:
+        return ''
+    batches = ', batches overlap' if decision.overlaps else ''
+    ticks = ', several messages to a tick' if decision.ticks else ''
+    if decision.counting:
+        return f'each message taken for a sample, gaps seen where they last{ticks}{batches}'
+    return f'each stamp shows its place, single missing samples are seen{ticks}{batches}'
 
 
 def _mostly_motion(motion: MotionSummary) -> bool:
+    """Tell whether a recording moves, without a stop to rest that is worth the name."""
+    return _moves(motion) and (motion.longest_rest_s < _SHORTEST_REST_S
+                               or motion.contrast < _LEAST_CONTRAST)
+
+
+def _moves(motion: MotionSummary) -> bool:
     # Margins cut most of a few seconds about a single knock: that is no moving recording.
     return motion.seen > 0 and (motion.excluded == motion.seen or (
         motion.excluded_s > _LONG_MOTION_S
@@ -266,42 +210,47 @@ def _mostly_motion(motion: MotionSummary) -> bool:
         and motion.struck > 0.5 * _MOSTLY * motion.seen))
 
 
-def _remarks(facts: Facts, options: TimelineOptions, motion: MotionSummary) -> dict[str, str]:
-    remarks = dict(facts.remarks)
-    if facts.clock_jumps:
+def _remarks(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
+             motion: MotionSummary) -> dict[str, str]:
+    remarks = decision.remarks | _content_remarks(counts, content) | _clock_remarks(
+        counts, decision)
+    if counts.clock_jumps:
         remarks['clock_jumps'] = (
-            f'the {facts.clock} clock jumped {_times(facts.clock_jumps)}: no difference is taken '
-            'across a jump')
-    if facts.counting:
+            f'the {decision.clock} clock jumped {_times(counts.clock_jumps)}: no difference is '
+            'taken across a jump')
+    if decision.counting:
+        bound = ('' if decision.hidden < _LITTLE_HIDDEN else
+                 f'; up to {decision.hidden:.1%} of the samples may be missing unseen, and the '
+                 f'noise density then be up to {decision.hidden / 2:.1%} too high')
         remarks['uneven_stamps'] = (
-            f'{facts.clock} stamps come too unevenly to see a single missing sample: messages '
-            'are counted, and only lasting gaps are seen')
-    if facts.gaps > len(facts.listed_gaps):
+            f'{decision.clock} stamps come too unevenly to see a single missing sample: messages '
+            f'are counted, and only gaps that last are seen{bound}')
+    if counts.gaps > len(counts.listed_gaps):
         remarks['gaps_not_listed'] = (
-            f'{facts.gaps} gaps of {facts.gaps_ns / SECOND:.6g} s in all; only the first '
-            f'{len(facts.listed_gaps)} are listed')
-    places = facts.samples + facts.bridged
-    if facts.bridged > _MANY_MISSING * places:
+            f'{counts.gaps} gaps of {counts.gaps_ns / SECOND:.6g} s in all; only the first '
+            f'{len(counts.listed_gaps)} are listed')
+    places = counts.samples + counts.bridged
+    if counts.bridged > _MANY_MISSING * places:
         remarks['many_missing'] = (
-            f'{facts.bridged / places:.1%} of the samples are missing and bridged by the local '
+            f'{counts.bridged / places:.1%} of the samples are missing and bridged by the local '
             'mean: record with a deeper queue or with reliable delivery')
-    if facts.at_other_rate:
-        stay = facts.at_other_rate < facts.samples
+    if counts.at_other_rate:
+        stay = counts.at_other_rate < counts.samples
         remarks['rate_changed'] = (
-            f'the sample rate changed from {SECOND / (facts.interval_ns or 1.0):.4g} to '
-            f'{facts.changed_rate_hz:.4g} Hz at {facts.rate_changed_s:.6g} s: the '
-            f'{facts.at_other_rate} samples at another rate than the first are left out; analyze '
+            f'the sample rate changed from {SECOND / (decision.interval_ns or 1.0):.4g} to '
+            f'{counts.changed_rate_hz:.4g} Hz at {counts.rate_changed_s:.6g} s: the '
+            f'{counts.at_other_rate} samples at another rate than the first are left out; analyze '
             f'{"them" if stay else "them, the larger part,"} by themselves with --start and '
             '--duration')
-    if facts.other_frames:
+    if counts.other_frames:
         others = ', '.join(f'{name!r} ({count} messages)'
-                           for name, count in facts.other_frames.items())
+                           for name, count in counts.other_frames.items())
         remarks['several_frames'] = (
-            f'several publishers on one topic: messages of frame_id {facts.frame_id!r} are used, '
-            f'those of {others} rejected')
-    if facts.gravity_samples:
-        size = float(np.linalg.norm(facts.gravity)) / facts.gravity_samples
-        if abs(size - _GRAVITY) > _GRAVITY_TOLERANCE:
+            f'several publishers on one topic: messages of frame_id {decision.frame_id!r} are '
+            f'used, those of {others} rejected')
+    if counts.gravity_samples:
+        size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
+        if abs(size - STANDARD_GRAVITY) > _GRAVITY_TOLERANCE:
             hint = ('; is it in units of g?' if abs(size - 1) < 0.05
                     else '; has gravity been removed?' if size < 0.5 else '')
             remarks['gravity'] = (
@@ -311,12 +260,59 @@ def _remarks(facts: Facts, options: TimelineOptions, motion: MotionSummary) -> d
     return remarks
 
 
+def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
+    remarks = {}
+    if content.frozen:
+        since = '' if content.frozen_s is None else f', first at {content.frozen_s:.6g} s'
+        remarks['frozen'] = (
+            f'{content.frozen} messages repeat one value again and again{since}: the sensor or '
+            'its driver stood still, they are left out')
+    if content.held:
+        share = content.repeats / (content.repeats + content.changes)
+        remarks['held_values'] = (
+            f'{share:.0%} of the messages repeat the values of the one before: the sensor is '
+            'polled faster than it samples; its own rate is used and the repeats are left out')
+    if counts.spikes:
+        remarks['spikes'] = (
+            f'{counts.spikes} single messages hold wild values, ten times the noise and more: '
+            'they are left out; look for errors on the bus of the sensor')
+    if counts.absent > _MANY_ABSENT * counts.messages:
+        remarks['field_absent'] = (
+            f'{counts.absent} messages declare angular velocity or linear acceleration as not '
+            'provided (covariance[0] is -1), others do not: they are left out')
+    return remarks
+
+
+def _clock_remarks(counts: Counts, decision: Decision) -> dict[str, str]:
+    """Compare the speeds of both clocks, where neither jumped."""
+    if (decision.clock != 'header' or counts.clock_jumps or counts.last_header is None
+            or counts.last_receive is None or counts.messages < _FEWEST_FOR_SPEED):
+        return {}
+    header = (counts.last_header - counts.first_header_ns) / SECOND
+    receive = (counts.last_receive - counts.first_receive_ns) / SECOND
+    if not (receive > 0 and header > 0) or (
+            abs(log(header / receive)) < max(_OTHER_SPEED, _LONGEST_LAG_S / receive)):
+        return {}
+    return {'clock_speed': (
+        f'header stamps run {header / receive:.3g} times as fast as receive stamps, as in a '
+        'replay or a simulation; were they wrong, averaging times would be off by that, and the '
+        'noise density by its square root: --clock receive uses the other clock')}
+
+
 def _motion_remarks(motion: MotionSummary) -> dict[str, str]:
     remarks = {}
     if _mostly_motion(motion):
         remarks['mostly_motion'] = (
             f'{motion.excluded / motion.seen:.0%} of the samples are motion: record while the '
             'sensor stands still')
+    elif _moves(motion):
+        listed = ', '.join(f'{lasts:.4g} s at {start:.5g} s'
+                           for start, lasts in motion.rests[:_NAMED_RESTS])
+        more = len(motion.rests) - _NAMED_RESTS
+        remarks['rest_within_motion'] = (
+            f'the IMU moves during {motion.excluded / motion.seen:.0%} of the samples: only the '
+            f'{motion.rest_s:.4g} s at rest are used ({listed}'
+            f'{f" and {more} more" if more > 0 else ""})')
     elif motion.count:
         remarks['motion'] = (
             f'motion or knocks were cut out {_times(motion.count)}, {motion.excluded_s:.6g} s '

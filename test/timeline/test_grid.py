@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from hypothesis import given, settings, strategies as st
-from imu_allan.timeline.grid import count_steps, measure_pace, Pace, rate_changes
+from imu_allan.timeline.grid import count_steps, rate_changes
+from imu_allan.timeline.pace import measure_pace, Pace
 from imu_messages import codes, pick, run, START_NS, still
 import numpy as np
 import pytest

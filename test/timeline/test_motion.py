@@ -7,7 +7,8 @@ from itertools import pairwise
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
-from imu_allan.timeline.motion import EvenPiece, MotionDetector, MotionSummary
+from imu_allan.timeline.messages import EvenPiece
+from imu_allan.timeline.motion import MotionDetector, MotionSummary
 from imu_messages import codes, rows_by_place, run, SIGMA, still
 import numpy as np
 import pytest
@@ -302,3 +303,15 @@ def test_a_coarse_output_that_hovers_between_two_steps_is_no_motion(rate_hz):
         block.samples[time >= at + 0.5, 1] += step
     summary, _ = run(block)
     assert summary.motions == 0
+
+
+@pytest.mark.parametrize('windows', [3, 5, 8, 12])
+def test_a_few_windows_at_rest_are_no_motion_and_a_knock_among_them_is(windows):
+    rng = np.random.default_rng(windows)
+    for seed in range(10):
+        block = still(windows * 50, 100.0, seed=seed)
+        assert run(block)[0].timeline.motion == ()
+    at = int(rng.integers(50, windows * 50 - 60))
+    block.samples[at:at + 5] += 60 * SIGMA * rng.normal(size=(5, 6))
+    (span,) = run(block)[0].timeline.motion
+    assert span.start_s <= at / 100 <= span.start_s + span.duration_s

@@ -5,7 +5,7 @@
 import os
 from pathlib import Path
 
-from imu_allan.recordings import open_recording
+from imu_allan.recordings import open_recording, read_blocks
 from imu_allan.timeline import TimelineSummary
 from imu_messages import codes, run
 import numpy as np
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(not DATA, reason='IMU_ALLAN_DATA names no folder
 
 def summary_of(name: str, topic: str, **options: object) -> TimelineSummary:
     with open_recording(Path(str(DATA)) / name) as recording:
-        return run(recording.blocks(topic), **options)[0]
+        return run(read_blocks(recording, topic), **options)[0]
 
 
 def test_a_car_that_drives_is_mostly_motion_and_its_stamps_are_counted():
@@ -60,7 +60,7 @@ def test_constant_messages_are_neither_motion_nor_lost():
     (path,) = (entry for entry in folder.iterdir() if entry.is_dir())
     with open_recording(path) as recording:
         (topic,) = (topic.name for topic in recording.topics)
-        summary, even = run(recording.blocks(topic))
+        summary, even = run(read_blocks(recording, topic))
     assert summary.messages == 1565
     assert summary.timeline.motion == ()
     assert np.unique(np.concatenate([one.samples for one in even]), axis=0).shape[0] == 1

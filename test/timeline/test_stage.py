@@ -435,7 +435,7 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
     blocks = stage.push(one)
     state = stage.to_state()
     stage = TimelineStage.from_state(state)
-    stage.break_run()
+    blocks += stage.break_run()
     pause = 120_000_000_000 + 60_000_000_000
     blocks += stage.push(replace(other, header_ns=other.header_ns + pause,
                                  receive_ns=other.receive_ns + pause))
@@ -494,11 +494,13 @@ def test_short_streams_give_all_their_samples(count):
 
 
 @pytest.mark.parametrize('damage', [
-    lambda state: state.pop('facts'),
-    lambda state: state.update(facts=np.array('{}')),
-    lambda state: state.update(facts=np.array('no json')),
-    lambda state: state.update(facts=np.array(
-        str(state['facts']).replace('"messages": 4032', '"messages": "many"'))),
+    lambda state: state.pop('options'),
+    lambda state: state.pop('counts'),
+    lambda state: state.pop('decision'),
+    lambda state: state.update(cursor=np.array('[1]')),
+    lambda state: state.update(decision=np.array('no json')),
+    lambda state: state.update(counts=np.array(
+        str(state['counts']).replace('"messages": 4032', '"messages": "many"'))),
     lambda state: state.update(header_ns=state['header_ns'][:-1]),
     lambda state: state.update(samples=np.zeros(5)),
     lambda state: state.update(motion=np.array('[]')),

@@ -20,9 +20,13 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _QUIET_PERCENT = 12.5
+"""The quietest eighth is taken for rest: with less rest than that, motion enters the baseline."""
 _SIGMAS = 8.0
+"""Far beyond chance: fewer would cut noise out that is not quite normal. A judgment."""
 _LEAST_EXCESS = 0.35
+"""Of the loudness, the cube root of a variance: noise that is 1.6 times as large is no motion."""
 _DITHER = 0.75
+"""Of a squared step: an output of whole steps that flips between two has about a quarter."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,177 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the values of messages say, whatever their stamps: held, frozen, or never alive yet.
+
+A sensor whose noise spans its resolution never gives the same six values twice. Where messages
+repeat them, they were polled faster than the sensor samples (*held*), or the driver goes on
+without the sensor (*frozen*). A coarse output repeats itself by nature and is left alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import json
+from typing import Any
+
+from imu_allan.timeline.record import Record
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+FROZEN_RUN = 24
+"""Repeats in a row that make a sensor frozen: beyond any polling, within the look-ahead."""
+
+_LIVELY_SHARE = 0.8
+"""An axis is lively if so many of its samples differ from the one before: noise of a step."""
+_LIVELY_AXES = 3
+"""Half of the six: single axes may stand still in coarse steps, a frozen sensor stops them all."""
+_HELD_SHARE = 0.2
+"""Share of repeats from which on messages are polled, not now and then delivered twice."""
+_FEWEST = 64
+"""Changes from which it is known how lively the axes are."""
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """
+    Messages of a window to leave out.
+
+    Attributes
+    ----------
+    held, frozen : ndarray of bool, shape (n,), or None
+        Which ones are polled again, or of a sensor that stands still.
+    spikes : ndarray of bool, shape (n,), or None
+        Single wild values.
+    woke : bool
+        The sensor has come to life: whatever came before the window was one frozen value.
+
+    """
+
+    held: Bools | None = None
+    frozen: Bools | None = None
+    spikes: Bools | None = None
+    woke: bool = False
+
+
+@dataclass
+class Content(Record):
+    """
+    What was seen of the values.
+
+    Attributes
+    ----------
+    run : int
+        Repeats up to the newest message.
+    last : list of float
+        Values of the newest message.
+    changes : int, changed : list of int
+        Messages unlike the one before, and how many of them changed each axis.
+    repeats : int
+        Messages like the one before, in runs too short to be frozen.
+    head : int
+        Messages before the first that was unlike them.
+    settled : bool
+        It is known that the axes are lively.
+    held : bool
+        Repeats are polled.
+    frozen : int, frozen_s : float or None
+        Messages of frozen runs, and when the first began.
+
+    """
+
+    run: int = 0
+    last: list[float] = field(default_factory=list)
+    changes: int = 0
+    changed: list[int] = field(default_factory=lambda: [0] * 6)
+    repeats: int = 0
+    head: int = 0
+    settled: bool = False
+    held: bool = False
+    frozen: int = 0
+    frozen_s: float | None = None
+
+    @property
+    def lively(self) -> bool:
+        """Whether chance does not repeat all axes."""
+        if self.changes < _FEWEST:
+            return False
+        moving = [count for count in self.changed if count > _LIVELY_SHARE * self.changes]
+        return len(moving) >= min(_LIVELY_AXES, sum(count > 0 for count in self.changed))
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'Content':
+        """Go on from `to_state`."""
+        return cls.from_plain(json.loads(str(state['content'])))
+
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Everything needed to go on later."""
+        return {'content': np.array(json.dumps(self.to_plain()))}
+
+    def is_fresh(self, samples: Floats) -> bool:
+        """Tell at a glance whether there cannot be more repeats than by chance."""
+        if self.held or self.run or not self.settled:
+            return False
+        # One axis says it for nearly all sensors: looking at all takes many times as long.
+        axis = self.changed.index(max(self.changed))
+        values = samples[:, axis]
+        same = values[1:] == values[:-1]
+        return bool(values[0] != self.last[axis]
+                    and np.count_nonzero(same) < FROZEN_RUN and not same[-1])
+
+    def look(self, samples: Floats, consumed: int) -> Repeats:
+        """
+        Find held and frozen messages.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n, 6)
+            As they came; NaN where an axis is absent.
+        consumed : int
+            The first so many are decided on now.
+
+        """
+        known = np.nan_to_num(samples)
+        first = not self.last
+        before = known[0] + 1 if first else np.array(self.last)
+        differs = np.concatenate([[known[0] != before], known[1:] != known[:-1]])
+        same: Bools = ~np.any(differs, axis=1)
+        fresh = ~same[:consumed]
+        fresh[0] &= not first
+        if not self.changes:
+            self.head += int(np.argmax(fresh)) if fresh.any() else consumed
+        run = _runs(same, self.run)
+        long = same & (_run_lengths(same, run) >= FROZEN_RUN)
+        self.changes += int(np.count_nonzero(fresh))
+        self.changed = [a + int(b) for a, b in
+                        zip(self.changed, differs[:consumed][fresh].sum(axis=0), strict=True)]
+        self.repeats += int(np.count_nonzero(same[:consumed] & ~long[:consumed]))
+        self.last, self.run = known[consumed - 1].tolist(), int(run[consumed - 1])
+        if not self.lively:
+            return Repeats()
+        woke = not (self.settled or first) and self.head >= FROZEN_RUN
+        self.settled = True
+        self.held |= self.repeats > _HELD_SHARE * (self.repeats + self.changes)
+        self.frozen += int(np.count_nonzero(long[:consumed]))
+        held = same & ~long if self.held else None
+        return Repeats(held, long if long.any() else None, woke=woke)
+
+
+def _runs(same: Bools, before: int) -> Ints:
+    """Repeats up to each message; `before` are those up to the message before."""
+    place = np.arange(len(same))
+    begins = np.where(same, -1, place)
+    newest = np.maximum.accumulate(begins)
+    run: Ints = np.where(newest >= 0, place - newest, place + 1 + before)
+    return run
+
+
+def _run_lengths(same: Bools, run: Ints) -> Ints:
+    """Repeats in the whole run that each message belongs to, as far as it is seen."""
+    ends = np.append(~same[1:], True)
+    place = np.arange(len(same))
+    end = np.where(ends, place, len(same))
+    nearest = np.minimum.accumulate(end[::-1])[::-1]
+    return np.asarray(run[nearest])

@@ -1,0 +1,106 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a timeline has concluded: which clock, which axes, which pace."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.timeline.clock import SECOND
+from imu_allan.timeline.pace import Pace
+from imu_allan.timeline.record import Record
+
+Clock = Literal['header', 'receive']
+
+_SHORTEST_NS = 1e3
+_LONGEST_NS = 100.0 * SECOND
+"""Intervals beyond these bounds are no IMU's."""
+
+
+@dataclass
+class Decision(Record):
+    """
+    Conclusions from the messages so far.
+
+    Attributes
+    ----------
+    frame_id : str or None
+        Of the first message: others are another sensor's.
+    clock : {'header', 'receive'} or None
+        Whose stamps are used; None before the first messages were seen.
+    counted_only : bool
+        No stamps are usable: samples are counted at the stated rate.
+    present : list of bool or None
+        Whether each axis is there.
+    interval_ns : float or None
+        Distance of two samples, which follows the clock's slow drift.
+    first_interval_ns : float or None
+        The same as first measured: it sets how many samples are judged together.
+    spread : float
+        Standard deviation of the stamps about the grid, in intervals.
+    counting : bool
+        Messages are counted, see `imu_allan.timeline.pace.Pace`.
+    hidden : float
+        Share of the samples that may be lost unseen.
+    ticks : bool
+        Header stamps come in ticks, and messages that share one are different.
+    overlaps : bool
+        Batches of header stamps reach back into those before.
+    spiky : bool
+        Single wild values come all the time, and are left out.
+    restart : bool
+        The next samples given make those before void.
+    remarks : dict
+        Why it was decided so, where the user should know: message by code.
+
+    """
+
+    frame_id: str | None = None
+    clock: Clock | None = None
+    counted_only: bool = False
+    present: list[bool] | None = None
+    interval_ns: float | None = None
+    first_interval_ns: float | None = None
+    spread: float = 0.0
+    counting: bool = False
+    hidden: float = 0.0
+    ticks: bool = False
+    overlaps: bool = False
+    spiky: bool = False
+    restart: bool = False
+    remarks: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def pace(self) -> Pace:
+        """How stamps advance; one nanosecond stands for an interval not yet known."""
+        return Pace(self.interval_ns or 1.0, self.spread, self.counting, self.hidden)
+
+    @property
+    def unties(self) -> bool:
+        """Whether messages with equal stamps are told apart by their values."""
+        return not self.counted_only and (self.clock == 'receive' or self.ticks
+                                          or self.overlaps)
+
+    def take_pace(self, pace: Pace) -> None:
+        """
+        Go on with a measured pace.
+
+        Raises
+        ------
+        ImuAllanError
+            If no IMU has such a pace.
+
+        """
+        if not _SHORTEST_NS < pace.interval_ns < _LONGEST_NS:
+            clock, self.clock = self.clock, None
+            raise ImuAllanError(
+                f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '
+                'message, as those of no IMU do: choose the other clock')
+        self.set_pace(pace)
+
+    def set_pace(self, pace: Pace) -> None:
+        """Go on with a pace, whatever it is."""
+        self.interval_ns, self.spread = pace.interval_ns, pace.spread
+        self.counting, self.hidden = pace.counting, pace.hidden
+        if self.first_interval_ns is None:
+            self.first_interval_ns = pace.interval_ns

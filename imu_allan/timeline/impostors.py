@@ -1,0 +1,93 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Samples that are not the sensor's: those of a second publisher, and single wild values."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_BLOCK = 64
+_FEWEST_BLOCKS = 8
+_ALTERNATING = 3.0
+"""Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
+_ALTERNATING_AXES = 3
+"""Two sensors differ in most axes; mains hum at half the sample rate shows in one or two."""
+_LARGEST = 1e9
+_SPIKE_SIGMAS = 10.0
+"""Of the noise of a sample: far beyond chance, and what the remark says. A judgment."""
+_LEAST_SPIKES = 1e-3
+"""Fewer are single knocks, which motion takes out: left to it. A judgment."""
+_MOST_SPIKES = 0.05
+"""More are the sensor's own: no errors on a bus are so many. A judgment."""
+_ISOLATED = 3
+_SECTIONS = 16
+
+
+def alternates(samples: Floats) -> bool:
+    """
+    Tell whether every second sample is another sensor's.
+
+    Two sensors have different means, or one is noisier: either alternates from message to
+    message, which is a line at exactly half the message rate.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 6)
+        As they came; NaN where an axis is absent.
+
+    """
+    blocks = len(samples) // _BLOCK
+    if blocks < _FEWEST_BLOCKS:
+        return False
+    there = np.isfinite(samples).all(axis=0)
+    known = np.clip(samples[:blocks * _BLOCK, there], -_LARGEST, _LARGEST)
+    known = known.reshape(blocks, _BLOCK, -1)
+    centred = known - known.mean(axis=1, keepdims=True)
+    axes = 0
+    for values in (centred, np.abs(centred)):
+        power = np.mean(np.abs(np.fft.rfft(values, axis=1)) ** 2, axis=0)
+        power[-1] /= 2
+        # An axis without noise has rounding errors to compare.
+        noisy = power[1:].max(axis=0) > 1e-20 * np.maximum(np.abs(known).max(axis=(0, 1)), 1) ** 2
+        level = np.median(power[_BLOCK // 4:-2], axis=0)
+        axes = max(axes, int(np.count_nonzero(noisy & (2 * power[-1] > _ALTERNATING * level))))
+    return axes >= min(_ALTERNATING_AXES, int(np.count_nonzero(there)))
+
+
+def spikes(samples: Floats, before: Floats | None) -> Bools:
+    """
+    Find single samples far from both neighbours.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 6), n >= 8
+        As they came.
+    before : ndarray, shape (6,), or None
+        The sample before them.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        None within three samples of another: that is a knock.
+
+    """
+    known = np.clip(np.nan_to_num(samples), -_LARGEST, _LARGEST)
+    known = np.concatenate([known[:1] if before is None else before[None], known, known[-1:]])
+    low, middle, high = known[:-2], known[1:-1], known[2:]
+    median = np.maximum(np.minimum(low, middle), np.minimum(np.maximum(low, middle), high))
+    steps = np.abs(np.diff(known, axis=0))
+    sigma = 1.4826 / np.sqrt(2) * np.median(steps, axis=0)
+    wild = np.any((np.abs(middle - median) > _SPIKE_SIGMAS * sigma) & (sigma > 0), axis=1)
+    near = np.convolve(wild, np.ones(2 * _ISOLATED + 1), 'same')
+    found: Bools = wild & (near < 1.5)
+    return found
+
+
+def is_spiky(found: Bools) -> bool:
+    """Tell whether spikes are a habit of the driver: many, and all over the place."""
+    n = len(found)
+    sections = np.flatnonzero(found) * _SECTIONS // max(n, 1)
+    return bool(_LEAST_SPIKES * n < np.count_nonzero(found) < _MOST_SPIKES * n
+                and len(np.unique(sections)) > _SECTIONS // 4)

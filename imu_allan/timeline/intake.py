@@ -1,0 +1,408 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The first part of a timeline, in one class because all of it rests on one decision.
+
+Which clock counts, and which messages can be used? The clock, the axes that are there and the pace
+are decided on the first messages. Of the others those with unusable values, and those that came
+twice, are left out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+import json
+from typing import Any
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.timeline.clock import (
+    bounded,
+    in_order,
+    judge_clock,
+    order_stamps,
+    overlaps,
+    place_in_burst,
+    SECOND,
+    Stamps,
+)
+from imu_allan.timeline.content import Content, Repeats
+from imu_allan.timeline.counts import Counts
+from imu_allan.timeline.decision import Decision
+from imu_allan.timeline.impostors import alternates, is_spiky, spikes
+from imu_allan.timeline.messages import Messages
+from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.pace import longest_at_one_rate, measure_pace, Pace
+from imu_allan.timeline.pending import Window
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+_LARGEST = 1e9
+"""In SI units: no IMU measures more, so it is not a number but bytes gone wrong."""
+_RATE_TOLERANCE = 0.02
+"""A stated rate may be rounded, and a clock off; more is another rate."""
+_FEWEST_FOR_SPIKES = 8
+_FEWEST_TIES, _TIED_SHARE = 2, 1e-3
+"""Different messages with one stamp: more than a slip of the driver now and then."""
+_EVEN_SPREAD = 0.2
+"""Spread up to which a clock shows single losses with some distance to its limit."""
+_SAME_RATE = 0.12
+"""Clocks that disagree by more do not tell of the same samples."""
+_FEWEST_FOR_RATE = 64
+"""Stamps from which a rate is known well enough to contradict the stated one."""
+
+
+class Intake:
+    """
+    Decides what the messages are, and gives the usable ones.
+
+    Parameters
+    ----------
+    options : TimelineOptions
+        What the user decided.
+    counts : Counts
+        Where messages and faults are counted.
+
+    """
+
+    def __init__(self, options: TimelineOptions, counts: Counts) -> None:
+        self._options = options
+        self._counts = counts
+        self.decision = Decision()
+        self.content = Content()
+
+    def copy(self, counts: Counts) -> 'Intake':
+        """Give an independent copy, which counts in `counts`."""
+        twin = Intake(self._options, counts)
+        twin.decision, twin.content = self.decision.copy(), self.content.copy()
+        return twin
+
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Everything needed to go on later, as a flat dict of arrays."""
+        return {'decision': np.array(json.dumps(self.decision.to_plain())),
+                **self.content.to_state()}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]], options: TimelineOptions,
+                   counts: Counts) -> 'Intake':
+        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
+        intake = cls(options, counts)
+        intake.decision = Decision.from_plain(json.loads(str(state['decision'])))
+        intake.content = Content.from_state(state)
+        return intake
+
+    def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
+        """Stamps of the chosen clock, and of the other one."""
+        decision = self.decision
+        if decision.counted_only:
+            interval = SECOND / (self._options.rate_hz or 1.0)
+            first = self._counts.messages
+            place = np.arange(first, first + len(window.header))
+            return np.rint(place * interval).astype(np.int64), window.receive
+        if decision.clock == 'header':
+            return window.header, window.receive
+        return window.receive, window.header
+
+    def is_clean(self, window: Window) -> bool:
+        """Tell whether every value of every axis is there and usable, as is usual."""
+        return bool(all(self.decision.present or [False]) and not self.decision.spiky
+                    and not window.absent.any()
+                    and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST
+                    and self.content.is_fresh(window.samples[:window.consumed]))
+
+    def count_even(self, window: Window) -> None:
+        """Count messages with nothing wrong, whose own clock needs no look any more."""
+        counts, c = self._counts, window.consumed
+        if self.decision.clock == 'header':
+            counts.add_receive_faults(window.receive[:c])
+        else:
+            counts.add_header_faults(window.header[:c])
+        self.content.last = window.samples[c - 1].tolist()
+        self._count(window)
+
+    def look(self, window: Window) -> tuple[Window, Repeats, str]:
+        """
+        Decide on the first messages, count faults of stamps, and doubt the clock in use.
+
+        Returns
+        -------
+        Window
+            The same with stamps whose differences are sure not to overflow.
+        Repeats
+            What its values say.
+        str
+            The flaw for which header stamps were given up just now, empty otherwise.
+
+        Raises
+        ------
+        ImuAllanError
+            If no clock is usable, no axis is provided, or the stated rate is not the measured
+            one.
+
+        """
+        window = Window(bounded(window.header), bounded(window.receive), window.samples,
+                        window.absent, window.consumed)
+        decision, c = self.decision, window.consumed
+        before = np.array(self.content.last) if self.content.last else None
+        if self.content.is_fresh(window.samples[:c]):
+            repeats = Repeats()
+            self.content.last = np.nan_to_num(window.samples[c - 1]).tolist()
+        else:
+            repeats = self.content.look(window.samples, c)
+        if decision.clock is None:
+            self._decide(window, repeats)
+            self._seek_impostors(window, repeats)
+        if decision.spiky and len(window.samples) >= _FEWEST_FOR_SPIKES:
+            repeats = replace(repeats, spikes=spikes(window.samples, before))
+        flaw = ''
+        faulty = self._counts.add_header_faults(window.header[:c])
+        if faulty and decision.clock == 'header' and self._options.clock == 'auto':
+            flaw = self._doubt_header(window)
+        self._counts.add_receive_faults(window.receive[:c])
+        return window, repeats, flaw
+
+    def usable(self, window: Window, repeats: Repeats, newest: Floats | None) -> Messages:
+        """
+        Leave out messages with unusable values, and those that came twice.
+
+        Parameters
+        ----------
+        window : Window
+            As `look` gives it.
+        repeats : Repeats
+            As `look` gives them.
+        newest : ndarray, shape (6,), or None
+            The last sample placed before.
+
+        """
+        counts, c = self._counts, window.consumed
+        stamps, other = self.stamps(window)
+        unusable = self._unusable(window)
+        twice = self._twice(window, stamps, newest) if self.decision.unties else None
+        held, frozen = repeats.held, repeats.frozen
+        if frozen is not None:
+            self._note_frozen(window, stamps, frozen)
+            unusable = frozen if unusable is None else unusable | frozen
+        if repeats.spikes is not None:
+            counts.spikes += int(np.count_nonzero(repeats.spikes[:c]))
+            unusable = repeats.spikes if unusable is None else unusable | repeats.spikes
+        if held is not None:
+            twice = held if twice is None else twice | held
+        self._count(window)
+        samples = window.samples
+        if unusable is not None or twice is not None:
+            unusable = np.zeros(len(stamps), dtype=bool) if unusable is None else unusable
+            twice = np.zeros(len(stamps), dtype=bool) if twice is None else twice & ~unusable
+            counts.rejected += int(np.count_nonzero(unusable[:c]))
+            counts.duplicates += int(np.count_nonzero(twice[:c]))
+            rows = np.flatnonzero(~(unusable | twice))
+            c = int(np.searchsorted(rows, c))
+            stamps, other, samples = stamps[rows], other[rows], samples[rows]
+        if not all(self.decision.present or ()):
+            samples = samples.copy()
+            samples[:, ~np.array(self.decision.present)] = np.nan
+        return Messages(stamps, other, samples, c)
+
+    def _note_frozen(self, window: Window, stamps: Stamps, frozen: Bools) -> None:
+        content, begins = self.content, frozen[:window.consumed]
+        if content.frozen_s is None and begins.any():
+            first = (self._counts.first_header_ns if self.decision.clock == 'header'
+                     else self._counts.first_receive_ns)
+            content.frozen_s = max(float(stamps[int(np.argmax(begins))] - first), 0.0) / SECOND
+
+    def _count(self, window: Window) -> None:
+        counts, c = self._counts, window.consumed
+        counts.messages += c
+        counts.last_header = int(window.header[c - 1])
+        counts.last_receive = int(window.receive[c - 1])
+
+    def _decide(self, window: Window, repeats: Repeats) -> None:
+        """Choose clock, axes and pace from the first messages."""
+        decision, options = self.decision, self._options
+        samples = window.samples
+        finite = np.mean(np.isfinite(samples), axis=0)
+        declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)
+        present = declared & (finite > 0.5)
+        if not present.any():
+            raise ImuAllanError(
+                'the messages carry neither angular velocity nor linear acceleration '
+                '(covariance[0] is -1 or every value is NaN): choose another topic')
+        decision.present = [bool(axis) for axis in present]
+        if np.any(declared & ~present):
+            missing = ', '.join(name for name, gone
+                                in zip(_AXES, declared & ~present, strict=True) if gone)
+            decision.remarks['axis_not_finite'] = f'{missing}: NaN or infinite, left out'
+        self._choose_clock(window)
+        self._counts.first_header_ns = int(window.header[0])
+        self._counts.first_receive_ns = int(window.receive[0])
+        stated = None if options.rate_hz is None else Pace(SECOND / options.rate_hz)
+        if decision.counted_only:
+            if stated is not None:
+                decision.set_pace(stated)
+            return
+        pace, rising = self._measure(window, repeats)
+        if pace is None:
+            if stated is not None:
+                decision.set_pace(stated)
+            return
+        decision.take_pace(pace)
+        if (options.rate_hz is not None and rising >= _FEWEST_FOR_RATE
+                and not options.force_rate):
+            measured = SECOND / pace.interval_ns
+            if abs(measured / options.rate_hz - 1) > _RATE_TOLERANCE + 1 / rising:
+                clock, decision.clock = decision.clock, None
+                raise ImuAllanError(
+                    f'the stated rate is {options.rate_hz:g} Hz, but the {clock} stamps '
+                    f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock, '
+                    'or force the stated rate')
+
+    def _seek_impostors(self, window: Window, repeats: Repeats) -> None:
+        """Look for a second publisher, and for wild values that come all the time."""
+        decision = self.decision
+        left = [rows for rows in (repeats.held, repeats.frozen) if rows is not None]
+        samples = window.samples[~np.any(left, axis=0)] if left else window.samples
+        if alternates(samples):
+            decision.remarks['several_publishers'] = (
+                'the values of neighbouring messages differ in turn, as those of two sensors that '
+                'publish with one frame_id do: if so, the rate is twice that of each, and the '
+                'noise density 29 % too low if they are alike and off by any factor if not; ros2 '
+                'topic info --verbose names the publishers')
+        decision.spiky = len(samples) >= _FEWEST_FOR_SPIKES and is_spiky(spikes(samples, None))
+
+    def _choose_clock(self, window: Window) -> None:
+        decision, options = self.decision, self._options
+        repeats = _repeats(window.samples)
+        quality = {'header': judge_clock(window.header, repeats, bursts=False),
+                   'receive': judge_clock(window.receive, repeats, bursts=True)}
+        choice = 'header' if options.clock == 'auto' else options.clock
+        if not quality[choice].usable and options.clock == 'auto':
+            if quality['receive'].usable:
+                decision.remarks['receive_clock'] = (
+                    f'header stamps are {quality["header"].flaw}: receive stamps are used')
+                choice = 'receive'
+            elif judge_clock(window.header, repeats, bursts=True).usable:
+                # Ticks with several messages each are poor, and better than nothing.
+                quality['header'] = judge_clock(window.header, repeats, bursts=True)
+        if not quality[choice].usable:
+            if options.rate_hz is None:
+                what = (f'{choice} stamps are {quality[choice].flaw}' if options.clock != 'auto'
+                        else f'header stamps are {quality["header"].flaw} and receive stamps '
+                             f'{quality["receive"].flaw}')
+                raise ImuAllanError(f'{what}: choose another clock or state the sample rate')
+            decision.counted_only = True
+            decision.remarks['counted_samples'] = (
+                f'no usable stamps: samples are counted at the stated {options.rate_hz:g} Hz, '
+                'and missing ones cannot be seen')
+        decision.clock = choice
+        if choice == 'header' and not decision.counted_only:
+            decision.ticks = self._different_messages_share(window)
+            decision.overlaps = overlaps(window.header)
+
+    def _different_messages_share(self, window: Window) -> bool:
+        """Tell whether messages with different values have the same header stamp."""
+        tied = (window.header[1:] == window.header[:-1]) & ~_repeats(window.samples)
+        return int(np.count_nonzero(tied)) > max(_FEWEST_TIES, _TIED_SHARE * len(tied))
+
+    def _measure(self, window: Window, repeats: Repeats) -> tuple[Pace | None, int]:
+        """
+        Measure the pace, by the other clock where that one is even and the chosen one is not.
+
+        Returns
+        -------
+        Pace or None
+        int
+            Stamps it rests on.
+
+        """
+        decision = self.decision
+        # Of a polled sensor only the messages with new values show its pace.
+        rows = np.arange(len(window.header))
+        for left_out in (repeats.held, repeats.frozen):
+            if left_out is not None:
+                rows = rows[~left_out[rows]]
+        own, other = (stamps[rows] for stamps in self.stamps(window))
+        if decision.overlaps:
+            own = in_order(own, None, float(np.median(np.diff(own))))
+        pace, count = _pace_of(own, other, bursts=decision.unties)
+        if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
+                or not pace.counting or len(own) < _FEWEST_FOR_RATE):
+            return pace, count
+        usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
+        second, seen = _pace_of(other, own, bursts=True) if usable else (None, 0)
+        if (second is None or second.counting or second.spread > _EVEN_SPREAD
+                or abs(second.interval_ns / pace.interval_ns - 1) > _SAME_RATE):
+            return pace, count
+        decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
+        decision.remarks['receive_clock'] = (
+            'header stamps come in ticks or batches: receive stamps, which come evenly, are used')
+        return second, seen
+
+    def _doubt_header(self, window: Window) -> str:
+        """Go on by receive stamps where header stamps have become unusable; tell their flaw."""
+        repeats = _repeats(window.samples)
+        header = judge_clock(window.header, repeats, bursts=False)
+        if header.usable or not judge_clock(window.receive, repeats, bursts=True).usable:
+            return ''
+        self.decision.clock = 'receive'
+        return header.flaw
+
+    def _twice(self, window: Window, stamps: Stamps, newest: Floats | None) -> Bools | None:
+        """Messages that came twice, by a clock on which different messages share stamps."""
+        counts = self._counts
+        if self.decision.counted_only:
+            return None
+        tied = np.empty(len(stamps), dtype=bool)
+        tied[0] = stamps[0] == (counts.last_receive if self.decision.clock == 'receive'
+                                else counts.last_header)
+        np.equal(stamps[1:], stamps[:-1], out=tied[1:])
+        if not tied.any():
+            return None
+        same = np.zeros(len(stamps), dtype=bool)
+        same[1:] = tied[1:] & (window.header[1:] == window.header[:-1]) & _repeats(window.samples)
+        if tied[0] and newest is not None:
+            same[0] = (int(window.header[0]) == counts.last_header
+                       and bool(np.array_equal(window.samples[0], newest)))
+        return same if same.any() else None
+
+    def _unusable(self, window: Window) -> Bools | None:
+        """Messages with NaN, infinite or absurd values, or with fields declared absent."""
+        samples = window.samples
+        present = np.array(self.decision.present)
+        bad: Bools | None = None
+        if window.absent.any():
+            declared = window.absent & np.array([present[:3].any(), present[3:].any()])
+            if declared.any():
+                bad = np.any(declared, axis=1)
+                self._counts.absent += int(np.count_nonzero(bad[:window.consumed]))
+        if not (present.all() and samples.max() < _LARGEST and samples.min() > -_LARGEST):
+            with np.errstate(invalid='ignore'):
+                wild: Bools = ~np.all(np.abs(samples[:, present]) < _LARGEST, axis=1)
+            if wild.any():
+                bad = wild if bad is None else bad | wild
+        return bad
+
+
+def _pace_of(stamps: Stamps, other: Stamps, bursts: bool) -> tuple[Pace | None, int]:
+    """Measure the pace on the longest run of the clock at one rate; give the stamps used too."""
+    since = place_in_burst(stamps, None, 0) if bursts else None
+    if since is not None:
+        stamps = stamps + since
+    order = order_stamps(stamps, None)
+    if order is not None:
+        stamps, other = stamps[order.keep], other[order.keep]
+        if order.jumps.any():
+            starts = np.append(np.flatnonzero(order.jumps[order.keep]), len(stamps))
+            starts = np.insert(starts, 0, 0)
+            longest = int(np.argmax(np.diff(starts)))
+            run = slice(starts[longest], starts[longest + 1])
+            stamps, other = stamps[run], other[run]
+    part = longest_at_one_rate(stamps)
+    return measure_pace(stamps[part], other[part]), len(stamps[part])
+
+
+def _repeats(samples: Floats) -> Bools:
+    """Whether each sample but the first equals the one before."""
+    same: Bools = np.all(samples[1:] == samples[:-1], axis=1)
+    return same

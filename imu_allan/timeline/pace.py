@@ -1,0 +1,364 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The pace of a sensor, in one module because two ways of reading its stamps compete.
+
+It is how far apart samples are, and how surely stamps show a lost one.
+
+Stamps are read in one of two ways. On a *grid* every stamp lies near a multiple of the interval,
+and a distance of two intervals is a lost sample. On a *line* every message is one sample however
+uneven its stamp: they come in ticks, in batches, or back-dated by an interval that is not the true
+one, and only a lasting jump is a loss. Both can explain the same stamps: one in ten messages
+dropped looks like a tick of nine tenths of the interval. The other clock decides, for in a true
+loss time passes on it too; where there is none, losses that come too regularly are none.
+"""
+
+from dataclasses import dataclass, replace
+from math import exp, log, pi, sqrt
+
+from imu_allan.timeline.clock import Stamps
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+PHASE_GROUP = 64
+"""Messages whose phases are averaged: long against a burst, short against drift."""
+COUNTING_SPREAD = 0.27
+"""Spread of the phase beyond which a lost sample, a phase of one, cannot be told from jitter."""
+FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
+"""The mean resultant length that goes with it."""
+
+_MOSTLY_IN_BURSTS = 0.55
+"""Share of short steps: pairs have a half, longer bursts more."""
+_FEWEST_RECEIVED = 0.5
+"""Of all samples at least: with fewer, messages apart say nothing about the interval."""
+_SHORTEST_STEP_NS = 1e5
+"""No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO."""
+_SHORTEST_ON = 0.1
+"""Share of the time that even stretches take up at least; bursts take up a few percent."""
+_LONGEST_BATCH_NS = 5e8
+"""A FIFO is read more often: it overflows after some tenths of a second."""
+_SHORT_PERCENT, _MOST_PERCENT = 20, 95
+_FEW_LOSSES = 8
+"""So few move the rate by no more than its error."""
+_STRAIGHT = 0.75
+"""Intervals from a line within which a tick or a dropping counter keeps every message."""
+_SAME_PACE = 0.2
+"""Share of the losses by which two paces may differ and still be the same."""
+_GROUP = 16
+_GROUPS = 8
+"""A jump lasts if 8 medians of 16 messages lie above the 8 before: a stall is over by then."""
+_LASTING = 0.5
+"""In intervals: half of one is the least that rounds to a lost sample."""
+_MOST_JUMPS = 64
+_LEAP = 16
+_PART = 128
+"""Messages of which a rate is measured: long beside a batch, short beside a recording."""
+_RATE_PARTS = 0.12
+"""Of the logarithm: neither a lost message nor a tick moves a part by that."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """
+    How the stamps of a sensor advance.
+
+    Attributes
+    ----------
+    interval_ns : float
+        Mean distance of two samples.
+    spread : float
+        Standard deviation of the stamps about the grid, in intervals.
+    counting : bool
+        The stamps are too uneven to see a single missing sample: messages are counted, and only
+        a lasting jump of the phase is taken for missing samples.
+    hidden : float
+        Share of the samples that may be lost without the stamps showing it.
+
+    """
+
+    interval_ns: float
+    spread: float = 0.0
+    counting: bool = False
+    hidden: float = 0.0
+
+
+def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
+    """
+    Measure the sample interval of rising stamps.
+
+    The interval of a grid is the one whose phases fit best, among the medians of the distance of
+    every 1, 2, 4, .. 64 messages: one message apart is best where samples get lost, many apart
+    where they come in pairs or bursts.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        Rising stamps in nanoseconds.
+    other : ndarray of int64, shape (n,), optional
+        Stamps of the same messages by another clock.
+
+    Returns
+    -------
+    Pace or None
+        None for fewer than two stamps.
+
+    """
+    n = len(stamps)
+    if n < 2:
+        return None
+    time = (stamps - stamps[0]).astype(np.float64)
+    steps = np.diff(time)
+    if n < 8:
+        return Pace(float(np.median(steps)))
+    overall = _even_with_outages(steps)
+    if overall is None:
+        overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
+        # Bursts fit the grid of every interval that divides their distance.
+        short = steps < 0.5 * overall
+        if np.mean(short) > _MOSTLY_IN_BURSTS:
+            return _in_batches(time, ~short) or _on_a_line(time)[0]
+    best: Pace | None = None
+    # Where one of three is dropped in turn, no median is the interval: the short steps are.
+    candidates = [median_interval(time, apart) for apart in (1, 2, 4, 8, 16, 32, 64)
+                  if apart * 2 < n]
+    for interval in [*candidates, float(np.percentile(steps, _SHORT_PERCENT))]:
+        if not _FEWEST_RECEIVED * overall < interval < 1.1 * overall:
+            continue
+        pace = _refine(time, interval)
+        if best is None or pace.spread < 0.9 * best.spread - 0.005:
+            best = pace
+    if best is None or best.spread > COUNTING_SPREAD:
+        return _on_a_line(time)[0]
+    return _grid_or_line(time, best, other)
+
+
+def _in_batches(time: Floats, begins: Bools) -> Pace | None:
+    """Take every message of a batch for a sample; an outage makes one batch late for good."""
+    first = np.flatnonzero(np.append(True, begins))
+    if len(first) < _FEW_LOSSES:
+        return None
+    size, lasts = np.diff(first), np.diff(time[first])
+    usual = float(np.median(lasts / size))
+    on = np.abs(lasts - usual * size) < 0.5 * usual * size
+    if usual <= 0 or np.mean(on) < 0.5:
+        return None
+    interval = float(lasts[on].sum() / size[on].sum())
+    residual = (time - np.repeat(time[first], np.diff(np.append(first, len(time))))) / interval
+    return Pace(interval, float(residual.std()), counting=True)
+
+
+def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
+    """Decide whether the samples that the grid calls missing are."""
+    steps = np.rint(np.diff(time) / grid.interval_ns)
+    short = steps < PHASE_GROUP
+    lost = float(np.sum(steps[short & (steps > 1)] - 1))
+    n = len(time)
+    if np.count_nonzero(steps > 1) < _FEW_LOSSES:
+        return grid
+    line, worst = _on_a_line(time)
+    apart = abs(line.interval_ns / grid.interval_ns - 1)
+    if apart < max(_SAME_PACE * lost / n, 1e-4):
+        return grid
+    truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
+    if truly is not None:
+        return grid if truly > 0.5 else line
+    if worst > _STRAIGHT:
+        return grid
+    return replace(line, hidden=max(line.hidden, apart))
+
+
+def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> float | None:
+    """How many intervals pass by the other clock where the grid misses one; None if unknown."""
+    passed = np.diff(other).astype(np.float64)
+    if np.max(np.abs(passed - own)) < 0.02 * interval:
+        # One clock written down twice is no witness.
+        return None
+    one, two = (np.sort(passed[steps == count]) for count in (1, 2))
+    if len(two) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
+        return None
+    one, two = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, two))
+    if float(one.std()) > _STRAIGHT * interval:
+        # Nor is one that is read in batches: what a batch hands over tells little of the moment.
+        return None
+    error = sqrt(float(one.var()) / len(one) + float(two.var()) / len(two)) / interval
+    return None if error > 0.2 else float(two.mean() - one.mean()) / interval
+
+
+def _even_with_outages(steps: Floats) -> float | None:
+    """Median step, where messages are evenly apart but for pauses of any length."""
+    usual = float(np.median(steps))
+    if usual < _SHORTEST_STEP_NS:
+        return None
+    near = np.abs(steps - usual) < 0.1 * usual
+    on = float(steps[near].sum()) / float(steps.sum())
+    pauses = steps[~near]
+    if np.mean(near) > 0.75 and len(pauses) and (
+            on > _SHORTEST_ON or len(steps) > PHASE_GROUP * len(pauses)
+            or float(np.median(pauses)) > _LONGEST_BATCH_NS):
+        return usual
+    return None
+
+
+def _refine(time: Floats, interval: float) -> Pace:
+    """Adjust the interval until the phase stands still, and measure the spread about it."""
+    spread = 1.0
+    for _ in range(4):
+        phase = time / interval - np.arange(len(time))
+        turn, length = group_phases(phase)
+        if len(turn) > 1:
+            drift = np.median(np.diff(turn)) / PHASE_GROUP
+            interval *= 1 + float(drift)
+        mean_length = float(np.mean(length))
+        spread = sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
+    return Pace(interval, spread)
+
+
+def _on_a_line(time: Floats) -> tuple[Pace, float]:
+    """Take every message for a sample; give how far they lie from the line, in intervals."""
+    n = len(time)
+    place = np.arange(n, dtype=np.float64)
+    interval = (median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
+                or float(time[-1]) / (n - 1))
+    counted = place
+    for _ in range(3):
+        counted = place + lasting_jumps(time / interval - place)
+        middle = counted - counted.mean()
+        interval = float(middle @ (time - time.mean()) / (middle @ middle))
+    residual = time / interval - counted
+    residual -= float(np.median(residual))
+    # A single loss is seen some messages early or late: up to there they lie off.
+    worst = float(np.percentile(np.abs(residual), _MOST_PERCENT))
+    # Small jumps may be what random losses add up to.
+    leaps = np.diff(counted - place, prepend=0.0)
+    hidden = _hidden(residual + np.cumsum(np.where(leaps < _LEAP, leaps, 0.0)))
+    return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
+
+
+def _hidden(residual: Floats) -> float:
+    """
+    Share of the samples that may be lost unseen.
+
+    Random losses let the phase wander as a random walk whose variance grows by that share with
+    every message; jitter, ticks and batches do not.
+    """
+    far, near = PHASE_GROUP * 8, PHASE_GROUP * 4
+    if len(residual) < 3 * far:
+        return 0.0
+    variances = [float(np.var(residual[lag:] - residual[:-lag])) for lag in (near, far)]
+    return min(max((variances[1] - variances[0]) / (far - near), 0.0), 0.5)
+
+
+def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
+    """
+    Count samples missing before each message, where only jumps that last are seen.
+
+    Parameters
+    ----------
+    phase : ndarray, shape (n,)
+        Stamps in intervals less the number of the message.
+    before : float, optional
+        Level of the phase before, where it is known.
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        Not falling.
+
+    """
+    missing = np.zeros(len(phase), dtype=np.int64)
+    groups = len(phase) // _GROUP
+    if groups < 4:
+        return missing
+    level = np.median(phase[:groups * _GROUP].reshape(groups, _GROUP), axis=1)
+    lead = 0 if before is None else _GROUPS
+    if before is not None:
+        level = np.concatenate([np.full(_GROUPS, before), level])
+    for _ in range(_MOST_JUMPS):
+        rise = _lasting_rise(level)
+        at = int(np.argmax(rise))
+        if rise[at] < _LASTING:
+            break
+        left, right = level[max(at - _GROUPS, 0):at], level[at:at + _GROUPS]
+        size = int(np.rint(np.median(right) - np.median(left)))
+        first = max((at - lead - 1) * _GROUP, 1)
+        steps = np.diff(phase[first - 1:max((at - lead + 1) * _GROUP, first + 1)])
+        row = first + int(np.argmax(steps))
+        missing[row:] += max(size, 1)
+        level[at:] -= max(size, 1)
+    return missing
+
+
+def _lasting_rise(level: Floats) -> Floats:
+    """By how much the next levels all lie above those before, by place."""
+    rise = np.full(len(level), -np.inf)
+    padded_low = np.concatenate([level, np.full(_GROUPS, np.inf)])
+    padded_high = np.concatenate([np.full(_GROUPS, -np.inf), level])
+    windows = np.lib.stride_tricks.sliding_window_view
+    lowest = windows(padded_low, _GROUPS).min(axis=1)[:len(level)]
+    highest = windows(padded_high, _GROUPS).max(axis=1)[:len(level)]
+    inner = slice(2, len(level) - 2)
+    rise[inner] = lowest[inner] - highest[inner]
+    return rise
+
+
+def longest_at_one_rate(stamps: Stamps) -> slice:
+    """
+    Find the longest part of rising stamps in which the rate stays the same.
+
+    Parts of 128 messages are compared by the median distance of messages 16 apart, which neither
+    a lost message nor a tick moves by 12 %.
+    """
+    parts = len(stamps) // _PART
+    whole = slice(0, len(stamps))
+    if parts < 4:
+        return whole
+    time = (stamps - stamps[0]).astype(np.float64)
+    pace = np.array([np.median(part[16:] - part[:-16]) / 16 for part
+                     in time[:parts * _PART].reshape(parts, _PART)])
+    pace = np.maximum(pace, 1.0)
+    # The median of three: a part with an outage in it is no change of rate.
+    smooth = np.median([np.append(pace[:1], pace[:-1]), pace, np.append(pace[1:], pace[-1:])],
+                       axis=0)
+    edges = [0]
+    for at in range(1, parts):
+        so_far = float(np.median(smooth[edges[-1]:at]))
+        if np.all(np.abs(np.log(smooth[at:at + 2] / so_far)) > _RATE_PARTS):
+            edges.append(at)
+    edges.append(parts)
+    lengths = np.diff(edges)
+    if len(lengths) == 1 or len(lengths) > 4:
+        # Many changes are the unevenness of the stamps themselves.
+        return whole
+    at = int(np.argmax(lengths))
+    last = len(stamps) if at + 2 == len(edges) else edges[at + 1] * _PART
+    return slice(edges[at] * _PART, last)
+
+
+def median_interval(time: Floats, apart: int) -> float:
+    """Interval by the median distance of messages `apart`."""
+    return float(np.median(time[apart:] - time[:-apart])) / apart
+
+
+def group_phases(phase: Floats) -> tuple[Floats, Floats]:
+    """
+    Mean phase, modulo one place, of every group of 64 messages.
+
+    Returns
+    -------
+    turn : ndarray, shape (groups,)
+        Unwrapped: neighbours differ by less than half a place.
+    length : ndarray, shape (groups,)
+        Resultant length: 1 without jitter, 0 where the phase is arbitrary.
+
+    """
+    circle = np.exp(2j * pi * phase)
+    starts = np.arange(0, max(len(phase) - PHASE_GROUP // 2, 1), PHASE_GROUP)
+    sums = np.add.reduceat(circle, starts)
+    counts = np.diff(np.append(starts, len(phase)))
+    mean = sums / counts
+    turn = np.unwrap(np.angle(mean)) / (2 * pi)
+    return turn, np.abs(mean)

@@ -1,0 +1,445 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The second part of a timeline, in one class because every step moves the same cursor.
+
+Usable messages find their places on the even grid. They are put in order and split where the clock
+jumps; stretches at another rate are left out; steps on the grid are counted, short gaps bridged
+and long ones listed.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+import json
+from math import sqrt
+from typing import Any
+
+from imu_allan.timeline.clock import in_order, order_stamps, place_in_burst, SECOND, Stamps
+from imu_allan.timeline.counts import Counts
+from imu_allan.timeline.decision import Decision
+from imu_allan.timeline.grid import (
+    bridge,
+    count_steps,
+    EVEN_JITTER,
+    NEIGHBOURS,
+    rate_changes,
+)
+from imu_allan.timeline.messages import EvenPiece, Messages, NONE_BRIDGED
+from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.pace import measure_pace
+from imu_allan.timeline.record import Record
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_CLOCK_STEP_S = 1.0
+"""A leap of one clock alone by more is a step of that clock."""
+_NEVER_NS = 5 * 365 * 86400 * SECOND
+"""No recording lasts five years: such a leap is a fault of the stamps whatever the other says."""
+_LATELY = 128
+"""Messages by which lateness and jitter are told: some seconds at common rates."""
+_FOLLOW = 0.2
+"""Share by which the interval follows a window: an oscillator drifts slowly, jitter does not."""
+_FOLLOWED = 0.01
+"""A change of the interval by more within a window is another rate, no drift."""
+_RATE_BLOCK = 256
+"""Messages that are enough to see another rate, as in `rate_changes`."""
+_SPARSE = 16
+"""Every so many samples go into the mean acceleration, which needs no more."""
+
+
+@dataclass
+class Cursor(Record):
+    """
+    Where on the grid a timeline stands.
+
+    Attributes
+    ----------
+    first_ns, last_ns : int or None
+        Stamps of the first sample placed and of the last.
+    other_ns : int
+        The last one's stamp of the other clock.
+    late_ns : float
+        How far the last stamp lies behind its place.
+    jitter : float or None
+        Standard deviation of the latest stamps about their places, in intervals.
+    tied_to : int or None, ties : int
+        Last receive stamp, and how many messages before shared it.
+    index : int
+        Place of the last sample.
+    elapsed_ns : int
+        Time since the first sample, which goes on where the clock jumps.
+    fresh_run, jumped : bool
+        The next sample begins a new run; because the clock jumped.
+    other_rate : bool
+        The messages come at another rate than the first ones.
+
+    """
+
+    first_ns: int | None = None
+    last_ns: int | None = None
+    other_ns: int = 0
+    late_ns: float = 0.0
+    jitter: float | None = None
+    tied_to: int | None = None
+    ties: int = 0
+    index: int = -1
+    elapsed_ns: int = 0
+    fresh_run: bool = False
+    jumped: bool = False
+    other_rate: bool = False
+
+    @property
+    def begins(self) -> bool:
+        """Whether the next sample is the first of its run."""
+        return self.fresh_run or self.last_ns is None
+
+
+class Placing:
+    """
+    Puts usable messages on the grid.
+
+    Parameters
+    ----------
+    options : TimelineOptions
+        What the user decided.
+    counts : Counts
+        Where the fate of messages is counted.
+    decision : Decision
+        Clock and pace; the pace is followed.
+
+    """
+
+    def __init__(self, options: TimelineOptions, counts: Counts, decision: Decision) -> None:
+        self._options = options
+        self._counts = counts
+        self._decision = decision
+        self._tail = np.empty((0, 6))
+        self.cursor = Cursor()
+
+    @property
+    def newest(self) -> Floats | None:
+        """Return the last sample placed in this run, shape (6,)."""
+        return self._tail[-1] if len(self._tail) else None
+
+    def copy(self, counts: Counts, decision: Decision) -> 'Placing':
+        """Give an independent copy; arrays are shared, for they are never written to."""
+        twin = Placing(self._options, counts, decision)
+        twin._tail, twin.cursor = self._tail, self.cursor.copy()
+        return twin
+
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Everything needed to go on later, as a flat dict of arrays."""
+        return {'cursor': np.array(json.dumps(self.cursor.to_plain())), 'tail': self._tail}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]], options: TimelineOptions,
+                   counts: Counts, decision: Decision) -> 'Placing':
+        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
+        placing = cls(options, counts, decision)
+        placing.cursor = Cursor.from_plain(json.loads(str(state['cursor'])))
+        placing._tail = np.asarray(state['tail'], dtype=np.float64).reshape(-1, 6)
+        return placing
+
+    def change_clock(self) -> None:
+        """Begin a new run by the other clock."""
+        cursor = self.cursor
+        if cursor.last_ns is not None:
+            cursor.last_ns, cursor.other_ns = cursor.other_ns, cursor.last_ns
+        cursor.fresh_run = True
+
+    def is_even(self, stamps: Stamps, consumed: int) -> bool:
+        """Tell whether the stamps are one interval apart, as is usual."""
+        cursor, decision = self.cursor, self._decision
+        interval = decision.interval_ns
+        if (cursor.last_ns is None or cursor.fresh_run or cursor.other_rate or decision.counting
+                or decision.counted_only or interval is None):
+            return False
+        first = int(stamps[0]) - cursor.last_ns
+        steps = stamps[1:] - stamps[:-1]
+        least, most = (1 - EVEN_JITTER) * interval, (1 + EVEN_JITTER) * interval
+        return bool(
+            least < first < most
+            and (not len(steps) or (least < steps.min() and steps.max() < most))
+            and abs(int(stamps[consumed - 1]) - cursor.last_ns - consumed * interval)
+            < 4 * interval)
+
+    def place_even(self, messages: Messages) -> EvenPiece:
+        """Put messages on the grid of which `is_even` holds."""
+        cursor, stamps, c = self.cursor, messages.stamps, messages.consumed
+        assert cursor.last_ns is not None
+        assert self._decision.interval_ns is not None
+        if self._decision.unties:
+            cursor.tied_to, cursor.ties = int(stamps[c - 1]), 0
+        begins = cursor.elapsed_ns + int(stamps[0]) - cursor.last_ns
+        piece = EvenPiece(messages.samples[:c], cursor.index + 1, begins / SECOND, False,
+                          NONE_BRIDGED)
+        passed = int(stamps[c - 1]) - cursor.last_ns
+        lately = stamps[max(c - _LATELY, 0):c]
+        late = ((lately - lately[-1]) / self._decision.interval_ns
+                + np.arange(len(lately) - 1, -1, -1))
+        self._advance(messages, late, passed, c, passed, c)
+        return piece
+
+    def place(self, messages: Messages) -> Iterator[EvenPiece]:
+        """
+        Put messages on the grid.
+
+        Raises
+        ------
+        ImuAllanError
+            If they come at no pace of an IMU.
+
+        """
+        if len(messages.stamps):
+            for run in self._runs(messages):
+                yield from self._at_one_rate(run)
+
+    def _runs(self, messages: Messages) -> Iterator[Messages]:
+        """Put messages in order and split them where the clock jumps."""
+        cursor, counts = self.cursor, self._counts
+        stamps, other, samples = messages.stamps, messages.other, messages.samples
+        c = messages.consumed
+        if self._decision.unties:
+            stamps = self._untie(stamps, c)
+        order = order_stamps(stamps, None if cursor.fresh_run else cursor.last_ns)
+        jumps = np.zeros(len(stamps), dtype=bool)
+        if order is not None:
+            counts.duplicates += int(np.count_nonzero(order.duplicate[:c]))
+            counts.out_of_order += int(np.count_nonzero(order.out_of_order[:c]))
+            c = int(np.count_nonzero(order.keep[:c]))
+            jumps = order.jumps[order.keep]
+            stamps, other = stamps[order.keep], other[order.keep]
+            samples = samples[order.keep]
+        if not c:
+            return
+        jumps |= self._forward_jumps(stamps, other)
+        starts = np.flatnonzero(jumps).tolist()
+        for first, last in pairwise([0, *(s for s in starts if 0 < s < c), c]):
+            if first in starts:
+                counts.clock_jumps += 1
+                cursor.fresh_run = cursor.jumped = True
+            end = next((s for s in starts if s >= last), len(stamps))
+            yield Messages(stamps[first:end], other[first:end], samples[first:end], last - first)
+
+    def _untie(self, stamps: Stamps, consumed: int) -> Stamps:
+        """Let messages received together follow each other by a nanosecond."""
+        cursor = self.cursor
+        if self._decision.overlaps:
+            stamps = in_order(stamps, cursor.tied_to, self._decision.pace.interval_ns)
+        since = place_in_burst(stamps, cursor.tied_to, cursor.ties)
+        if since is None:
+            since = np.zeros(len(stamps), dtype=np.int64)
+        if consumed:
+            cursor.tied_to, cursor.ties = int(stamps[consumed - 1]), int(since[consumed - 1])
+        return stamps + since
+
+    def _forward_jumps(self, stamps: Stamps, other: Stamps) -> Bools:
+        """Messages before which this clock, but not the other one, leapt ahead."""
+        cursor = self.cursor
+        jumps = np.zeros(len(stamps), dtype=bool)
+        interval = self._decision.pace.interval_ns
+        limit = max(_CLOCK_STEP_S * SECOND, min(200 * interval, _NEVER_NS))
+        last = cursor.last_ns if cursor.last_ns is not None else int(stamps[0])
+        steps = np.diff(stamps, prepend=last)
+        for at in np.flatnonzero(steps > limit).tolist():
+            low, high = max(at - 32, 0), min(at + 32, len(stamps) - 1)
+            passed = float(other[high] - (other[low] if at else cursor.other_ns))
+            usual = (high - low + (0 if at else 1)) * interval
+            alive = other[high] != other[low]
+            jumps[at] = ((alive and passed < usual + 0.25 * steps[at])
+                         or steps[at] + cursor.elapsed_ns > _NEVER_NS)
+        return jumps
+
+    def _at_one_rate(self, messages: Messages) -> Iterator[EvenPiece]:
+        """Leave out stretches at another rate than the first one; place the others."""
+        cursor, decision = self.cursor, self._decision
+        if decision.interval_ns is None:
+            pace = measure_pace(messages.stamps)
+            if pace is not None:
+                decision.take_pace(pace)
+        steps = self._steps(messages)
+        c = messages.consumed
+        if not decision.counted_only and (cursor.other_rate
+                                          or self._rate_doubtful(messages, steps)):
+            changes = rate_changes(self._places(messages)[:c], decision.counting,
+                                   cursor.other_rate)
+            if len(changes) > 1 or changes[0][1]:
+                yield from self._split_by_rate(messages, changes)
+                return
+            cursor.other_rate = False
+        yield from self._put(messages, steps)
+
+    def _split_by_rate(self, messages: Messages,
+                       changes: list[tuple[int, bool]]) -> Iterator[EvenPiece]:
+        ends = [first for first, _ in changes[1:]] + [messages.consumed]
+        for (first, other_rate), last in zip(changes, ends, strict=True):
+            part = messages.part(first, last, look_ahead=last == messages.consumed)
+            if other_rate:
+                self._leave_out(part)
+                continue
+            self.cursor.other_rate = False
+            yield from self._put(part, self._steps(part))
+
+    def _leave_out(self, messages: Messages) -> None:
+        """Reject messages that come at another rate."""
+        cursor, counts = self.cursor, self._counts
+        n = messages.consumed
+        counts.rejected += n
+        if not counts.changed_rate_hz and n > 1:
+            since = (0 if cursor.last_ns is None
+                     else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
+            counts.rate_changed_s = since / SECOND
+            pace = measure_pace(messages.stamps[:n])
+            counts.changed_rate_hz = SECOND / pace.interval_ns if pace else 0.0
+        counts.at_other_rate += n
+        cursor.other_rate = True
+
+    def _places(self, messages: Messages) -> Floats:
+        """Stamps in intervals from the last sample placed."""
+        cursor, interval = self.cursor, self._decision.pace.interval_ns
+        if cursor.fresh_run or cursor.last_ns is None:
+            since, late = messages.stamps - messages.stamps[0], interval
+        else:
+            since, late = messages.stamps - cursor.last_ns, cursor.late_ns
+        places: Floats = (since.astype(np.float64) + late) / interval
+        return places
+
+    def _steps(self, messages: Messages) -> Ints:
+        cursor, pace = self.cursor, self._decision.pace
+        late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
+        return count_steps(self._places(messages), pace, late=late, new_run=cursor.begins)
+
+    def _rate_doubtful(self, messages: Messages, steps: Ints) -> bool:
+        c = messages.consumed
+        if c < 2:
+            return False
+        short = steps[1:c] <= self._options.gap_tolerance + 1
+        counted = int(steps[1:c][short].sum())
+        passed = float(np.diff(messages.stamps[:c])[short].sum()) / (
+            self._decision.pace.interval_ns)
+        if (abs(passed - counted) > 4 + 0.003 * c
+                or counted - int(np.count_nonzero(short)) > 0.25 * c):
+            return True
+        # Half the rate for a part of the messages looks like every second one lost.
+        blocks = steps[1:c][:(c - 1) // _RATE_BLOCK * _RATE_BLOCK].reshape(-1, _RATE_BLOCK)
+        return bool(len(blocks)) and bool(np.any(np.median(blocks, axis=1) > 1))
+
+    def _put(self, messages: Messages, steps: Ints) -> list[EvenPiece]:
+        """Put messages on the grid and bring the counts up to date."""
+        cursor, counts = self.cursor, self._counts
+        c, stamps = messages.consumed, messages.stamps
+        if not c:
+            return []
+        interval = self._decision.pace.interval_ns
+        new_run = cursor.begins
+        if new_run:
+            self._begin_run(int(stamps[0]), int(messages.other[0]), interval)
+            steps[0] = 1
+            self._tail = np.empty((0, 6))
+        reference = int(stamps[0]) if new_run or cursor.last_ns is None else cursor.last_ns
+        tolerated = self._options.gap_tolerance + 1
+        known = steps[:c]
+        index = cursor.index + np.cumsum(known)
+        missing = int(index[-1]) - cursor.index - c
+        elapsed = stamps[:c] - (reference - cursor.elapsed_ns)
+        behind = np.diff(elapsed, prepend=cursor.elapsed_ns)
+        breaks = np.flatnonzero(known > tolerated) if missing else np.empty(0, dtype=np.intp)
+        paced_ns, paced_steps = int(elapsed[-1]) - cursor.elapsed_ns, int(index[-1]) - cursor.index
+        if new_run:
+            paced_steps -= 1
+        for at in breaks.tolist():
+            lasts = int(behind[at])
+            # Where stamps are uneven, the pause before a batch is no part of the gap.
+            unpaced = round(known[at] * interval) if self._decision.counting else lasts
+            paced_ns, paced_steps = paced_ns - unpaced, paced_steps - int(known[at])
+            counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
+        counts.missing += missing
+        if missing:
+            pieces = self._pieces(messages.samples, steps, index, elapsed, c, new_run)
+        else:
+            pieces = [EvenPiece(messages.samples[:c], cursor.index + 1,
+                                float(elapsed[0]) / SECOND, new_run, NONE_BRIDGED)]
+        lately = slice(max(c - _LATELY, 0), c)
+        late = (elapsed[lately] - elapsed[-1]) / interval - (index[lately] - index[-1])
+        self._advance(messages, late, int(elapsed[-1]) - cursor.elapsed_ns,
+                      int(index[-1]) - cursor.index, paced_ns, paced_steps)
+        return pieces
+
+    def _advance(self, messages: Messages, late: Floats, passed_ns: int, places: int,
+                 paced_ns: int, paced_steps: int) -> None:
+        """Bring the counts up to date; `late`: the latest stamps against the last, in places."""
+        cursor, counts, c = self.cursor, self._counts, messages.consumed
+        interval = self._decision.pace.interval_ns
+        counts.samples += c
+        counts.paced_ns += paced_ns
+        counts.paced_steps += paced_steps
+        cursor.elapsed_ns += passed_ns
+        cursor.index += places
+        cursor.last_ns, cursor.other_ns = int(messages.stamps[c - 1]), int(messages.other[c - 1])
+        cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
+        mean = float(np.add.reduce(late)) / len(late)
+        cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
+        self._tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
+                      np.concatenate([self._tail, messages.samples[:c]])[-NEIGHBOURS:])
+        if all((self._decision.present or [False])[3:]):
+            some = messages.samples[:c:_SPARSE, 3:]
+            counts.gravity = [a + b for a, b
+                              in zip(counts.gravity, some.sum(axis=0).tolist(), strict=True)]
+            counts.gravity_samples += len(some)
+        if paced_steps > _LATELY and not self._decision.counted_only:
+            lately_ns = paced_ns / paced_steps
+            if abs(lately_ns / interval - 1) < _FOLLOWED:
+                self._decision.interval_ns = interval + _FOLLOW * (lately_ns - interval)
+
+    def _begin_run(self, stamp: int, other: int, interval: float) -> None:
+        """Let time go on at the first message of a run, by the clock that did not jump."""
+        cursor = self.cursor
+        cursor.fresh_run, jumped = False, cursor.jumped
+        cursor.jumped = False
+        if cursor.first_ns is None or cursor.last_ns is None:
+            cursor.first_ns = stamp
+            return
+        passed = stamp - cursor.last_ns
+        if jumped or not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+            passed = other - cursor.other_ns
+            if not 0 < passed < _NEVER_NS - cursor.elapsed_ns:
+                passed = round(interval)
+        if passed > (self._options.gap_tolerance + 1.5) * interval:
+            self._counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
+        cursor.elapsed_ns += passed
+
+    def _pieces(self, samples: Floats, steps: Ints, index: Ints, elapsed: Ints, c: int,
+                new_run: bool) -> list[EvenPiece]:
+        """Bridge short gaps, split at the others."""
+        interval = self._decision.pace.interval_ns
+        tolerated = self._options.gap_tolerance + 1
+        known = np.concatenate([self._tail, samples[:c + NEIGHBOURS]])
+        tail = len(self._tail)
+        gaps = np.flatnonzero((steps[:c] > 1) & (steps[:c] <= tolerated))
+        stretch = np.zeros(len(known), dtype=np.int64)
+        stretch[tail:] = np.cumsum(steps[:c + NEIGHBOURS] > tolerated)
+        lengths = steps[gaps] - 1
+        means = np.repeat(bridge(known, gaps + tail, stretch), lengths, axis=0)
+        ends = np.cumsum(lengths)
+        holes = (np.repeat(index[gaps] - ends, lengths)
+                 + np.arange(int(ends[-1]) if len(ends) else 0))
+        self._counts.bridged += len(holes)
+        breaks = np.flatnonzero(steps[:c] > tolerated).tolist()
+        pieces = []
+        for first, last in pairwise([0, *(at for at in breaks if at > 0), c]):
+            begins, end = int(index[first]), int(index[last - 1]) + 1
+            if steps[first] <= tolerated:
+                begins -= int(steps[first]) - 1
+            rows = np.empty((end - begins, 6))
+            rows[index[first:last] - begins] = samples[first:last]
+            low, high = np.searchsorted(holes, begins), np.searchsorted(holes, end)
+            rows[holes[low:high] - begins] = means[low:high]
+            start_s = (float(elapsed[first]) - (int(index[first]) - begins) * interval) / SECOND
+            pieces.append(EvenPiece(rows, begins, start_s, new_run and first == 0,
+                                    holes[low:high]))
+        return pieces

@@ -1,0 +1,440 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+# ruff: noqa: ARG001  # every fault takes the same arguments
+"""
+Recordings with known truth and the faults of real ones, singly and together, and their oracle.
+
+A scenario is a rate, a duration and up to three faults, all drawn from one seed. It goes the way
+of every recording: blocks of random sizes, saves of the state, looks at the result on the way. The
+oracle then asks whether a number is wrong and nothing says so.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from math import sqrt
+
+from imu_allan.block import ImuBlock
+from imu_allan.characterization.stream import Characterization
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import Result
+from imu_allan.timeline import TimelineOptions
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Generator = np.random.Generator
+
+START_NS = 1_700_000_000_123_456_789
+RATES = (5.0, 10.0, 23.8, 40.0, 50.0, 62.5, 83.3, 100.0, 104.0, 119.0, 200.0, 208.0, 250.0, 400.0,
+         416.0, 500.0, 800.0, 952.0, 1000.0, 1040.0, 2000.0, 4000.0)
+SIGMA = 0.01
+"""Standard deviation of one sample on every axis."""
+
+
+@dataclass
+class Truth:
+    """
+    What is true of a scenario.
+
+    `told` are codes of which one at least must stand in the result for a number to be wrong;
+    `exact` whether missing samples can be counted to the last one.
+    """
+
+    rate_hz: float
+    density: float
+    told: set[str] = field(default_factory=set)
+    missing: int = 0
+    exact: bool = True
+    faults: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Messages:
+    """Messages in the order of reception; `place` is the number of the sample each one holds."""
+
+    place: Ints
+    header: Array
+    receive: Array
+    samples: Array
+    absent: NDArray[np.bool_]
+
+    def pick(self, rows: NDArray[np.generic]) -> 'Messages':
+        """Give some messages."""
+        return Messages(self.place[rows], self.header[rows], self.receive[rows],
+                        self.samples[rows], self.absent[rows])
+
+    def block(self) -> ImuBlock:
+        """Give all of them; stamps are seconds until here."""
+        return ImuBlock(START_NS + np.rint(self.header * 1e9).astype(np.int64),
+                        START_NS + np.rint(self.receive * 1e9).astype(np.int64),
+                        self.samples, self.absent, 'imu_link')
+
+
+Fault = Callable[[Messages, Truth, Generator], Messages]
+
+
+def at_rest(count: int, rate_hz: float, rng: Generator) -> tuple[Messages, Truth]:
+    """White noise and gravity, stamped exactly and received a little later."""
+    time = np.arange(count) / rate_hz
+    samples = rng.normal(size=(count, 6)) * SIGMA
+    samples[:, 5] += 9.81
+    receive = time + 2e-4 + rng.exponential(min(2e-4, 0.05 / rate_hz), count)
+    return (Messages(np.arange(count), time, np.maximum.accumulate(receive), samples,
+                     np.zeros((count, 2), bool)),
+            Truth(rate_hz, SIGMA / sqrt(rate_hz)))
+
+
+def _lose(messages: Messages, truth: Truth, keep: NDArray[np.bool_]) -> Messages:
+    """Lose messages; those before the first and after the last kept are not missed by anybody."""
+    kept = messages.pick(np.flatnonzero(keep))
+    truth.missing = int(kept.place[-1] - kept.place[0]) + 1 - len(np.unique(kept.place))
+    return kept
+
+
+def random_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Lose single messages at random."""
+    share = rng.choice([0.001, 0.005, 0.02, 0.05, 0.1])
+    return _lose(m, truth, rng.random(len(m.place)) >= share)
+
+
+def burst_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Lose several messages in a row now and then, as best-effort delivery does."""
+    keep = np.ones(len(m.place), bool)
+    for at in rng.integers(0, len(keep), max(len(keep) // 400, 1)):
+        keep[at:at + rng.integers(2, 12)] = False
+    return _lose(m, truth, keep)
+
+
+def outages(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Lose everything for 0.1 to 15 s, again and again."""
+    truth.exact = False
+    on, off = rng.uniform(0.5, 10), rng.uniform(0.1, 15)
+    irregular = rng.random() < 0.5
+    keep = np.zeros(len(m.place), bool)
+    time, at = m.header - m.header[0], 0.0
+    while at < time[-1]:
+        lasts = on * (rng.uniform(0.3, 1.7) if irregular else 1)
+        keep |= (time >= at) & (time < at + lasts)
+        at += lasts + off * (rng.uniform(0.3, 1.7) if irregular else 1)
+    return _lose(m, truth, keep)
+
+
+def long_gaps(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Lose more than the gap tolerance out of every few dozen messages."""
+    period = int(rng.integers(25, 200))
+    lost = int(rng.integers(6, max(period // 3, 7)))
+    return _lose(m, truth, np.arange(len(m.place)) % period >= lost)
+
+
+def every_kth_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Drop one of k messages, as topic_tools does."""
+    truth.exact = False
+    k = int(rng.integers(4, 20))
+    return _lose(m, truth, np.arange(len(m.place)) % k != 0)
+
+
+def lone_samples(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Leave a few samples alone beyond a gap."""
+    keep = np.ones(len(m.place), bool)
+    alone, gap = int(rng.integers(1, 6)), int(rng.integers(8, 60))
+    part = slice(alone, alone + gap) if rng.random() < 0.5 else slice(-alone - gap, -alone)
+    keep[part] = False
+    return _lose(m, truth, keep)
+
+
+def repeated_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Deliver some messages twice."""
+    twice = rng.random(len(m.place)) < 0.003
+    return m.pick(np.repeat(np.arange(len(m.place)), 1 + twice))
+
+
+def swapped_messages(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let a few messages overtake the one before."""
+    truth.exact = False
+    rows = np.arange(len(m.place))
+    for at in rng.integers(1, len(rows), max(len(rows) // 3000, 1)):
+        rows[[at - 1, at]] = rows[[at, at - 1]]
+    swapped = m.pick(rows)
+    swapped.receive = m.receive.copy()
+    return swapped
+
+
+def header_zero(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Leave header stamps at zero, as some drivers do."""
+    truth.exact = False
+    m.header = np.full(len(m.header), -START_NS / 1e9)
+    return m
+
+
+def header_tick(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Quantize header stamps to a tick of about the interval."""
+    truth.exact = False
+    tick = min((0.0001, 0.001, 0.004, 0.005, 0.01, 0.02),
+               key=lambda tick: abs(np.log(tick * truth.rate_hz) + rng.uniform(0, 0.4)))
+    # Ticks coarser than twice the interval lose too much to be a clock, and are seen as coarse.
+    m.header = np.floor((m.header + START_NS / 1e9 % tick) / tick) * tick
+    return m
+
+
+def header_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let header stamps be late at random, in order."""
+    truth.exact = False
+    late = m.header + rng.exponential(rng.choice([0.02, 0.1, 0.2]) / truth.rate_hz,
+                                      len(m.header))
+    m.header = np.maximum.accumulate(late + 1e-6 * np.arange(len(late)))
+    return m
+
+
+def header_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Stamp a FIFO's samples when it is read, a few microseconds apart."""
+    truth.exact = False
+    truth.told |= {'uneven_stamps'}
+    size = int(rng.choice([4, 10, 20]))
+    batch = m.place // size
+    m.header = (batch + 1) * size / truth.rate_hz + (m.place % size) * 3e-5 / size
+    return m
+
+
+def header_nominal_batches(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Stamp a FIFO's samples back from its reading by an interval that is not the true one."""
+    truth.exact = False
+    size = int(rng.choice([4, 8, 16]))
+    off = float(rng.choice([-0.08, -0.04, 0.04, 0.08]))
+    batch = m.place // size
+    m.header = ((batch + 1) * size
+                - (size - 1 - m.place % size) * (1 + off)) / truth.rate_hz
+    return m
+
+
+def header_drift(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let the header clock be off by some ten parts in a million, and change."""
+    m.header = m.header * (1 + rng.uniform(-5e-5, 5e-5))
+    return m
+
+
+def clock_step(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Set both clocks once."""
+    truth.exact = False
+    at = int(rng.integers(len(m.header) // 10, len(m.header) * 9 // 10))
+    step = rng.choice([-3600.0, -5.0, 5.0, 3600.0])
+    m.header[at:] += step
+    return m
+
+
+def receive_jitter(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Receive messages late by up to some intervals, in order."""
+    late = rng.exponential(rng.choice([0.5, 3.0]) / truth.rate_hz, len(m.receive))
+    m.receive = np.maximum.accumulate(m.receive + late)
+    return m
+
+
+def receive_bursts(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Receive messages in pairs or batches."""
+    size = int(rng.choice([2, 4, 10]))
+    m.receive = ((m.place // size + 1) * size / truth.rate_hz + 1e-3
+                 + (m.place % size) * 2e-5)
+    return m
+
+
+def header_speed(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let the header clock run at another speed."""
+    truth.told.add('clock_speed')
+    m.header = m.header * float(rng.choice([0.1, 0.5, 2.0, 10.0]))
+    return m
+
+
+def frozen(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Repeat the last value for part of the recording."""
+    truth.told.add('frozen')
+    n = len(m.place)
+    lasts = int(n * rng.choice([0.1, 0.3, 0.6]))
+    first = int(rng.choice([0, (n - lasts) // 2, n - lasts]))
+    m.samples[first:first + lasts] = m.samples[max(first - 1, 0)]
+    return m
+
+
+def not_a_number(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Spoil single values."""
+    hit = rng.integers(0, len(m.place), max(len(m.place) // 500, 1))
+    m.samples[hit, rng.integers(0, 6, len(hit))] = np.nan
+    truth.exact = False
+    return m
+
+
+def knock(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Knock at the table."""
+    at = int(rng.integers(len(m.place) // 4, len(m.place) * 3 // 4))
+    width = max(int(0.05 * truth.rate_hz), 1)
+    m.samples[at:at + width] += rng.normal(size=m.samples[at:at + width].shape) * 60 * SIGMA
+    return m
+
+
+def coarse_output(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Round the output to a step below its noise."""
+    step = SIGMA * float(rng.choice([0.1, 0.5]))
+    m.samples = np.rint(m.samples / step) * step
+    truth.density *= sqrt(1 + (step / SIGMA) ** 2 / 12)
+    return m
+
+
+def constant_axis(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let one axis be without noise."""
+    m.samples[:, int(rng.integers(0, 6))] = 0.123
+    return m
+
+
+def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Declare the accelerometer as not provided from some time on."""
+    truth.told.add('field_vanished')
+    m.absent[int(len(m.place) * rng.uniform(0.2, 0.8)):, 1] = True
+    truth.exact = False
+    return m
+
+
+def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Mix in a second sensor of the same frame_id."""
+    truth.told.add('several_publishers')
+    truth.exact = False
+    offset = rng.uniform(0.3, 0.5) / truth.rate_hz
+    other = Messages(m.place, m.header + offset, m.receive + offset,
+                     m.samples + rng.normal(size=6) * 3 * SIGMA
+                     + rng.normal(size=m.samples.shape) * SIGMA * rng.choice([0.1, 2.0]),
+                     m.absent)
+    order = np.argsort(np.concatenate([m.header, other.header]), kind='stable')
+    both = Messages(*(np.concatenate([getattr(m, name), getattr(other, name)])
+                      for name in ('place', 'header', 'receive', 'samples', 'absent')))
+    both = both.pick(order)
+    both.receive = np.maximum.accumulate(both.receive)
+    return both
+
+
+def rate_change(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Go on at half the rate from some time on."""
+    truth.told.add('rate_changed')
+    truth.exact = False
+    at = int(len(m.place) * rng.uniform(0.05, 0.95))
+    rows = np.concatenate([np.arange(at), np.arange(at, len(m.place), 2)])
+    return m.pick(rows)
+
+
+def polled_twice(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Publish every sample twice, half an interval apart."""
+    truth.told |= {'held_values', 'band_limited'}
+    truth.exact = False
+    rows = np.repeat(np.arange(len(m.place)), 2)
+    twice = m.pick(rows)
+    half = np.tile([0, 0.5 / truth.rate_hz], len(m.place))
+    twice.header, twice.receive = twice.header + half, twice.receive + half
+    return twice
+
+
+def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Spoil one sample in a hundred by a large value."""
+    truth.told |= {'spikes'}
+    truth.exact = False
+    hit = rng.random(len(m.place)) < 0.01
+    m.samples[hit] += rng.choice([-1, 1], (np.count_nonzero(hit), 6)) * 30 * SIGMA
+    return m
+
+
+STAMPS: tuple[Fault, ...] = (
+    header_zero, header_tick, header_jitter, header_batches, header_nominal_batches,
+    header_drift, clock_step, receive_jitter, receive_bursts, header_speed)
+LOSSES: tuple[Fault, ...] = (
+    random_loss, burst_loss, outages, long_gaps, every_kth_dropped, lone_samples,
+    repeated_messages, swapped_messages)
+SAMPLES: tuple[Fault, ...] = (
+    frozen, not_a_number, knock, coarse_output, constant_axis, accel_declared_absent_later,
+    two_publishers, rate_change, polled_twice, spikes)
+DENSITY_TOLERANCE = 0.03
+RATE_TOLERANCE = 0.002
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the oracle says of one scenario: `violations` empty where all is well."""
+
+    seed: int
+    faults: tuple[str, ...]
+    rate_hz: float
+    violations: tuple[str, ...]
+    false_terms: int
+    axes: int
+
+
+def compose(seed: int, samples: int = 20_000) -> tuple[Messages, Truth, Generator]:
+    """Draw a scenario."""
+    rng = np.random.default_rng(seed)
+    rate_hz = float(rng.choice(RATES))
+    count = int(min(samples * rng.uniform(0.3, 1.0), 1200 * rate_hz))
+    messages, truth = at_rest(count, rate_hz, rng)
+    kinds = [LOSSES, STAMPS, SAMPLES]
+    for kind in rng.permutation(3)[:rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15])]:
+        fault = kinds[kind][int(rng.integers(len(kinds[kind])))]
+        truth.faults.append(fault.__name__)
+        messages = fault(messages, truth, rng)
+    return messages, truth, rng
+
+
+def pieces(block: ImuBlock, rng: Generator) -> Iterator[ImuBlock]:
+    """Cut messages into blocks of random sizes."""
+    first = 0
+    while first < len(block):
+        last = first + int(rng.choice([1, 17, 256, 4096, 9000]) * rng.uniform(0.5, 1.5)) + 1
+        part = slice(first, last)
+        yield ImuBlock(block.header_ns[part], block.receive_ns[part], block.samples[part],
+                       block.absent[part], block.frame_id)
+        first = last
+
+
+def characterized(messages: Messages, rng: Generator | None = None, **options: object) -> Result:
+    """Give the result of messages; with `rng` by random blocks, saves and looks on the way."""
+    run = Characterization(kind='recording', path='scenario', topic='/imu',
+                           options=TimelineOptions(**options))  # type: ignore[arg-type]
+    block = messages.block()
+    for part in [block] if rng is None else pieces(block, rng):
+        run.update(part)
+        if rng is not None and rng.random() < 0.05:
+            run = Characterization.from_state(run.to_state())
+    run.finish()
+    return run.result()
+
+
+def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
+    """Give what is silently wrong, how many axes have a false slow term, and of how many."""
+    wrong: list[str] = []
+    codes = {remark.code for remark in result.warnings}
+    told = bool(codes & (truth.told | {'uneven_stamps', 'unresolved_losses', 'counted_samples'}))
+    rate = result.timeline.sample_rate_hz
+    if not result.axes and not codes:
+        wrong.append('no axes and no word')
+    if (rate is None or abs(rate / truth.rate_hz - 1) > RATE_TOLERANCE) and not told:
+        wrong.append(f'rate {rate}')
+    false_terms = 0
+    for name, axis in result.axes.items():
+        density = axis.coefficients['noise_density']
+        if 'constant_axis' in codes and not density.observable:
+            continue
+        if density.observable and density.value is not None and density.ci95 is not None:
+            low, high = (density.value + 3 * (end - density.value) for end in density.ci95)
+            near = abs(density.value / truth.density - 1) < DENSITY_TOLERANCE
+            if not (near or low <= truth.density <= high) and not told:
+                wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')
+        false_terms += any(axis.coefficients[key].observable
+                           for key in ('bias_instability', 'rate_random_walk'))
+    if truth.exact and not told and result.timeline.missing != truth.missing:
+        wrong.append(f'missing {result.timeline.missing} of {truth.missing}')
+    return wrong, false_terms, len(result.axes)
+
+
+def verdict(seed: int, samples: int = 20_000) -> Verdict:
+    """Run one scenario."""
+    messages, truth, rng = compose(seed, samples)
+    try:
+        wrong, false_terms, axes = judge(characterized(messages, rng), truth)
+    except ImuAllanError as error:
+        wrong, false_terms, axes = [f'refused: {error}'], 0, 0
+    except Exception as error:
+        wrong, false_terms, axes = [f'{type(error).__name__}: {error}'], 0, 0
+    return Verdict(seed, tuple(truth.faults), truth.rate_hz, tuple(wrong), false_terms, axes)

@@ -1,0 +1,286 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Faults that made a number wrong without a word: each is right now, or told."""
+
+from dataclasses import replace
+
+from imu_allan.result import Result
+import numpy as np
+import pytest
+from scenarios import at_rest, characterized, Messages, SIGMA, Truth, verdict
+
+EVERYDAY = 120
+"""Scenarios of the everyday test; it takes some seconds."""
+SLOW = ('bias_instability', 'rate_random_walk')
+
+
+def rest(rate_hz: float = 100.0, duration_s: float = 150.0, seed: int = 0
+         ) -> tuple[Messages, Truth, np.random.Generator]:
+    rng = np.random.default_rng(seed)
+    return (*at_rest(round(rate_hz * duration_s), rate_hz, rng), rng)
+
+
+def keep(messages: Messages, rows: np.ndarray) -> Messages:
+    return messages.pick(np.flatnonzero(rows))
+
+
+def told(result: Result, code: str) -> str:
+    return next(remark.message for remark in result.warnings if remark.code == code)
+
+
+def codes(result: Result) -> set[str]:
+    return {remark.code for remark in result.warnings}
+
+
+def assert_right(result: Result, truth: Truth, tolerance: float = 0.03, axes: int = 6) -> None:
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert len(result.axes) == axes
+    for axis in result.axes.values():
+        density = axis.coefficients['noise_density']
+        assert density.value == pytest.approx(truth.density, rel=tolerance)
+
+
+def false_terms(result: Result) -> int:
+    return sum(any(axis.coefficients[key].observable for key in SLOW)
+               for axis in result.axes.values())
+
+
+@pytest.mark.parametrize(('on_s', 'off_s'), [(5, 5), (8, 7), (4, 12), (1, 3), (0.5, 15)])
+@pytest.mark.parametrize('irregular', [False, True])
+def test_outages_longer_than_what_lies_between_leave_rate_and_noise_as_they_are(
+        on_s, off_s, irregular):
+    messages, truth, rng = rest(duration_s=400)
+    there, at = np.zeros(len(messages.place), bool), 0.0
+    while at < 400:
+        lasts = on_s * (rng.uniform(0.5, 1.5) if irregular else 1)
+        there |= (messages.header >= at) & (messages.header < at + lasts)
+        at += lasts + off_s * (rng.uniform(0.5, 1.5) if irregular else 1)
+    result = characterized(keep(messages, there))
+    assert_right(result, truth, 0.1)
+    assert codes(result).isdisjoint({'uneven_stamps', 'rate_changed'})
+
+
+def test_a_result_stays_while_outages_come_and_go():
+    messages, truth, _ = rest()
+    there = np.floor(messages.header / 5) % 2 == 0
+    kept = keep(messages, there)
+    for count in range(600, len(kept.place), 1777):
+        result = characterized(kept.pick(np.arange(count)))
+        assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+        assert len(result.axes) == 6
+
+
+@pytest.mark.parametrize('size', [4, 10, 20])
+def test_batches_with_an_outage_now_and_then_keep_their_rate(size):
+    messages, truth, _ = rest()
+    batch = messages.place // size
+    stamps = (batch + 1) * size / truth.rate_hz + messages.place % size * 2e-5
+    there = messages.header % 6 < 5
+    for clocks in ({'header': stamps}, {'header': stamps, 'receive': stamps + 1e-3}):
+        result = characterized(keep(replace(messages, **clocks), there))
+        assert_right(result, truth)
+
+
+@pytest.mark.parametrize('share', [0.1, 0.3, 0.6])
+@pytest.mark.parametrize('where', ['start', 'middle', 'end'])
+def test_a_frozen_sensor_is_left_out_and_told(share, where):
+    messages, truth, _ = rest()
+    n = len(messages.place)
+    lasts = int(share * n)
+    first = {'start': 0, 'middle': (n - lasts) // 2, 'end': n - lasts}[where]
+    messages.samples[first:first + lasts] = messages.samples[max(first - 1, 0)]
+    result = characterized(messages)
+    assert_right(result, truth)
+    assert not false_terms(result)
+    assert 'motion' not in codes(result)
+    if where == 'start':
+        assert result.timeline.rejected == pytest.approx(lasts, abs=1)
+    else:
+        assert told(result, 'frozen') == (
+            f'{result.timeline.rejected} messages repeat one value again and again, first at '
+            f'{messages.header[first]:.6g} s: the sensor or its driver stood still, they are left '
+            'out')
+
+
+def test_a_coarse_output_that_repeats_itself_is_not_frozen():
+    messages, _, _ = rest()
+    step = 5 * SIGMA
+    messages.samples = np.rint((messages.samples + 0.02) / step) * step
+    result = characterized(messages)
+    assert codes(result).isdisjoint({'frozen', 'held_values'})
+    assert result.timeline.samples == len(messages.place)
+
+
+@pytest.mark.parametrize(('rate_hz', 'tick'), [(952.0, 1e-3), (208.0, 4e-3), (80.0, 1e-2)])
+@pytest.mark.parametrize('other_clock', [True, False])
+def test_a_tick_as_long_as_the_interval_is_not_taken_for_it(rate_hz, tick, other_clock):
+    messages, truth, rng = rest(rate_hz, 60)
+    stamps = np.floor((messages.header + 0.123456789) / tick) * tick
+    messages.header = stamps
+    if not other_clock:
+        messages.receive = stamps.copy()
+    result = characterized(keep(messages, rng.random(len(stamps)) > 1e-3))
+    assert_right(result, truth, 0.04)
+
+
+@pytest.mark.parametrize(('rate_hz', 'tick'), [(104.0, 1e-2), (1040.0, 1e-3)])
+@pytest.mark.parametrize('other_clock', [True, False])
+def test_different_messages_within_one_tick_are_no_duplicates(rate_hz, tick, other_clock):
+    messages, truth, _ = rest(rate_hz, 60)
+    messages.header = np.floor(messages.header / tick) * tick
+    if not other_clock:
+        messages.receive = messages.header.copy()
+    result = characterized(messages)
+    assert_right(result, truth, 0.04)
+    assert result.timeline.duplicates == 0
+
+
+@pytest.mark.parametrize('pattern', [[1] * 9 + [0], [1, 1, 0, 1], [1, 0, 1]])
+def test_messages_dropped_in_turn_are_missed(pattern):
+    messages, truth, _ = rest()
+    there = np.resize(np.array(pattern, bool), len(messages.place))
+    result = characterized(keep(messages, there))
+    # A bridge over every third sample is more than the model of random losses describes.
+    assert_right(result, truth, 0.03 if sum(pattern) > 3 else 0.15)
+    assert 'many_missing' in codes(result)
+    assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
+
+
+@pytest.mark.parametrize('off', [-0.08, -0.04, 0.04, 0.08])
+def test_batches_dated_back_by_a_wrong_interval_have_the_rate_of_their_reading(off):
+    messages, truth, _ = rest()
+    size = 16
+    messages.header = ((messages.place // size + 1) * size
+                       - (size - 1 - messages.place % size) * (1 + off)) / truth.rate_hz
+    result = characterized(messages)
+    assert_right(result, truth)
+    assert result.timeline.samples > 0.999 * len(messages.place)
+
+
+@pytest.mark.parametrize('offset', [0.3, 0.5])
+@pytest.mark.parametrize('noisier', [1.0, 2.0])
+def test_two_publishers_with_one_frame_id_are_told(offset, noisier):
+    messages, truth, rng = rest()
+    second, _ = at_rest(len(messages.place), truth.rate_hz, rng)
+    second.samples[:, :5] *= noisier
+    second.samples += 2 * SIGMA * rng.normal(size=6)
+    both = Messages(*(np.stack([getattr(messages, name), getattr(second, name)], axis=1)
+                      .reshape(-1, *getattr(second, name).shape[1:])
+                      for name in ('place', 'header', 'receive', 'samples', 'absent')))
+    both.header[1::2] += offset / truth.rate_hz
+    both.receive = both.header + 1e-3
+    assert told(characterized(both), 'several_publishers') == (
+        'the values of neighbouring messages differ in turn, as those of two sensors that publish '
+        'with one frame_id do: if so, the rate is twice that of each, and the noise density 29 % '
+        'too low if they are alike and off by any factor if not; ros2 topic info --verbose names '
+        'the publishers')
+
+
+@pytest.mark.parametrize('speed', [0.001, 0.1, 10.0, 1000.0])
+def test_clocks_of_different_speed_are_told(speed):
+    messages, _, _ = rest()
+    receive = messages.header[-1]
+    messages.header = messages.header * speed
+    result = characterized(messages)
+    assert told(result, 'clock_speed').startswith(
+        f'header stamps run {messages.header[-1] / receive:.3g} times as fast as receive stamps')
+
+
+def test_a_field_declared_absent_later_is_told():
+    messages, truth, _ = rest()
+    messages.absent[5000:, 1] = True
+    result = characterized(messages)
+    assert_right(result, truth, 0.05)
+    assert told(result, 'field_absent') == (
+        '10000 messages declare angular velocity or linear acceleration as not provided '
+        '(covariance[0] is -1), others do not: they are left out')
+
+
+@pytest.mark.parametrize('first_s', [15.0, 41.0])
+def test_another_rate_within_the_first_messages_is_told_and_no_mixture_measured(first_s):
+    slow, _, rng = rest(50.0, first_s)
+    fast, _ = at_rest(10_000, 100.0, rng)
+    joined = Messages(*(np.concatenate([getattr(slow, name), getattr(fast, name)])
+                        for name in ('place', 'header', 'receive', 'samples', 'absent')))
+    for clock in (joined.header, joined.receive):
+        clock[len(slow.place):] += first_s
+    result = characterized(joined)
+    assert result.timeline.sample_rate_hz == pytest.approx(
+        50.0 if first_s > 30 else 100.0, rel=2e-3)
+    message = told(result, 'rate_changed')
+    assert ('from 50 to 100 Hz' if first_s > 30 else 'from 100 to 50 Hz') in message
+    assert len(result.axes) == 6
+
+
+def test_spikes_in_a_hundredth_of_the_messages_are_left_out_and_told():
+    messages, truth, rng = rest(1000.0, 30)
+    hit = rng.random(len(messages.place)) < 0.01
+    messages.samples[hit] += 30 * SIGMA * rng.choice([-1, 1], (np.count_nonzero(hit), 6))
+    result = characterized(messages)
+    assert_right(result, truth)
+    assert told(result, 'spikes').endswith(
+        'single messages hold wild values, ten times the noise and more: they are left out; look '
+        'for errors on the bus of the sensor')
+
+
+def test_an_axis_without_noise_stays_constant_where_samples_are_missing():
+    messages, truth, rng = rest()
+    messages.samples[:, 2] = 0.1
+    result = characterized(keep(messages, rng.random(len(messages.place)) > 0.005))
+    density = result.axes['gyro_z'].coefficients['noise_density']
+    assert not density.observable
+    assert told(result, 'constant_axis') == (
+        'gyro_z: every sample is 0.1 rad/s: there is no noise to measure')
+    assert result.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(
+        truth.density, rel=0.03)
+
+
+def test_stamps_that_hide_losses_say_how_far_the_noise_density_may_be_off():
+    messages, truth, rng = rest(duration_s=200)
+    there = rng.random(len(messages.place)) > 0.1
+    late = rng.exponential(1.5 / truth.rate_hz, len(messages.place))
+    messages.header = np.maximum.accumulate(messages.header + late) + 1e-6 * messages.place
+    messages.receive = messages.header + 1e-3
+    result = characterized(keep(messages, there))
+    message = told(result, 'uneven_stamps')
+    assert 'of the samples may be missing unseen, and the noise density then be up to' in message
+
+
+@pytest.mark.parametrize('lost', [0.0, 0.005, 0.02])
+def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
+    messages, truth, rng = rest(50.0)
+    twice = messages.pick(np.repeat(np.arange(len(messages.place)), 2))
+    half = np.tile([0, 0.5 / truth.rate_hz], len(messages.place))
+    twice = replace(twice, header=twice.header + half, receive=twice.receive + half)
+    result = characterized(keep(twice, rng.random(len(twice.place)) >= lost))
+    assert_right(result, truth, 0.04)
+    assert 'motion' not in codes(result)
+    assert told(result, 'held_values').startswith(f'{0.5 - lost / 2:.0%} of the messages repeat')
+
+
+@pytest.mark.parametrize('motion', ['keep', 'exclude'])
+@pytest.mark.parametrize('tilt', [1e-3, 0.5, 3.0])
+def test_an_imu_without_noise_that_is_tilted_once_gives_a_result(motion, tilt):
+    messages, _, _ = rest()
+    messages.samples[:] = [0, 0, 0, 0, 0, 9.81]
+    messages.samples[5000:] += [0, 0, 0, tilt, 0, -tilt / 3]
+    result = characterized(messages, motion=motion)
+    assert len(result.axes) == 6
+    assert not result.axes['gyro_x'].coefficients['noise_density'].observable
+
+
+def test_random_faults_leave_no_number_silently_wrong():
+    verdicts = [verdict(seed, 6000) for seed in range(EVERYDAY)]
+    wrong = [one for one in verdicts if one.violations]
+    assert len(wrong) <= 0.02 * EVERYDAY, wrong
+    assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
+
+
+@pytest.mark.slow
+def test_of_twenty_thousand_scenarios_hardly_any_leaves_a_number_silently_wrong():
+    verdicts = [verdict(seed) for seed in range(20_000)]
+    wrong = [one for one in verdicts if one.violations]
+    for one in wrong:
+        print(one)
+    assert len(wrong) <= 0.02 * len(verdicts)
+    assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
