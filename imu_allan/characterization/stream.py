@@ -10,21 +10,47 @@ in where blocks come from and where results go, and in nothing else.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 import json
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
+from imu_allan.characterization.axis import axis_results
+from imu_allan.characterization.findings import length_remarks, MEAN_MOVES
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.axis import axis_results, SHORTEST_RECORD
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Remark, Result, Source
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
+from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
 import numpy as np
 from numpy.typing import NDArray
 
 State = Mapping[str, NDArray[np.generic]]
+
+
+@dataclass(frozen=True)
+class Record:
+    """
+    What was taken in, ready to be put together with other records.
+
+    Attributes
+    ----------
+    summary : TimelineSummary
+    rate_hz : float
+        Samples per second.
+    names : list of str
+        Of the axes of the estimator.
+    estimator : Estimator
+        Finished.
+
+    """
+
+    summary: TimelineSummary
+    rate_hz: float
+    names: list[str]
+    estimator: Estimator
 
 
 class Characterization:
@@ -90,8 +116,7 @@ class Characterization:
 
     def break_run(self) -> None:
         """Begin anew after an interruption of unknown length; what was learnt stays."""
-        self.finish()
-        self._timeline.break_run()
+        self._absorb(self._timeline.break_run())
 
     def summary(self) -> TimelineSummary:
         """Return what was seen of clock and samples so far."""
@@ -104,6 +129,27 @@ class Characterization:
         twin._estimator = None if self._estimator is None else self._estimator.copy()
         twin._columns, twin._next = self._columns, self._next
         return twin
+
+    @property
+    def path(self) -> str | None:
+        """Path of the recording."""
+        return self._path
+
+    @property
+    def topic(self) -> str | None:
+        """Topic that the samples come from."""
+        return self._topic
+
+    def record(self) -> Record | None:
+        """Return what was taken in, the stream being left as it is; None before a sample came."""
+        twin = self.snapshot()
+        twin.finish()
+        summary = twin.summary()
+        rate = summary.timeline.sample_rate_hz
+        if twin._estimator is None or rate is None:
+            return None
+        return Record(summary, rate, [list(AXES)[column] for column in twin._columns],
+                      twin._estimator.finished())
 
     def result(self, remarks: Iterable[Remark] = ()) -> Result:
         """
@@ -149,17 +195,29 @@ class Characterization:
         names = [list(AXES)[column] for column in self._columns]
         fitted = axis_results(self._estimator, rate, [AXES[name] for name in names])
         axes = {name: axis for name, (axis, _) in zip(names, fitted, strict=True)}
+        if self._kind == 'recording':
+            # It takes a tenth of a second, which a node does not spend at every publication.
+            series = self._estimator.finished().periodogram
+            tested = backtest(series.series, series.cell, 1 / rate)
+            axes = {name: replace(axis, backtest=found if axis.drift_model else None)
+                    for (name, axis), found in zip(axes.items(), tested, strict=True)}
         remarks = [Remark(remark.code, f'{name}: {remark.message}')
                    for name, (_, own) in zip(names, fitted, strict=True) for remark in own]
-        return axes, remarks + _length_remarks(axes, summary)
+        unclear = {name for name, (_, own) in zip(names, fitted, strict=True)
+                   if any(remark.code in MEAN_MOVES for remark in own)}
+        return axes, remarks + length_remarks(axes, summary, unclear)
 
     def _absorb(self, blocks: Iterable[EvenBlock]) -> None:
         for block in blocks:
             if not len(block):
                 continue
+            if block.restart:
+                self._estimator = None
             if self._estimator is None:
                 self._columns = np.flatnonzero(np.isfinite(block.samples[0]))
                 self._estimator = Estimator(len(self._columns))
+                # What was left out at the very beginning is time, too.
+                self._estimator.signal.skip(block.first_index)
             elif block.new_run:
                 self._estimator.start_run()
             elif block.first_index > self._next:
@@ -221,39 +279,3 @@ class Characterization:
         except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise ImuAllanError(f'saved characterization is damaged: {error}') from error
         return self
-
-
-def _length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary) -> list[Remark]:
-    """Say what the record is too short for, and how much longer it would take."""
-    live = {name: axis for name, axis in axes.items()
-            if axis.goodness_of_fit.p_value is not None}
-    duration = summary.timeline.duration_s
-    if not live:
-        if summary.timeline.samples < SHORTEST_RECORD:
-            return [Remark('short_recording',
-                           f'{summary.timeline.samples} samples in {duration:.3g} s are too few '
-                           f'for any coefficient; at least {SHORTEST_RECORD} are needed')]
-        return []
-    remarks = []
-    for key, what in (('noise_density', 'noise density'),
-                      ('rate_random_walk', 'rate random walk')):
-        hidden = {name: axis.coefficients[key] for name, axis in live.items()
-                  if not axis.coefficients[key].observable}
-        if not hidden:
-            continue
-        waits = [c.observable_in_s for c in hidden.values() if c.observable_in_s is not None]
-        hint = (f'; on {len(waits)} of these axes a value is expected after another '
-                f'{_time(min(waits))} or more' if waits else '')
-        remarks.append(Remark(
-            'short_recording',
-            f'{what} of {", ".join(hidden)} does not show in {_time(duration)} of data: '
-            f'only an upper bound is given{hint}'))
-    return remarks
-
-
-def _time(seconds: float) -> str:
-    """Write a duration in the largest unit that fits."""
-    for size, unit in ((86400, 'd'), (3600, 'h'), (60, 'min')):
-        if seconds >= size:
-            return f'{seconds / size:.3g} {unit}'
-    return f'{seconds:.3g} s'

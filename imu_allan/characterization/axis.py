@@ -1,0 +1,341 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""From an estimator to the result of every axis, in one module as a field takes a few lines."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import floor, log10
+
+from imu_allan.characterization.findings import (
+    constant_remark,
+    fit_remarks,
+    leaving_remark,
+    steadiness_remarks,
+    step_remarks,
+)
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.curve import edf, interval, Octaves, octaves
+from imu_allan.noise.drift_model import fit_drift_model
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.fit import Fit
+from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.intervals import Estimate
+from imu_allan.noise.likelihood import Groups, WHITE
+from imu_allan.noise.outlook import outlook
+from imu_allan.noise.stationarity import white_ratio
+from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    Curve,
+    DriftModel,
+    GaussMarkov,
+    GoodnessOfFit,
+    Interval,
+    Ramp,
+    Remark,
+    Segment,
+    Signal,
+    Spectrum,
+    Stationarity,
+    Tone,
+    Trend,
+    WarmUp,
+)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_CERTAIN = 0.9998
+"""Level of the interval that the model has to lie in: 1 point in 5000 is outside by chance."""
+_SLIGHT = 0.05
+"""Relative distance from that interval that a user does not care about."""
+_FEW = 64.0
+"""Degrees of freedom up to which a point of the curve belongs to the slow end."""
+_DIGITS_OF_RANGE = 5
+"""Decimal digits of the signal over time, counted from those of its range."""
+
+
+def characterize(samples: ArrayLike, sample_rate_hz: float,
+                 quantity: str = 'angular_velocity') -> AxisResult:
+    """
+    Characterize one axis from evenly spaced samples.
+
+    Parameters
+    ----------
+    samples : array_like, shape (n,)
+        In rad/s or m/s^2, the sensor at rest.
+    sample_rate_hz : float
+        Samples per second.
+    quantity : {'angular_velocity', 'linear_acceleration'}, optional
+        What the axis measures.
+
+    Returns
+    -------
+    AxisResult
+        The axis object of a result file, SI units.
+
+    Raises
+    ------
+    ValueError
+        If `samples` is not one-dimensional or not finite, the rate is not positive, or the
+        quantity is unknown.
+
+    Examples
+    --------
+    >>> from imu_allan import simulate
+    >>> axis = characterize(simulate({'noise_density': 1e-3}, 20_000, 100.0), 100.0)
+    >>> low, high = axis.coefficients['noise_density'].ci95
+    >>> low < 1e-3 < high
+    True
+    >>> axis.coefficients['bias_instability'].observable
+    False
+
+    """
+    if not sample_rate_hz > 0 or not np.isfinite(sample_rate_hz):
+        raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
+    array = np.asarray(samples, dtype=np.float64)
+    if array.ndim != 1:
+        raise ValueError(f'samples must have one dimension, not {array.ndim}')
+    estimator = Estimator()
+    estimator.update(array)
+    return axis_results(estimator, sample_rate_hz, [Quantity(quantity)])[0][0]
+
+
+def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
+                 fits: Sequence[AxisFit | None] | None = None
+                 ) -> list[tuple[AxisResult, list[Remark]]]:
+    """
+    Fit every axis of an estimator, which is left as it is.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What has taken in the samples.
+    sample_rate_hz : float
+        Samples per second.
+    quantities : sequence of Quantity
+        What each axis measures.
+    fits : sequence of AxisFit or None, optional
+        Of every axis, where they are not those of the estimator alone.
+
+    Returns
+    -------
+    list of (AxisResult, list of Remark)
+        What is worth telling the user beside each axis; messages do not name the axis.
+
+    """
+    finished = estimator.finished()
+    dt = 1.0 / sample_rate_hz
+    points = octaves(finished)
+    mean = finished.mean
+    noise = sample_noise(finished)
+    signals = _signals(finished, dt)
+    found = []
+    for axis, (quantity, fitted_axis) in enumerate(
+            zip(quantities, fit_axes(finished, dt) if fits is None else fits, strict=True)):
+        base = replace(_empty(quantity, float(mean[axis]) if finished.samples else None),
+                       signal=signals[axis])
+        remarks: list[Remark] = []
+        if fitted_axis is None:
+            if finished.samples and finished.lowest[axis] == finished.highest[axis]:
+                remarks = [constant_remark(float(mean[axis]), quantity)]
+                curve = _flat_curve(points, dt)
+            else:
+                curve = _curve(points, axis, dt, FittedModel({}), {})
+            found.append((replace(base, curve=curve), remarks))
+            continue
+        fitted, lines = fitted_axis.fit, fitted_axis.lines
+        remarks = [*fit_remarks(fitted, quantity),
+                   *step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)]
+        parts = _stationarity(fitted_axis, axis, dt, finished)
+        if parts is not None and fitted_axis.steadiness is not None:
+            remarks += steadiness_remarks(fitted_axis.steadiness, parts.segments)
+        values = {key: e.value for key, e in fitted.estimates.items()}
+        drift = fit_drift_model(fitted_axis.groups, dt,
+                                fitted.gauss_markov.correlation_time_s if fitted.gauss_markov
+                                else None)
+        seen = {key: e.observable for key, e in fitted.estimates.items()}
+        forecast = outlook(values, seen, dt, finished.samples * dt)
+        if fitted.walk_unclear:
+            # A longer record shows what it is, not how large.
+            forecast['rate_random_walk'] = None, None
+        coefficients = {
+            key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
+                         between=fitted.between.get(key))
+            for key, estimate in fitted.estimates.items()}
+        curve = _curve(points, axis, dt, _described(fitted_axis, drift), values)
+        leaves_at = None if fitted.mean_moves else _leaves_at(points, axis, curve)
+        if leaves_at is not None and fitted.acceptable:
+            remarks.append(leaving_remark(leaves_at))
+        found.append((replace(
+            base,
+            band_limit_s=fitted.window_s,
+            tones=tuple(Tone(line.frequency_hz, line.amplitude) for line in lines),
+            coefficients={key: coefficients[key] for key in TERMS},
+            goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
+                                          fitted.acceptable and leaves_at is None),
+            curve=curve,
+            drift_model=drift,
+            gauss_markov=_gauss_markov(fitted),
+            spectrum=_spectrum(fitted_axis.whole),
+            trend=_trend(fitted),
+            stationarity=parts,
+        ), remarks))
+    return found
+
+
+def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
+    nothing = {key: Coefficient(term.symbol, term.unit(quantity), False, None, None, None)
+               for key, term in TERMS.items()}
+    return AxisResult(quantity.value, quantity.unit, mean, None, (), nothing,
+                      GoodnessOfFit(None, None, False), Curve((), (), (), (), (), ()))
+
+
+def _gauss_markov(fitted: Fit) -> GaussMarkov | None:
+    process = fitted.gauss_markov
+    return None if process is None else GaussMarkov(
+        process.sigma, process.correlation_time_s, process.sigma_ci95,
+        process.correlation_time_ci95)
+
+
+def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
+                  ) -> Stationarity | None:
+    """Give the segments of an axis, each with its own mean, density and drift."""
+    powers, steady = found.segments, found.steadiness
+    if powers is None or steady is None or finished.reference is None:
+        return None
+    values = {key: e.value for key, e in found.fit.estimates.items()}
+    model = FittedModel(values)
+    frequency = powers.frequency / dt
+    density = found.fit.estimates['noise_density']
+    ratio = white_ratio(powers, axis, values['noise_density']**2, model.density(frequency, dt),
+                        frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
+    segments = []
+    for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
+        own, interval = None, None
+        if ratio is not None:
+            own = float(density.value * ratio[0][number])
+            error = 1.96 * float(ratio[1][number])
+            interval = own * (1 - error), own * (1 + error)
+        # What white noise leaves in the means of a part is no drift.
+        white = density.value**2 / (powers.drift_samples[number] * dt)
+        drift = float(np.sqrt(max(powers.drift[axis, number]**2 - white, 0.0)))
+        segments.append(Segment(
+            float(start * dt), float(count * dt),
+            float(finished.reference[axis] + powers.mean[axis, number]), own, interval, drift))
+    return Stationarity(steady.steady, steady.p_value, tuple(segments))
+
+
+def _trend(fitted: Fit) -> Trend:
+    """Gather what moves the mean and is no noise."""
+    ramp, warm = fitted.estimates['rate_ramp'], fitted.warming
+    return Trend(
+        ramp=Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
+        warm_up=WarmUp(warm.amplitude, warm.time_constant_s, (warm.low, warm.high))
+        if warm is not None else None)
+
+
+def _spectrum(groups: Groups) -> Spectrum:
+    """Density of an axis: a column for unit white noise turns power into it, at every stage."""
+    density = groups.power / groups.design[:, WHITE]
+    return Spectrum(tuple(groups.frequency.tolist()), tuple(density.tolist()))
+
+
+def _coefficient(key: str, quantity: Quantity, estimate: Estimate,
+                 forecast: tuple[float | None, float | None]) -> Coefficient:
+    term = TERMS[key]
+    unit = term.unit(quantity)
+    if estimate.observable:
+        return Coefficient(term.symbol, unit, True, float(estimate.value),
+                           (float(estimate.low), float(estimate.high)), None, None, forecast[1])
+    upper = float(estimate.upper) if np.isfinite(estimate.upper) else None
+    return Coefficient(term.symbol, unit, False, None, None, upper, forecast[0], None)
+
+
+def sample_noise(finished: Estimator) -> Array:
+    """Return the noise of one sample about its neighbours, shape (axes,); 0 when unknown."""
+    pyramid = finished.pyramid
+    # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
+    return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
+
+
+def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
+    """Return the signal of every axis over time; None before the first sample."""
+    if finished.reference is None:
+        return [None] * finished.axes
+    columns = finished.signal.columns()
+    signals: list[Signal | None] = []
+    for axis, reference in enumerate(finished.reference):
+        spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))
+        # A hundred thousandth of the range is far below what a picture shows, and short in JSON.
+        digits = max(0, _DIGITS_OF_RANGE - floor(log10(spread))) if spread > 0 else 17
+
+        def written(values: Array, offset: float = float(reference),
+                    digits: int = digits) -> tuple[float | None, ...]:
+            return tuple(None if np.isnan(value) else round(value + offset, digits)
+                         for value in values.tolist())
+
+        signals.append(Signal(columns.width * dt, written(columns.low[axis]),
+                              written(columns.mean[axis]), written(columns.high[axis])))
+    return signals
+
+
+def _flat_curve(points: Octaves, dt: float) -> Curve:
+    """Deviation 0 at every averaging time: a constant signal."""
+    n = len(points.size)
+    dof = tuple(edf({'noise_density': 1.0}, int(m), int(s), int(c), dt)
+                for m, s, c in zip(points.size, points.stride, points.count, strict=True))
+    zero = (0.0,) * n
+    nothing = ((0.0, 0.0),) * n
+    return Curve(tuple((points.size * dt).tolist()), zero, dof, nothing, nothing, zero)
+
+
+def _described(found: AxisFit, drift: DriftModel | None) -> FittedModel:
+    """Describe what is there: the drift model where there is one, low-pass and lines."""
+    values = {key: estimate.value for key, estimate in found.fit.estimates.items()}
+    processes: tuple[tuple[float, float], ...] = ()
+    if drift is not None:
+        values = {'quantization_noise': values['quantization_noise'],
+                  'noise_density': drift.noise_density,
+                  'rate_random_walk': drift.rate_random_walk}
+        processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
+    elif found.fit.gauss_markov:
+        process = found.fit.gauss_markov
+        processes = ((process.sigma, process.correlation_time_s),)
+    lines = tuple((line.frequency_hz, line.amplitude) for line in found.lines)
+    return FittedModel(values, found.fit.window_s, processes, lines)
+
+
+def _curve(points: Octaves, axis: int, dt: float, model: FittedModel,
+           values: Mapping[str, float]) -> Curve:
+    """Allan deviation of one axis with the model's, and the intervals of the fitted terms."""
+    if not len(points.size):
+        return Curve((), (), (), (), (), ())
+    tau: Array = (points.size * dt).astype(np.float64)
+    avar = points.avar[:, axis]
+    dof = np.array([edf(values, int(m), int(s), int(c), dt)
+                    for m, s, c in zip(points.size, points.stride, points.count, strict=True)])
+    return Curve(tuple(tau.tolist()), tuple(np.sqrt(avar).tolist()), tuple(dof.tolist()),
+                 _pairs(avar, dof, 0.6827), _pairs(avar, dof, 0.95),
+                 tuple(np.sqrt(model.allan_variance(points.size, dt)).tolist()))
+
+
+def _leaves_at(points: Octaves, axis: int, curve: Curve) -> float | None:
+    """
+    Averaging time from which the measured curve lies outside the model's own band, if it does.
+
+    The residuals of the spectrum do not show it: the slow end has only a few of them. The fast
+    end is theirs.
+    """
+    dof, model = np.array(curve.edf), np.array(curve.model_adev)
+    low, high = interval(points.avar[:, axis], dof, _CERTAIN)
+    outside = (model < low * (1 - _SLIGHT)) | (model > high * (1 + _SLIGHT))
+    outside &= dof < _FEW
+    return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
+
+
+def _pairs(avar: Array, dof: Array, level: float) -> tuple[Interval, ...]:
+    low, high = interval(avar, dof, level)
+    return tuple(zip(low.tolist(), high.tolist(), strict=True))

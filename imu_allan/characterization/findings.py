@@ -1,0 +1,189 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What was found, in the words that the user reads; messages do not name the axis."""
+
+from collections.abc import Collection, Mapping, Sequence
+from math import inf, isinf
+
+from imu_allan.noise.axis_fit import SHORTEST_RECORD
+from imu_allan.noise.fit import Fit
+from imu_allan.noise.moving_mean import Warming
+from imu_allan.noise.stationarity import Steadiness
+from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
+from imu_allan.result import AxisResult, Remark, Segment
+from imu_allan.timeline import TimelineSummary
+from imu_allan.wording import duration
+
+MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk'}
+"""Codes of the findings about a mean that moves."""
+
+
+_STEP_SHARE = 0.7
+"""Share of the spread between segments from which it is told as one step."""
+
+
+def constant_remark(value: float, quantity: Quantity) -> Remark:
+    """Say that an axis never changes."""
+    return Remark('constant_axis', f'every sample is {value:g} {quantity.unit}: '
+                  'there is no noise to measure')
+
+
+def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:
+    """Say where the output steps by more than the noise of one sample; `step` may be infinite."""
+    if not noise < step < inf or noise <= 0:
+        return []
+    return [Remark('coarse_resolution',
+                   f'the output steps by {step:.3g} {quantity.unit}, {step / noise:.1f} times '
+                   'the noise of one sample: what lies below the step is hidden')]
+
+
+def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+    """Say what the fit of an axis found beside coefficients."""
+    remarks = []
+    if fitted.window_s is not None and fitted.edge_hz is not None:
+        remarks.append(Remark(
+            'band_limited',
+            f'the spectrum is bent above {fitted.edge_hz:.3g} Hz (a low-pass in sensor or driver, '
+            'or noise that no term describes); the coefficients are fitted below'))
+    elif fitted.window_s is not None:
+        remarks.append(Remark(
+            'band_limited',
+            'the noise rolls off towards the highest frequencies (a low-pass in sensor or '
+            f'driver): its effective window is {fitted.window_s:.3g} s'))
+    if not fitted.acceptable:
+        remarks.append(Remark(
+            'poor_fit',
+            'no sum of noise terms describes this spectrum (worst half-octave off by '
+            f'{100 * fitted.misfit:.0f} %); the intervals are widened accordingly'))
+    if fitted.gauss_markov:
+        sigma, time = fitted.gauss_markov.sigma, fitted.gauss_markov.correlation_time_s
+        remarks.append(Remark(
+            'gauss_markov',
+            f'a first-order Gauss-Markov process of {sigma:.3g} {quantity.unit} with a '
+            f'correlation time of {time:.3g} s is part of the noise'))
+    return remarks + _mean_remarks(fitted, quantity)
+
+
+def leaving_remark(tau_s: float) -> Remark:
+    """Say that the model does not follow the curve at its long end."""
+    return Remark('poor_fit', f'from averaging times of {duration(tau_s)} on the measured curve '
+                  'leaves the band of the model: no sum of noise terms describes it there')
+
+
+def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Remark]:
+    """Say in which band the noise changes most, by how much and when."""
+    if steady.steady or not steady.changes:
+        return []
+    change = steady.changes[0]
+    where = ('' if change.low_hz <= 0 and isinf(change.high_hz)
+             else f' below {change.high_hz:g} Hz' if change.low_hz <= 0
+             else f' above {change.low_hz:g} Hz' if isinf(change.high_hz)
+             else f' between {change.low_hz:g} and {change.high_hz:g} Hz')
+    level = change.amplitude
+    # The split into a beginning and an end that explains most of the spread.
+    count = len(level)
+    gain, cut = max((cut * (count - cut) * (level[:cut].mean() - level[cut:].mean())**2, cut)
+                    for cut in range(1, count))
+    total = count * float(((level - level.mean())**2).sum())
+    if gain > _STEP_SHARE * total:
+        ratio = float(level[:cut].mean() / level[cut:].mean()) - 1
+        until = duration(segments[cut].start_s) if cut < len(segments) else ''
+        words = (f'the noise{where} is {100 * abs(ratio):.0f} % '
+                 f'{"higher" if ratio > 0 else "lower"} in the first {until} than after')
+    else:
+        words = (f'the noise{where} changes by {100 * change.spread:.0f} % (standard deviation) '
+                 f'between parts of {duration(segments[0].duration_s)}')
+    return [Remark('not_steady', f'{words}; the intervals are widened accordingly')]
+
+
+def steady_after_s(axis: AxisResult) -> float:
+    """Seconds after which a warm-up is over; 0 where there is none."""
+    if axis.trend is None or axis.trend.warm_up is None:
+        return 0.0
+    warm = axis.trend.warm_up
+    floor = FLICKER_FLOOR * (axis.coefficients['bias_instability'].value or 0.0)
+    return Warming(warm.amplitude, *warm.ci95, warm.time_constant_s).steady_after_s(floor)
+
+
+def start_remark(start_s: float, length_s: float) -> Remark:
+    """Say what choosing the start has come to."""
+    if start_s <= 0:
+        return Remark('start_auto', 'no warm-up was found: the recording is used from its '
+                      'beginning')
+    if start_s > length_s / 2:
+        return Remark('start_auto', f'the warm-up takes {duration(start_s)}, more than half of '
+                      'the recording: all of it is used; record for longer')
+    return Remark('start_auto', f'the first {duration(start_s)} were left out: the sensor warmed '
+                  'up')
+
+
+def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+    """Say what moves the mean, and what that means for the random walk."""
+    if fitted.warming is not None:
+        warm = fitted.warming
+        steady = duration(warm.steady_after_s(
+            FLICKER_FLOOR * fitted.estimates['bias_instability'].value))
+        return [Remark(
+            'warm_up',
+            f'the mean settles as after switching on: {warm.amplitude:.3g} {quantity.unit} at the '
+            f'beginning, with a time constant of {duration(warm.time_constant_s)}. The '
+            f'coefficients are given without it; it is steady after {steady}: leave that out '
+            'with --start auto')]
+    if fitted.cycle_s is not None:
+        return [Remark(
+            'slow_cycle',
+            f'the mean follows a slow cycle of about {duration(fitted.cycle_s)}, such as a '
+            "heater's; the coefficients are given without it")]
+    if fitted.walk_unclear:
+        return [Remark(
+            'trend_or_walk',
+            'the slowest part of the signal may be a random walk or a bent trend: the rate random '
+            'walk is given as an upper bound. A longer recording of the warm sensor at one '
+            'temperature tells them apart')]
+    return []
+
+
+def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
+                   unclear: Collection[str] = ()) -> list[Remark]:
+    """
+    Say what the record is too short for, and how much longer it would take.
+
+    Parameters
+    ----------
+    axes : mapping of axis name to AxisResult
+        What was fitted.
+    summary : TimelineSummary
+        Of the same record.
+    unclear : collection of str
+        Axes whose random walk is hidden by a trend, not by the length of the record.
+
+    Returns
+    -------
+    list of Remark
+
+    """
+    live = {name: axis for name, axis in axes.items()
+            if axis.goodness_of_fit.p_value is not None}
+    length = duration(summary.timeline.duration_s)
+    if not live:
+        if summary.timeline.samples < SHORTEST_RECORD:
+            return [Remark('short_recording',
+                           f'{summary.timeline.samples} samples in {length} are too few '
+                           f'for any coefficient; at least {SHORTEST_RECORD} are needed')]
+        return []
+    remarks = []
+    for key, what in (('noise_density', 'noise density'),
+                      ('rate_random_walk', 'rate random walk')):
+        hidden = {name: axis.coefficients[key] for name, axis in live.items()
+                  if not axis.coefficients[key].observable
+                  and not (key == 'rate_random_walk' and name in unclear)}
+        if not hidden:
+            continue
+        waits = [c.observable_in_s for c in hidden.values() if c.observable_in_s is not None]
+        hint = (f'; on {len(waits)} of these axes a value is expected after another '
+                f'{duration(min(waits))} or more' if waits else '')
+        remarks.append(Remark(
+            'short_recording',
+            f'{what} of {", ".join(hidden)} does not show in {length} of data: '
+            f'only an upper bound is given{hint}'))
+    return remarks

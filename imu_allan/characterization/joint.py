@@ -1,0 +1,339 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Several recordings of one IMU as one result, in one module because every step compares the parts.
+
+The coefficients are those of the joint likelihood. Beside them stands what one recording cannot
+show: how much the mean differs from one power-on to the next, and the coefficients between
+recordings beyond their errors. What cannot be one series of measurements (another rate, frame,
+axes or low-pass) is refused; recordings that contradict each other are told.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import exp, log, sqrt
+
+from imu_allan.characterization.axis import axis_results
+from imu_allan.characterization.findings import length_remarks
+from imu_allan.characterization.mean import error_of_mean
+from imu_allan.characterization.stream import Characterization, Record
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise import chi_square
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.joint import joint_fits
+from imu_allan.noise.random_effects import q_statistic, random_effects
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    RecordingPart,
+    Remark,
+    Result,
+    Source,
+    Span,
+    Timeline,
+    TurnOnBias,
+)
+from imu_allan.sensor.units import engineering
+from imu_allan.wording import number
+import numpy as np
+
+_SAME_RATE = 0.005
+"""Relative difference of rates that a clock may have; a setting differs by more."""
+_SAME_BAND = 0.2
+"""Relative difference at the fast end of the spectra beyond error: another filter, not noise."""
+_CONTRADICTION = 1e-3
+"""Probability below which the spread of a coefficient is no chance, over all that are compared."""
+_COMPARED = ('noise_density', 'bias_instability', 'rate_random_walk')
+_Z95 = 1.96
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One recording with its own result."""
+
+    path: str
+    record: Record
+    result: Result
+
+
+def joint_result(recordings: Sequence[Characterization],
+                 remarks: Sequence[Sequence[Remark]] = ()) -> Result:
+    """
+    Characterize one IMU from several recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of Characterization
+        At least two, each of a whole recording.
+    remarks : sequence of sequence of Remark, optional
+        Findings of the front door about each.
+
+    Returns
+    -------
+    Result
+        With `recordings` and `turn_on_bias`.
+
+    Raises
+    ------
+    ImuAllanError
+        If there are fewer than two, one of them holds nothing usable, or they cannot be recordings
+        of one IMU in one setting.
+
+    """
+    if len(recordings) < 2:
+        raise ImuAllanError('a joint result needs at least two recordings')
+    parts = []
+    for recording, own in zip(recordings, remarks or [()] * len(recordings), strict=True):
+        record = recording.record()
+        if record is None:
+            raise ImuAllanError(f'{recording.path}: holds no usable sample')
+        parts.append(_Part(str(recording.path), record, recording.result(own)))
+    _agree(parts)
+    first = parts[0].record
+    rate = float(np.average([part.record.rate_hz for part in parts],
+                            weights=[part.record.estimator.samples for part in parts]))
+    estimators = [part.record.estimator for part in parts]
+    fitted = axis_results(_merged(estimators), rate, [AXES[name] for name in first.names],
+                          joint_fits(estimators, 1 / rate))
+    axes = {name: replace(_with_spread(axis, name, parts), stationarity=None)
+            for name, (axis, _) in zip(first.names, fitted, strict=True)}
+    found = [Remark(remark.code, f'{name}: {remark.message}')
+             for name, (_, own) in zip(first.names, fitted, strict=True) for remark in own]
+    timeline = _timeline([part.result.timeline for part in parts], rate)
+    summary = replace(first.summary, timeline=timeline)
+    source = parts[0].result.source
+    paths = [part.path for part in parts]
+    spread = _turn_on_bias(parts, axes)
+    return Result(
+        parts[0].result.imu_allan_version,
+        Source('recording', ' + '.join(paths), source.topic, source.frame_id, source.start_time,
+               source.clock),
+        timeline, axes,
+        (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts), *found,
+         *length_remarks(axes, summary)),
+        tuple(RecordingPart(part.path, part.result.source.start_time,
+                            part.result.timeline.duration_s, _means(part)) for part in parts),
+        spread)
+
+
+def turn_on_bias(means: Sequence[float], errors: Sequence[float]) -> TurnOnBias:
+    """
+    Return the spread of means from one power-on to the next.
+
+    Parameters
+    ----------
+    means, errors : sequence of float
+        At least two, with their standard errors (`error_of_mean`).
+
+    Returns
+    -------
+    TurnOnBias
+        What measuring explains of the scatter is taken off.
+
+    Examples
+    --------
+    >>> turn_on_bias([0.1, -0.1, 0.05], [0.2, 0.2, 0.2]).sigma
+    0.0
+
+    """
+    effects = random_effects(means, errors)
+    return TurnOnBias(effects.between, effects.between_ci95)
+
+
+# ------------------------------------------------------------------------------ what must be equal
+
+def _agree(parts: Sequence[_Part]) -> None:
+    first = parts[0]
+    for part in parts[1:]:
+        rate, other = first.record.rate_hz, part.record.rate_hz
+        if abs(other / rate - 1) > _SAME_RATE:
+            raise ImuAllanError(f'{part.path}: sampled at {other:.6g} Hz, {first.path} at '
+                                f'{rate:.6g} Hz; analyze recordings of different rates apart')
+        frames = first.result.source.frame_id, part.result.source.frame_id
+        if frames[0] != frames[1]:
+            raise ImuAllanError(f'{part.path}: frame {frames[1]!r}, but {frames[0]!r} in '
+                                f'{first.path}; analyze different IMUs apart')
+        if part.record.names != first.record.names:
+            raise ImuAllanError(f'{part.path}: axes {", ".join(part.record.names)}, but '
+                                f'{", ".join(first.record.names)} in {first.path}; analyze them '
+                                'apart')
+        for name in first.record.names:
+            _same_band(first, part, name)
+
+
+def _same_band(first: _Part, part: _Part, name: str) -> None:
+    """Refuse recordings that were low-passed differently: their white noise is not one."""
+    one = _fast_end(first.result.axes[name], first.record.rate_hz)
+    other = _fast_end(part.result.axes[name], part.record.rate_hz)
+    if one is None or other is None:
+        return
+    (a, error_a), (b, error_b) = one, other
+    if abs(log(b / a)) > _SAME_BAND + 4 * sqrt(error_a**2 + error_b**2):
+        raise ImuAllanError(
+            f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
+            f'fast end {100 * (b / a - 1):+.0f} %); analyze different settings apart')
+
+
+def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
+    """Density of the fastest octave over that three octaves below, and its relative error."""
+    if axis.spectrum is None:
+        return None
+    frequency, psd = np.array(axis.spectrum.frequency_hz), np.array(axis.spectrum.psd)
+    means = []
+    for top in (rate_hz / 2, rate_hz / 16):
+        band = psd[(frequency > top / 2) & (frequency <= top)]
+        # The median: a line in one of the bands is no low-pass.
+        if len(band) < 4 or (middle := float(np.median(band))) <= 0:
+            return None
+        means.append((middle, float(np.std(band)) / middle / sqrt(len(band))))
+    return means[0][0] / means[1][0], sqrt(means[0][1]**2 + means[1][1]**2)
+
+
+# ---------------------------------------------------------------------------- what is put together
+
+def _merged(estimators: Sequence[Estimator]) -> Estimator:
+    """One estimator with the samples of all, for the curve; no difference across the seams."""
+    merged = estimators[0].copy()
+    for estimator in estimators[1:]:
+        merged.merge(estimator)
+    return merged
+
+
+def _timeline(timelines: Sequence[Timeline], rate_hz: float) -> Timeline:
+    """Add up what was seen; spans count on from recording to recording."""
+    def shifted(name: str) -> tuple[Span, ...]:
+        spans, start = [], 0.0
+        for timeline in timelines:
+            spans += [Span(start + span.start_s, span.duration_s)
+                      for span in getattr(timeline, name)]
+            start += timeline.duration_s
+        return tuple(spans)
+
+    counts = {name: sum(getattr(timeline, name) for timeline in timelines) for name in (
+        'samples', 'duration_s', 'missing', 'duplicates', 'out_of_order', 'rejected')}
+    return Timeline(sample_rate_hz=rate_hz, gaps=shifted('gaps'), motion=shifted('motion'),
+                    **counts)
+
+
+def _means(part: _Part) -> dict[str, float]:
+    return {name: axis.mean for name, axis in part.result.axes.items() if axis.mean is not None}
+
+
+def _of_each(parts: Sequence[_Part]) -> list[Remark]:
+    """Return what the timeline and the front door said about one recording or another."""
+    # What the single fits found is said of the joint one, or the joint one does without.
+    own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'coarse_resolution',
+           'constant_axis', 'warm_up', 'trend_or_walk', 'not_steady')
+    return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
+            for remark in part.result.warnings if remark.code not in own]
+
+
+# ----------------------------------------------------------------------- what differs between them
+
+def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dict[str, TurnOnBias]:
+    spread = {}
+    for name, axis in axes.items():
+        own = [part for part in parts if part.result.axes[name].mean is not None]
+        # The joint coefficients know best how much a mean wanders during a recording.
+        means = [part.result.axes[name].mean or 0.0 for part in own]
+        errors = [error_of_mean(axis, part.record.estimator.samples / part.record.rate_hz)
+                  for part in own]
+        if len(own) > 1 and any(axis.curve.adev):
+            spread[name] = turn_on_bias(means, errors)
+    return spread
+
+
+def _turn_on_remarks(spread: Mapping[str, TurnOnBias], axes: Mapping[str, AxisResult]
+                     ) -> list[Remark]:
+    remarks = []
+    for name, found in spread.items():
+        if found.sigma > 0 and found.ci95[0] > 0:
+            value, unit = engineering(found.sigma, axes[name].unit)
+            low, high = (number(engineering(end, axes[name].unit)[0], 3) for end in found.ci95)
+            remarks.append(Remark(
+                'turn_on_bias', f'{name}: the mean differs from recording to recording by '
+                f'{number(value, 3)} {unit} beyond what it wanders in one (at least {low}, '
+                f'at most {high})'))
+    return remarks
+
+
+def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
+    """Enter the spread between recordings; where they contradict each other intervals widen."""
+    coefficients = dict(axis.coefficients)
+    for key in _COMPARED:
+        values, errors = _logarithms(name, key, parts)
+        found = coefficients[key]
+        if len(values) < 2 or found.value is None or found.ci95 is None:
+            continue
+        between = random_effects(list(values.values()), list(errors.values())).between
+        coefficients[key] = replace(_widened(found, values, errors),
+                                    between=found.value * between)
+    return replace(axis, coefficients=coefficients)
+
+
+def _widened(found: Coefficient, values: Mapping[str, float], errors: Mapping[str, float]
+             ) -> Coefficient:
+    """Birge's ratio: an interval is as wide as the scatter of the recordings says at least."""
+    assert found.value is not None
+    assert found.ci95 is not None
+    q = q_statistic(list(values.values()), list(errors.values()))
+    free = len(values) - 1
+    if _survival(q, free) > _CONTRADICTION:
+        return found
+    factor = sqrt(q / free)
+    low, high = (found.value * exp(factor * log(max(bound, 1e-3 * found.value) / found.value))
+                 for bound in found.ci95)
+    return replace(found, ci95=(low, high))
+
+
+def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Remark]:
+    """Say which recording contradicts the others, and in what."""
+    remarks = []
+    compared = [(name, key) for name in axes for key in _COMPARED]
+    for name, key in compared:
+        values, errors = _logarithms(name, key, parts)
+        if len(values) < 2:
+            continue
+        q = q_statistic(list(values.values()), list(errors.values()))
+        if _survival(q, len(values) - 1) > _CONTRADICTION / len(compared):
+            continue
+        odd = max(values, key=lambda path: _distance(path, values, errors))
+        others = [path for path in values if path != odd]
+        weights = [errors[path]**-2 for path in others]
+        usual = exp(float(np.average([values[path] for path in others], weights=weights)))
+        unit = TERMS[key].unit(AXES[name])
+        shown, shown_unit = engineering(exp(values[odd]), unit)
+        other = number(engineering(usual, unit)[0])
+        where = others[0] if len(others) == 1 else 'the others'
+        remarks.append(Remark(
+            'recordings_disagree',
+            f'{name}: {TERMS[key].name(AXES[name])} differs between the recordings beyond error: '
+            f'{number(shown)} {shown_unit} in {odd}, {other} in {where}; the interval is widened'))
+    return remarks
+
+
+def _logarithms(name: str, key: str, parts: Sequence[_Part]
+                ) -> tuple[dict[str, float], dict[str, float]]:
+    """Logarithm of a coefficient and its error, by path, of the recordings that show it."""
+    values, errors = {}, {}
+    for part in parts:
+        found = part.result.axes[name].coefficients[key]
+        if found.value is not None and found.ci95 is not None and found.value > 0:
+            low, high = found.ci95
+            values[part.path] = log(found.value)
+            half = log(high / low) / 2 if low > 0 else log(high / found.value)
+            errors[part.path] = half / _Z95
+    return values, errors
+
+
+def _distance(path: str, values: Mapping[str, float], errors: Mapping[str, float]) -> float:
+    """How far a recording lies from the others, in units of the errors."""
+    others = [other for other in values if other != path]
+    weights = np.array([max(errors[other], 1e-12)**-2 for other in others])
+    mean = float(np.average([values[other] for other in others], weights=weights))
+    return abs(values[path] - mean) / sqrt(errors[path]**2 + 1 / float(weights.sum()))
+
+
+def _survival(q: float, free: int) -> float:
+    return float(chi_square.survival(q, free))

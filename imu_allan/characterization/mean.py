@@ -1,0 +1,37 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the mean of a record is worth."""
+
+from math import inf, sqrt
+
+from imu_allan.noise.terms import allan_variance
+from imu_allan.result import AxisResult, Result
+
+
+def recorded_s(result: Result) -> float:
+    """Return for how long samples were taken in: gaps and motion do not count."""
+    rate = result.timeline.sample_rate_hz
+    return min(result.timeline.duration_s, result.timeline.samples / rate if rate else inf)
+
+
+def error_of_mean(axis: AxisResult, duration_s: float) -> float:
+    """
+    Return the standard error of the mean of one axis over a record.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        As fitted; terms that do not show count nothing.
+    duration_s : float
+        Length of the record.
+
+    Returns
+    -------
+    float
+        The Allan deviation of the fitted terms at the length of the record: how far the mean of
+        one such record tells that of the next. Zero without a record.
+
+    """
+    values = {key: found.value for key, found in axis.coefficients.items()
+              if found.value is not None}
+    return sqrt(float(allan_variance(values, duration_s))) if duration_s > 0 else 0.0

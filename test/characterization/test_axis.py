@@ -1,0 +1,169 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The result of an axis: what is told of the fit, and the model beside the curve."""
+
+import re
+import tracemalloc
+
+from imu_allan.characterization.axis import axis_results, characterize, sample_noise
+from imu_allan.noise.drift_model import drift_avar
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.result import Curve, GoodnessOfFit
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+RATE = 100.0
+WHITE = simulate({'noise_density': 1e-3}, 300_000, RATE, seed=3)
+
+
+def model_over_curve(axis, fewest_degrees_of_freedom=300):
+    curve = axis.curve
+    sure = np.array(curve.edf) > fewest_degrees_of_freedom
+    return (np.array(curve.model_adev) / np.array(curve.adev))[sure]
+
+
+@pytest.mark.parametrize('width', [2, 5, 8, 40])
+def test_model_follows_the_curve_of_low_passed_noise_at_every_averaging_time(width):
+    axis = characterize(lfilter(np.ones(width) / width, [1.0], WHITE)[width:], RATE)
+    assert axis.band_limit_s == pytest.approx(width / RATE, rel=0.15)
+    # Below the window the deviation is as uncertain as the window itself.
+    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.15)
+
+
+def test_model_is_that_of_the_drift_model_and_describes_the_curve():
+    model = {'noise_density': 1e-3, 'bias_instability': 3e-3, 'rate_random_walk': 3e-3}
+    axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
+    np.testing.assert_allclose(np.array(axis.curve.model_adev) ** 2,
+                               drift_avar(axis.drift_model, axis.tones, axis.curve.tau_s))
+    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.1)
+
+
+def test_model_holds_the_line_that_was_left_out_of_the_fit():
+    time = np.arange(300_000) / RATE
+    samples = simulate({'noise_density': 1e-3}, 300_000, RATE, seed=3)
+    axis = characterize(samples + 0.005 * np.sin(2 * np.pi * 3.3 * time), RATE)
+    assert [round(tone.frequency_hz, 2) for tone in axis.tones] == [3.3]
+    np.testing.assert_allclose(model_over_curve(axis)[:8], 1, atol=0.1)
+
+
+def test_a_constant_axis_has_no_drift_model():
+    assert characterize(np.full(1000, 0.5), RATE).drift_model is None
+    assert characterize(WHITE[:20], RATE).drift_model is None
+
+
+def test_model_holds_the_gauss_markov_process():
+    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 5.0}}
+    axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
+    assert axis.gauss_markov.sigma == pytest.approx(1e-3, rel=0.1)
+    assert axis.gauss_markov.correlation_time_s == pytest.approx(5.0, rel=0.2)
+    np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.05)
+
+
+@pytest.mark.parametrize('quantity', ['angular_velocity', 'linear_acceleration'])
+@pytest.mark.parametrize('samples', [WHITE, WHITE[:10]])
+def test_every_coefficient_has_symbol_and_unit(quantity, samples):
+    axis = characterize(samples, RATE, quantity)
+    assert list(axis.coefficients) == list(TERMS)
+    for key, one in axis.coefficients.items():
+        assert one.symbol == TERMS[key].symbol
+        assert one.unit == (TERMS[key].gyro_unit if quantity == 'angular_velocity'
+                            else TERMS[key].accel_unit)
+
+
+def test_samples_that_stand_in_for_missing_ones_leave_the_density_alone():
+    # A tenth of the samples replaced by the mean of their neighbours.
+    missing = np.random.default_rng(3).choice(np.arange(8, 299_992), 30_000, replace=False)
+    around = sum(WHITE[missing + k] for k in range(-8, 9) if k) / 16
+    samples = WHITE.copy()
+    samples[missing] = around
+    estimator = Estimator()
+    estimator.update(samples, bridged=len(missing))
+    [(axis, _)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+    low, high = axis.coefficients['noise_density'].ci95
+    assert low < 1e-3 < high
+    assert high - low < 0.01e-3
+    # What the means take out of high and add to low frequencies does not pass for a low-pass.
+    assert axis.band_limit_s is None
+
+
+def test_a_spectrum_that_is_described_has_no_misfit():
+    for samples in (WHITE, WHITE[:5000], WHITE[:500]):
+        fit = characterize(samples, RATE).goodness_of_fit
+        assert fit.acceptable
+        assert 0.001 < fit.p_value < 1
+        assert fit.worst_relative_misfit < 0.03
+
+
+def test_noise_of_a_sample_is_its_standard_deviation_about_its_neighbours():
+    estimator = Estimator(2)
+    estimator.update(np.stack((WHITE, 3 * WHITE + np.linspace(0, 1, len(WHITE))), axis=1))
+    np.testing.assert_allclose(sample_noise(estimator.finished()), [0.01, 0.03], rtol=0.01)
+    assert sample_noise(Estimator(2)).tolist() == [0, 0]
+
+
+def remarks_of(samples):
+    estimator = Estimator()
+    estimator.update(samples)
+    [(axis, remarks)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+    return axis, {remark.code: remark.message for remark in remarks}
+
+
+def test_what_is_worth_telling_has_its_code():
+    assert remarks_of(WHITE)[1] == {}
+    assert set(remarks_of(lfilter(np.ones(8) / 8, [1.0], WHITE))[1]) == {'band_limited'}
+    steps = remarks_of(np.round(WHITE / 0.03) * 0.03)[1]
+    assert re.fullmatch(r'the output steps by 0\.03 rad/s, [\d.]+ times the noise of one sample: '
+                        'what lies below the step is hidden', steps['coarse_resolution'])
+    assert set(remarks_of(np.cumsum(np.cumsum(WHITE)))[1]) >= {'poor_fit'}
+    markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
+    assert set(remarks_of(simulate(markov, 300_000, RATE, seed=3))[1]) == {'gauss_markov'}
+    axis, remarks = remarks_of(np.full(1000, 2.0))
+    assert remarks == {'constant_axis': 'every sample is 2 rad/s: there is no noise to measure'}
+    assert set(axis.curve.adev) == {0.0}
+
+
+@pytest.mark.parametrize('samples', [[], [1.0]])
+def test_without_a_second_difference_there_is_no_curve(samples):
+    axis = characterize(samples, RATE)
+    assert axis.curve == Curve((), (), (), (), (), ())
+    assert axis.mean == (None if not samples else np.mean(samples))
+    assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
+
+
+def test_an_axis_that_stands_still_beside_others_is_told():
+    estimator = Estimator(3)
+    estimator.update(np.stack((WHITE, np.full(len(WHITE), 9.8), WHITE - 5), axis=1))
+    found = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY] * 3)
+    assert [[remark.code for remark in remarks] for _, remarks in found] == [
+        [], ['constant_axis'], []]
+    assert [axis.coefficients['noise_density'].observable for axis, _ in found] == [
+        True, False, True]
+
+
+def test_fits_of_a_growing_record_hold_no_memory():
+    # Beside a driver for days, every fit is one of a record of another length.
+    estimator, kept = Estimator(), []
+    estimator.update(WHITE[:30_000])
+    tracemalloc.start()
+    for begin in range(30_000, 60_000, 500):
+        estimator.update(WHITE[begin:begin + 500])
+        axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
+        kept.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert max(kept[40:]) < max(kept[10:40]) + 500_000
+
+
+def test_too_short_a_record_has_a_curve_and_no_coefficient():
+    axis, remarks = remarks_of(WHITE[:40])
+    assert remarks == {}
+    assert axis.curve.tau_s == (0.01, 0.02, 0.04, 0.08, 0.16)
+    assert all(0 < low < at < high for at, (low, high) in zip(axis.curve.adev, axis.curve.ci95,
+                                                              strict=True))
+    assert set(axis.curve.model_adev) == {0.0}
+    assert axis.spectrum is None
+    assert not axis.goodness_of_fit.acceptable
+    assert not any(one.observable or one.value or one.upper95
+                   for one in axis.coefficients.values())

@@ -1,0 +1,142 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+from imu_allan.characterization import Characterization
+from imu_allan.characterization.joint import joint_result, turn_on_bias
+from imu_allan.errors import ImuAllanError
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+import numpy as np
+import pytest
+
+RATE_HZ = 50.0
+SAMPLES = 20_000
+
+
+def recorded(path, seed, *, model='noise_density: 0.005 deg/s/sqrt(Hz)', rate_hz=RATE_HZ,
+             samples=SAMPLES, changed=lambda block: block):
+    """Take in a gyroscope, its accelerometer being noise about gravity."""
+    stream = Characterization(kind='recording', path=path, topic='/imu')
+    whole = parse_model(f'gyro: {{{model}}}\n'
+                        'accel: {noise_density: 100 ug/sqrt(Hz), z: {mean: 1 g}}')
+    for block in simulated_blocks(whole, rate_hz, samples, seed=seed):
+        stream.update(changed(block))
+    return stream
+
+
+@pytest.fixture(scope='module')
+def nights():
+    """Four recordings of one IMU, whose zero bias is another after each power-on."""
+    return [recorded(f'night{seed}', seed, model='noise_density: 0.005 deg/s/sqrt(Hz), '
+                     f'rate_random_walk: 40 deg/h/sqrt(h), mean: {bias} deg/h')
+            for seed, bias in ((1, 400), (2, -300), (3, 100), (4, -50))]
+
+
+@pytest.fixture(scope='module')
+def joint(nights):
+    return joint_result(nights)
+
+
+def width(result, key):
+    found = result.axes['gyro_x'].coefficients[key]
+    return (found.ci95[1] - found.ci95[0]) / found.value
+
+
+def test_four_recordings_know_twice_as_well_as_one(nights, joint):
+    single = nights[0].result()
+    assert width(joint, 'noise_density') == pytest.approx(width(single, 'noise_density') / 2,
+                                                          rel=0.25)
+    low, high = joint.axes['gyro_x'].coefficients['noise_density'].ci95
+    assert low < 0.005 * 0.017453292519943295 < high
+    assert joint.timeline.samples == 4 * SAMPLES
+    assert joint.timeline.duration_s == pytest.approx(4 * SAMPLES / RATE_HZ, rel=1e-3)
+
+
+def test_the_result_holds_what_it_was_made_of(nights, joint):
+    assert [part.path for part in joint.recordings] == [f'night{seed}' for seed in range(1, 5)]
+    assert joint.recordings[1].means['gyro_y'] == nights[1].result().axes['gyro_y'].mean
+    assert joint.source.path == 'night1 + night2 + night3 + night4'
+    assert type(joint).from_dict(joint.to_dict()) == joint
+
+
+def test_the_means_spread_from_one_power_on_to_the_next(joint):
+    # 400, -300, 100 and -50 deg/h.
+    sigma = float(np.std([400, -300, 100, -50], ddof=1)) * 4.848136811e-6
+    for axis in ('gyro_x', 'gyro_y', 'gyro_z'):
+        found = joint.turn_on_bias[axis]
+        assert found.sigma == pytest.approx(sigma, rel=0.1)
+        assert found.ci95[0] < sigma < found.ci95[1]
+    assert joint.turn_on_bias['accel_x'].ci95[0] == 0.0
+    told = [remark.message for remark in joint.warnings if remark.code == 'turn_on_bias']
+    assert [message.partition(':')[0] for message in told] == ['gyro_x', 'gyro_y', 'gyro_z']
+
+
+def test_the_order_of_the_recordings_does_not_matter(nights, joint):
+    other = joint_result(nights[::-1])
+    for name, axis in joint.axes.items():
+        for key, found in axis.coefficients.items():
+            twin = other.axes[name].coefficients[key]
+            assert twin.observable == found.observable
+            assert (twin.value or 0.0) == pytest.approx(found.value or 0.0, rel=1e-3)
+
+
+def test_recordings_of_one_sensor_do_not_contradict_each_other(joint):
+    assert not [remark for remark in joint.warnings if remark.code == 'recordings_disagree']
+    assert joint.axes['gyro_x'].coefficients['noise_density'].between < 1e-6
+
+
+def test_a_recording_that_contradicts_the_others_is_named(nights):
+    noisy = recorded('after', 9, model='noise_density: 0.006 deg/s/sqrt(Hz)')
+    found = joint_result([*nights[:3], noisy])
+    messages = [remark.message for remark in found.warnings
+                if remark.code == 'recordings_disagree']
+    assert len(messages) == 3
+    assert messages[0].startswith(
+        'gyro_x: angle random walk differs between the recordings beyond error: 0.35')
+    assert ' deg/sqrt(h) in after, 0.3' in messages[0]
+    assert messages[0].endswith(' in the others; the interval is widened')
+    between = found.axes['gyro_x'].coefficients['noise_density'].between
+    assert between / found.axes['gyro_x'].coefficients['noise_density'].value > 0.05
+
+
+def test_a_mean_that_only_wanders_is_no_turn_on_bias():
+    assert turn_on_bias([0.1, -0.2, 0.15], [0.2, 0.2, 0.2]).sigma == 0.0
+
+
+@pytest.mark.parametrize(('other', 'complaint'), [
+    ({'rate_hz': 60.0}, 'other: sampled at 60 Hz, night1 at 50 Hz; analyze recordings of '
+     'different rates apart'),
+    ({'changed': lambda block: replace(block, frame_id='imu_2')},
+     "other: frame 'imu_2', but 'imu_link' in night1; analyze different IMUs apart"),
+    ({'changed': lambda block: replace(block, absent=block.absent | np.array([False, True]))},
+     'other: axes gyro_x, gyro_y, gyro_z, but gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
+     'in night1; analyze them apart')])
+def test_what_cannot_be_one_series_is_refused(nights, other, complaint):
+    with pytest.raises(ImuAllanError) as error:
+        joint_result([nights[0], recorded('other', 5, **other)])
+    assert str(error.value) == complaint
+
+
+def test_another_low_pass_is_refused(nights):
+    def smoothed(block):
+        samples = block.samples.copy()
+        samples[1:] = (samples[1:] + samples[:-1]) / 2
+        return replace(block, samples=samples)
+
+    with pytest.raises(ImuAllanError) as error:
+        joint_result([nights[0], recorded('other', 5, changed=smoothed)])
+    assert str(error.value).startswith('other: gyro_x falls by another low-pass than in night1 '
+                                       '(noise at the fast end -')
+
+
+def test_one_recording_is_no_joint_result(nights):
+    with pytest.raises(ImuAllanError, match='needs at least two recordings'):
+        joint_result(nights[:1])
+
+
+def test_an_empty_recording_is_named(nights):
+    empty = Characterization(kind='recording', path='empty', topic='/imu')
+    with pytest.raises(ImuAllanError) as error:
+        joint_result([nights[0], empty])
+    assert str(error.value) == 'empty: holds no usable sample'
