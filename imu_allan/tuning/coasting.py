@@ -1,0 +1,103 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""How well a filter that holds the whole drift model predicts the mean over an outage."""
+
+from imu_allan.result import AxisResult, DriftModel, Tone
+from imu_allan.tuning.processes import drift_model_of, line_power, on_mean, rest_of_mean
+from imu_allan.tuning.state_space import space_of, StateSpace
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_DOUBLINGS = 40
+
+
+def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
+    """
+    Variance of the mean over each horizon after very many corrections.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        With a drift model.
+    aiding_s : float
+        Time between two corrections.
+    horizons : ndarray, shape (n,)
+        In seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    """
+    model = drift_model_of(axis)
+    covariance = steady_covariance(space_of(model, axis.tones, aiding_s))
+    found = []
+    for horizon in horizons.tolist():
+        weight, rest = coasting_weights(model, axis.tones, horizon)
+        found.append(float(weight @ covariance @ weight) + rest)
+    return np.array(found)
+
+
+def coasting_weights(model: DriftModel, tones: tuple[Tone, ...], horizon_s: float
+                     ) -> tuple[Array, float]:
+    """
+    Weights of the states in the mean over a horizon, and the variance that they do not tell.
+
+    Parameters
+    ----------
+    model : DriftModel
+        Of one axis.
+    tones : tuple of Tone
+        Of the same axis.
+    horizon_s : float
+        Time that the mean is taken over.
+
+    Returns
+    -------
+    weight : ndarray, shape (n,)
+    rest : float
+
+    """
+    h = horizon_s
+    weight = np.array([*(float(on_mean(p.correlation_time_s, h)) for p in model.processes), 1.0])
+    rest = sum(p.sigma**2 * float(rest_of_mean(p.correlation_time_s, h))
+               for p in model.processes)
+    return weight, (rest + model.rate_random_walk**2 * h / 3 + model.noise_density**2 / h
+                    + float(line_power(tones, h)))
+
+
+def steady_covariance(space: StateSpace) -> Array:
+    """
+    Covariance of the states before a mean is seen, after very many have been.
+
+    Parameters
+    ----------
+    space : StateSpace
+        Of the states and the measured mean.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+
+    References
+    ----------
+    E. K.-W. Chu et al., Int. J. Control 77 (2004): doubling, which takes 2^k steps in k.
+
+    """
+    gain = space.cross / space.measurement
+    a = (space.transition - gain @ space.observation).T
+    g = space.observation.T @ space.observation / space.measurement
+    p = space.process - gain @ space.cross.T
+    one = np.eye(len(p))
+    for _ in range(_DOUBLINGS):
+        left, right = np.linalg.solve(one + g @ p, a), np.linalg.solve(one + p @ g, p @ a)
+        g = g + a @ g @ np.linalg.solve(one + p @ g, a.T)
+        new = p + a.T @ right
+        a = a @ left
+        new = (new + new.T) / 2
+        if np.all(np.abs(new - p) <= 1e-13 * np.abs(np.trace(new))):
+            return new
+        p = new
+    return p

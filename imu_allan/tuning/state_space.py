@@ -1,0 +1,140 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The drift model as a state space of the mean rate over a step, exact at any step.
+
+Integrating the processes over the step gives, for one of variance s^2 and correlation time tau
+with ``e = exp(-T/tau)`` and ``a = (tau/T)(1 - e)``: transition e, process s^2 (1 - e^2),
+observation a, measurement s^2 (2 (tau/T)(1 - a) - a^2), cross s^2 a (1 - e). The random walk has
+1, K^2 T, 1, K^2 T/3 and K^2 T/2; white noise adds N^2/T to the measurement, a line a^2/2 sinc^2.
+"""
+
+from dataclasses import dataclass
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import AxisResult, DriftModel, Tone
+from imu_allan.tuning.processes import drift_model_of, line_power, on_mean, rest_of_mean
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_UNKNOWN_START = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """
+    ``x' = transition x + w``, ``y = observation x + v``: y the mean rate over one step.
+
+    Attributes
+    ----------
+    step_s : float
+        In seconds.
+    transition : ndarray, shape (n, n)
+        The states are the Gauss-Markov processes by growing correlation time, then the random
+        walk, all in the unit of a sample.
+    observation : ndarray, shape (1, n)
+    process : ndarray, shape (n, n)
+        E[w w'].
+    measurement : ndarray, shape (1, 1)
+        E[v v].
+    cross : ndarray, shape (n, 1)
+        E[w v]: what moves a state during the step moves the mean over the step, too.
+    initial : ndarray, shape (n, n)
+        Covariance of x before the first step. Processes stand at their stationary variance; the
+        walk, which is the unknown bias, at a million times the variance of the first mean.
+
+    Examples
+    --------
+    A filter that follows the bias of a gyroscope at rest and predicts it:
+
+    >>> import numpy as np
+    >>> import imu_allan
+    >>> rates = imu_allan.simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-5},
+    ...                            60_000, 100.0)
+    >>> axis = imu_allan.characterize(rates, 100.0)
+    >>> s = imu_allan.state_space(axis, step_s=1.0)
+    >>> x, P = np.zeros(len(s.transition)), s.initial
+    >>> nis = []
+    >>> for y in rates.reshape(-1, 100).mean(axis=1):
+    ...     innovation = y - s.observation @ x
+    ...     S = s.observation @ P @ s.observation.T + s.measurement
+    ...     gain = (s.transition @ P @ s.observation.T + s.cross) / S
+    ...     x = s.transition @ x + gain @ innovation
+    ...     P = s.transition @ P @ s.transition.T + s.process - gain @ S @ gain.T
+    ...     nis.append(float(innovation[0] ** 2 / S[0, 0]))
+    >>> bool(0.85 < np.mean(nis) < 1.15)
+    True
+
+    """
+
+    step_s: float
+    transition: Array
+    observation: Array
+    process: Array
+    measurement: Array
+    cross: Array
+    initial: Array
+
+
+def state_space(axis: AxisResult, step_s: float) -> StateSpace:
+    """
+    Return the state space of the mean rate over steps of a given length.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        An axis object of a result, with a drift model.
+    step_s : float
+        In seconds, not below the shortest horizon that the drift model is known for.
+
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    ImuAllanError
+        If the axis has no drift model or the step is not one that it is known for.
+
+    Examples
+    --------
+    >>> import imu_allan
+    >>> rates = imu_allan.simulate({'noise_density': 1e-3}, 60_000, 100.0)
+    >>> space = imu_allan.state_space(imu_allan.characterize(rates, 100.0), step_s=0.5)
+    >>> space.observation.shape[0]
+    1
+
+    """
+    model = drift_model_of(axis)
+    if not step_s > 0 or not np.isfinite(step_s):
+        raise ImuAllanError(f'step_s must be a positive time, not {step_s:g} s')
+    # The edge may come from a rate that is off by rounding.
+    if step_s < model.from_s * (1 - 1e-6):
+        raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge: '
+                            'this recording does not know how the sensor drifts faster; '
+                            'choose a longer step')
+    return space_of(model, axis.tones, step_s)
+
+
+def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> StateSpace:
+    """Return the state space of a drift model and lines, whatever the step."""
+    n, t = len(model.processes) + 1, step_s
+    transition, observation = np.eye(n), np.ones((1, n))
+    process, initial, cross = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, 1))
+    measurement = model.noise_density**2 / t + float(line_power(tones, t))
+    for i, markov in enumerate(model.processes):
+        variance, time = markov.sigma**2, markov.correlation_time_s
+        a = float(on_mean(time, t))
+        transition[i, i], observation[0, i] = np.exp(-t / time), a
+        process[i, i] = variance * -np.expm1(-2 * t / time)
+        cross[i, 0] = variance * a * -np.expm1(-t / time)
+        measurement += variance * float(rest_of_mean(time, t))
+        initial[i, i] = variance
+    walk = model.rate_random_walk**2 * t
+    process[-1, -1], cross[-1, 0] = walk, walk / 2
+    measurement += walk / 3
+    initial[-1, -1] = _UNKNOWN_START * (measurement + float(np.trace(initial)))
+    return StateSpace(step_s, transition, observation, process,
+                      np.array([[measurement]]), cross, initial)

@@ -1,0 +1,464 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Two or three numbers for a filter, in one module with the closed forms that choose them.
+
+Most filters know white noise and a random walk, some white noise and a first-order Gauss-Markov
+process. The truth is the drift model; what such a filter claims for the mean over the next h
+seconds, V(h), and what then happens, E(h), both have closed forms in its steady state. The numbers
+are those with the best mean logarithmic score, the smallest mean of ln V + E/V, over horizons from
+the time between two corrections to the longest time without one.
+
+References
+----------
+Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+2001, ch. 5.4 (consistency). J. Farrell et al., IEEE Control Systems 42(6), 2022 (Gauss-Markov
+processes from the Allan variance). T. Gneiting, A. Raftery, JASA 102 (2007) (scoring rules).
+
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+from weakref import ref
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.drift_model import drift_avar
+from imu_allan.result import AxisResult, GaussMarkov
+from imu_allan.tuning.processes import (
+    drift_model_of,
+    line_power,
+    mean_variance,
+    on_mean,
+    rest_of_mean,
+)
+from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Bias = Literal['random_walk', 'gauss_markov']
+
+_HORIZONS = 7
+"""Between one correction and the longest time without: a few to a decade, all of equal weight."""
+_CANDIDATES = 161
+"""A factor of 1.14 apart in density squared: 7 % of a random walk, finer than it is known."""
+_DECADES = 8.0
+_TIMES = 25
+"""Correlation times, from one correction to ten times the longest time without."""
+_WHITE_FLOOR = 0.05     # of the variance: a filter without white noise divides by nearly nothing
+
+
+@dataclass(frozen=True)
+class FilterTuning:
+    """
+    Numbers for a filter, and what they reach.
+
+    Attributes
+    ----------
+    aiding_interval_s, coast_s : float
+        How often something else corrects the filter, and the longest it must do without.
+    noise_density : float
+    random_walk : float or None
+        Driving density of the bias for a filter with a random walk.
+    sigma, correlation_time_s : float or None
+        Standard deviation and correlation time for a filter with a Gauss-Markov process.
+    consistency : tuple of (float, float, float)
+        Horizon in seconds, standard deviation expected and claimed of the mean over it.
+    known_from_s, known_to_s : float
+        Horizons that the recording speaks of. Below them the noise density is that of the band it
+        knows, or more where the curve stands above; beyond them what is expected was widened by
+        a walk that the recording could not have shown.
+
+    """
+
+    aiding_interval_s: float
+    coast_s: float
+    noise_density: float
+    random_walk: float | None
+    sigma: float | None
+    correlation_time_s: float | None
+    consistency: tuple[tuple[float, float, float], ...]
+    known_from_s: float
+    known_to_s: float
+
+    @property
+    def nis(self) -> float:
+        """
+        Return the expected mean normalised innovation squared.
+
+        1 is right, above 1 overconfident.
+
+        """
+        _, expected, claimed = self.consistency[0]
+        return (expected / claimed) ** 2
+
+    @property
+    def coast_ratio(self) -> float:
+        """Return expected over claimed variance of the mean over the longest time uncorrected."""
+        _, expected, claimed = self.consistency[-1]
+        return (expected / claimed) ** 2
+
+
+def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0,
+         bias: Bias = 'random_walk', conservative: bool = False,
+         correlation_time_s: float | None = None) -> FilterTuning:
+    """
+    Choose the numbers for a filter with one bias state.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        An axis object of a result, with a drift model.
+    aiding_interval_s : float, optional
+        Time between two corrections by camera, lidar, satellites.
+    coast_s : float, optional
+        The longest time without any.
+    bias : {'random_walk', 'gauss_markov'}, optional
+        What the filter takes its bias for.
+    conservative : bool, optional
+        Never below the upper 95 % end of what is expected at any horizon, the recording's own
+        unsteadiness included, instead of right on average.
+    correlation_time_s : float, optional
+        Of a filter whose process has this one; chosen when left out.
+
+    Returns
+    -------
+    FilterTuning
+
+    Raises
+    ------
+    ImuAllanError
+        If the axis has no drift model, or the times are not positive or not in order.
+
+    Examples
+    --------
+    >>> import imu_allan
+    >>> rates = imu_allan.simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4},
+    ...                            360_000, 100.0)
+    >>> tuning = imu_allan.tune(imu_allan.characterize(rates, 100.0), aiding_interval_s=1.0)
+    >>> bool(0.97e-3 < tuning.noise_density < 1.03e-3)
+    True
+    >>> bool(0.8e-4 < tuning.random_walk < 1.2e-4)
+    True
+    >>> bool(0.95 < tuning.nis < 1.05)
+    True
+
+    """
+    _check_times(aiding_interval_s, coast_s)
+    if bias not in ('random_walk', 'gauss_markov'):
+        raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
+    known = tunings_of(axis)
+    wish = (aiding_interval_s, coast_s, bias, conservative, correlation_time_s)
+    if wish not in known:
+        known[wish] = _tune(axis, *wish)
+    return known[wish]
+
+
+def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias,
+          conservative: bool, correlation_time_s: float | None) -> FilterTuning:
+    truth = Truth(axis)
+    horizons = _horizons(aiding_interval_s, coast_s)
+    s2 = truth.allan_variance(aiding_interval_s, conservative=conservative)
+    if s2 <= 0:
+        raise ImuAllanError('this axis has no noise: there is nothing to tune a filter with')
+    filters = (_walks(s2, aiding_interval_s) if bias == 'random_walk'
+               else _markovs(s2, aiding_interval_s, coast_s, correlation_time_s))
+    claimed = filters.claimed(horizons)
+    expected = truth.expected(filters, horizons)
+    wanted = truth.upper(filters, horizons, expected) if conservative else expected
+    cost = np.mean(np.log(claimed) + wanted / claimed, axis=0)
+    if conservative:
+        excess = np.max(wanted / claimed, axis=0)
+        # Where none is safe at every horizon the least unsafe one is taken.
+        cost = np.where(excess <= max(1.0, 1.001 * float(excess.min())), cost, np.inf)
+    best = int(np.argmin(cost))
+    return _tuning(filters, best, truth, horizons, expected[:, best], claimed[:, best], coast_s)
+
+
+def assess(axis: AxisResult, noise_density: float, random_walk: float,
+           aiding_interval_s: float = 0.1, coast_s: float = 60.0) -> FilterTuning:
+    """
+    Tell what given numbers would reach in a filter with a random walk.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        An axis object of a result, with a drift model.
+    noise_density, random_walk : float
+        What the filter is given.
+    aiding_interval_s, coast_s : float, optional
+        As for `tune`.
+
+    Returns
+    -------
+    FilterTuning
+        With the numbers as given.
+
+    Raises
+    ------
+    ImuAllanError
+        As `tune`, or if a number is not above zero.
+
+    Examples
+    --------
+    Ten times the walk makes an outage bound several times too wide:
+
+    >>> import imu_allan
+    >>> rates = imu_allan.simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4},
+    ...                            360_000, 100.0)
+    >>> axis = imu_allan.characterize(rates, 100.0)
+    >>> bool(imu_allan.assess(axis, 1e-3, 1e-3, 1.0).coast_ratio < 0.1)
+    True
+
+    """
+    _check_times(aiding_interval_s, coast_s)
+    if not (noise_density > 0 and random_walk > 0 and np.isfinite(noise_density + random_walk)):
+        raise ImuAllanError('noise_density and random_walk must be positive, '
+                            f'not {noise_density:g} and {random_walk:g}')
+    truth = Truth(axis)
+    horizons = _horizons(aiding_interval_s, coast_s)
+    filters = Filters.walking(np.array([noise_density**2]), np.array([random_walk**2]),
+                              aiding_interval_s)
+    expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
+    return _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0], coast_s)
+
+
+def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
+            ) -> tuple[tuple[float, float, float], ...]:
+    """
+    Consistency of a filter that holds the whole drift model: what is expected it claims.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose drift model the filter holds.
+    aiding_interval_s, coast_s : float, optional
+        As for `tune`.
+
+    Returns
+    -------
+    tuple of (float, float, float)
+        As `FilterTuning.consistency`.
+
+    """
+    from imu_allan.tuning.coasting import coasting_variance
+
+    _check_times(aiding_interval_s, coast_s)
+    horizons = _horizons(aiding_interval_s, coast_s)
+    sigma = np.sqrt(coasting_variance(axis, aiding_interval_s, horizons))
+    return tuple((float(h), float(s), float(s)) for h, s in zip(horizons, sigma, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Filters:
+    """
+    Filters of one bias state in their steady state, side by side: fields of shape (n,).
+
+    Attributes
+    ----------
+    aiding_s : float
+    white : ndarray
+        Squared noise density.
+    walk : ndarray
+        Squared driving density, for filters with a random walk; else 0.
+    sigma, time : ndarray
+        Of the process, for filters with one; else 0 and infinite.
+    gain : ndarray
+        Of the one-step predictor.
+    decay : ndarray
+        What is left of the state after one step without its correction.
+    covariance : ndarray
+        Of the state after a correction.
+
+    """
+
+    aiding_s: float
+    white: Array
+    walk: Array
+    sigma: Array
+    time: Array
+    gain: Array
+    decay: Array
+    covariance: Array
+
+    @classmethod
+    def walking(cls, white: Array, walk: Array, aiding_s: float) -> 'Filters':
+        """Return filters with a random walk."""
+        r, q = white / aiding_s + walk * aiding_s / 3, walk * aiding_s
+        p = np.sqrt(q * r - q**2 / 4)
+        gain = (p + q / 2) / (p + r)
+        return cls(aiding_s, white, walk, np.zeros(len(white)), np.full(len(white), np.inf),
+                   gain, 1 - gain, p)
+
+    @classmethod
+    def markov(cls, white: Array, sigma: Array, time: Array, aiding_s: float) -> 'Filters':
+        """Return filters with a Gauss-Markov process."""
+        x = aiding_s / time
+        e, a = np.exp(-x), on_mean(1.0, x)
+        q, s = sigma**2 * -np.expm1(-2 * x), sigma**2 * a * -np.expm1(-x)
+        r = white / aiding_s + sigma**2 * rest_of_mean(1.0, x)
+        # The scalar Riccati equation p = e^2 p + q - (e a p + s)^2/(a^2 p + r).
+        b = r * (1 - e**2) + 2 * e * a * s - a**2 * q
+        c = s**2 - q * r
+        p = (-b + np.sqrt(np.maximum(b**2 - 4 * a**2 * c, 0))) / (2 * a**2)
+        gain = (e * a * p + s) / (a**2 * p + r)
+        return cls(aiding_s, white, np.zeros(len(white)), sigma, time, gain, e - gain * a, p)
+
+    def weight(self, horizons: Array) -> Array:
+        """Weight of the state in the mean over each horizon, shape (horizons, n)."""
+        return on_mean(self.time, horizons[:, None])
+
+    def claimed(self, horizons: Array) -> Array:
+        """V(h): variance that the filters claim for the mean over each horizon."""
+        h, weight = horizons[:, None], self.weight(horizons)
+        process = self.sigma**2 * rest_of_mean(self.time, h) + self.walk * h / 3
+        return np.asarray(weight**2 * self.covariance + process + self.white / h)
+
+
+class Truth:
+    """
+    What truly happens to a filter: the drift model of an axis with its lines.
+
+    Parameters
+    ----------
+    axis : AxisResult
+
+    """
+
+    def __init__(self, axis: AxisResult) -> None:
+        self.axis = axis
+        self.model = drift_model_of(axis)
+
+    def allan_variance(self, interval_s: float, *, conservative: bool = False) -> float:
+        """Allan variance of the model with its lines, and what is measured above the band."""
+        model = float(drift_avar(self.model, self.axis.tones, interval_s))
+        if conservative:
+            white = self.model.noise_density**2 / interval_s
+            sampling, drift = upper_factors(self.axis, np.array([interval_s]))
+            model = float(white * sampling[0] + (model - white) * drift[0])
+        return model + self._above_band(interval_s)
+
+    def upper(self, filters: 'Filters', horizons: Array, expected: Array) -> Array:
+        """Upper 95 % end of what is expected: the white noise is steadier than the drift."""
+        h, weight = horizons[:, None], filters.weight(horizons)
+        memory = filters.gain**2 / (1 - filters.decay**2)
+        white = self.model.noise_density**2 * (weight**2 * memory / filters.aiding_s + 1 / h)
+        sampling, drift = (factor[:, None] for factor in upper_factors(self.axis, horizons))
+        return np.asarray(white * sampling + (expected - white) * drift)
+
+    def _above_band(self, interval_s: float) -> float:
+        """Allan variance that stands above the model where the model does not reach."""
+        curve = self.axis.curve
+        if interval_s >= self.model.from_s * (1 - 1e-6) or not curve.tau_s:
+            return 0.0
+        measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
+                                        np.log(np.maximum(curve.adev, 1e-300))))
+        model = float(drift_avar(self.model, self.axis.tones, interval_s))
+        return max(float(measured) - model, 0.0)
+
+    def expected(self, filters: Filters, horizons: Array) -> Array:
+        """E(h): mean square of what the filters get wrong, shape (horizons, filters)."""
+        t, h = filters.aiding_s, horizons[:, None]
+        g, phi, weight = filters.gain, filters.decay, filters.weight(horizons)
+        memory = g**2 / (1 - phi**2)    # variance of the state per variance of independent means
+        above = self._above_band(t)
+        lines = line_power(self.axis.tones, t) + above
+        total = (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
+                 + weight**2 * memory * lines + line_power(self.axis.tones, h)
+                 + above * (t / h) ** 2)    # what is fast averages out as its phase does
+        for process in self._processes(filters):
+            time, variance = process.correlation_time_s, process.sigma**2
+            e, a, ah = np.exp(-t / time), on_mean(time, t), on_mean(time, h)
+            r0, c1 = mean_variance(time, t), a**2
+            follow = 1 - phi * e
+            total = total + variance * (weight**2 * memory * (r0 + 2 * c1 * phi / follow)
+                                        - 2 * weight * ah * a * g / follow
+                                        + mean_variance(time, h))
+        if not np.isfinite(filters.time).any():
+            walk = self.model.rate_random_walk**2
+            total = total + walk * (h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
+        return np.asarray(total + hidden_variance(self.axis, horizons)[:, None])
+
+    def _processes(self, filters: Filters) -> tuple[GaussMarkov, ...]:
+        """Return the processes; for filters that forget, the walk too, as one that is bounded."""
+        processes = self.model.processes
+        walk = self.model.rate_random_walk
+        if np.isfinite(filters.time).any() and walk > 0:
+            # A walk leaves a filter that forgets behind in the end. It is followed for as long
+            # as the recording has seen it.
+            time = 10 * self.model.to_s
+            processes = (*processes, GaussMarkov(walk * float(np.sqrt(time / 2)), time))
+        return processes
+
+
+_TUNINGS: dict[int, tuple['ref[AxisResult]', dict[tuple[object, ...], FilterTuning]]] = {}
+
+
+def tunings_of(axis: AxisResult) -> dict[tuple[object, ...], FilterTuning]:
+    """
+    Return what was tuned of this very axis object already, by the arguments of `tune`.
+
+    A report writes the configurations of some thirty consumers, most of which want the same. The
+    entry goes when the axis does.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        The object itself, not one that is equal.
+
+    """
+    place = id(axis)
+    found = _TUNINGS.get(place)
+    if found is None or found[0]() is not axis:
+        found = ref(axis, lambda _: _TUNINGS.pop(place, None)), {}
+        _TUNINGS[place] = found
+    return found[1]
+
+
+def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: Array,
+            claimed: Array, coast_s: float) -> FilterTuning:
+    rows = tuple((float(h), float(np.sqrt(e)), float(np.sqrt(v)))
+                 for h, e, v in zip(horizons, expected, claimed, strict=True))
+    base = FilterTuning(filters.aiding_s, coast_s, float(np.sqrt(filters.white[at])), None, None,
+                        None, rows, truth.model.from_s, truth.model.to_s)
+    if np.isfinite(filters.time[at]):
+        return replace(base, sigma=float(filters.sigma[at]),
+                       correlation_time_s=float(filters.time[at]))
+    return replace(base, random_walk=float(np.sqrt(filters.walk[at])))
+
+
+def _walks(s2: float, aiding_s: float) -> Filters:
+    """Pairs (N, K) to choose from: what the walk does not explain at the aiding interval is N."""
+    # From a walk that nobody would see to one that explains three times everything there is.
+    walk = s2 / aiding_s * 10 ** np.linspace(-_DECADES, 1, _CANDIDATES)
+    return Filters.walking(_white(s2, walk * aiding_s / 3, aiding_s), walk, aiding_s)
+
+
+def _markovs(s2: float, aiding_s: float, coast_s: float, time_s: float | None) -> Filters:
+    """Triples (N, sigma, Tc) to choose from."""
+    times = (np.geomspace(aiding_s, 10 * coast_s, _TIMES) if time_s is None
+             else np.array([time_s]))
+    driving = s2 / aiding_s * 10 ** np.linspace(-_DECADES, 1, _CANDIDATES)
+    time, q = (part.ravel() for part in np.meshgrid(times, driving))
+    variance = q * time / 2
+    x = aiding_s / time
+    # Allan variance of the process: the variance of a mean less the covariance of neighbours.
+    avar = variance * rest_of_mean(1.0, x)
+    return Filters.markov(_white(s2, avar, aiding_s), np.sqrt(variance), time, aiding_s)
+
+
+def _white(s2: float, explained: Array, aiding_s: float) -> Array:
+    return np.asarray(aiding_s * np.maximum(s2 - explained, _WHITE_FLOOR * s2))
+
+
+def _horizons(aiding_s: float, coast_s: float) -> Array:
+    return np.geomspace(aiding_s, coast_s, _HORIZONS)
+
+
+def _check_times(aiding_s: float, coast_s: float) -> None:
+    for name, value in (('aiding_interval_s', aiding_s), ('coast_s', coast_s)):
+        if not value > 0 or not np.isfinite(value):
+            raise ImuAllanError(f'{name} must be a positive time, not {value:g} s')
+    if coast_s < aiding_s:
+        raise ImuAllanError(f'coast_s {coast_s:g} s is shorter than aiding_interval_s '
+                            f'{aiding_s:g} s: a filter coasts for at least one interval')

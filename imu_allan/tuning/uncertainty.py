@@ -1,0 +1,118 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a recording does not know about the drift that it shows."""
+
+from imu_allan.noise import chi_square
+from imu_allan.noise.drift_model import drift_avar
+from imu_allan.result import AxisResult
+from imu_allan.tuning.processes import drift_model_of
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_USUAL = {'angular_velocity': 0.17, 'linear_acceleration': 0.36}
+"""
+Spread of the logarithm of the drift (a standard deviation) between two halves of real recordings,
+where a result does not tell its own: half of that of the variance of the mean over 60 s.
+"""
+_FEWEST = 3
+"""Segments: of two the spread is off by any factor, and the usual one is nearer."""
+_NORMAL90 = 1.645
+_LEAST_DOF = 0.5
+"""A horizon as long as the record: half a degree of freedom, so that an interval stays finite."""
+
+
+def unsteadiness(axis: AxisResult) -> float:
+    """
+    Return the spread of the logarithm of the drift's standard deviation between parts.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose segments are compared.
+
+    Returns
+    -------
+    float
+        That of the recording's own segments, or what is usual for the sensor where it has none.
+
+    """
+    usual = _USUAL[axis.quantity]
+    if axis.stationarity is None:
+        return usual
+    drift = np.array([segment.drift_sigma for segment in axis.stationarity.segments
+                      if segment.drift_sigma is not None and segment.drift_sigma > 0])
+    if len(drift) < _FEWEST:
+        return usual
+    return float(np.std(np.log(drift), ddof=1))
+
+
+def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
+    """
+    Return what a walk may add to the mean beyond the horizons that the recording knows.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        With a drift model.
+    horizons : ndarray, shape (n,)
+        In seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Zero up to the longest horizon known; from there on a walk that just reaches the level of
+        the model there, and so could have stayed hidden.
+
+    """
+    model = drift_model_of(axis)
+    level = float(drift_avar(model, axis.tones, model.to_s))
+    return np.asarray(level * np.maximum(horizons / model.to_s - 1, 0))
+
+
+def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
+    """Equivalent degrees of freedom of the variance between means, from the curve."""
+    curve = axis.curve
+    # A result file that was tampered with may hold a curve that none measured.
+    known = [(tau, edf) for tau, edf in zip(curve.tau_s, curve.edf, strict=False)
+             if tau > 0 and edf > 0]
+    if not known:
+        return np.ones(len(horizons))
+    tau, edf = np.array(known).T
+    inside = np.exp(np.interp(np.log(horizons), np.log(tau), np.log(edf)))
+    # Beyond the curve there are fewer and fewer stretches of such a length.
+    return np.asarray(inside * np.minimum(tau[-1] / horizons, 1))
+
+
+def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
+    """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
+    sampling = np.sqrt(1 / (2 * _degrees_of_freedom(axis, horizons)))
+    return np.asarray(np.hypot(sampling, unsteadiness(axis)))
+
+
+def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
+    """
+    Return the factors from an expected variance to its upper 95 % end.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose variance is expected.
+    horizons : ndarray, shape (n,)
+        In seconds.
+
+    Returns
+    -------
+    noise, drift : ndarray, shape (n,)
+        For what is white, which only the shortness of the record makes uncertain, and for what
+        drifts. Both causes at their ends at once are far rarer: their logarithms add in square.
+
+    """
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), _LEAST_DOF)
+    sampling = np.log(dof / chi_square.lower(0.05, dof))
+    drift = np.hypot(sampling, 2 * _NORMAL90 * unsteadiness(axis))
+    # White noise is known from the whole band, whatever the horizon.
+    best = float(np.max(axis.curve.edf))
+    noise = best / float(chi_square.lower(0.05, np.array([best]))[0])
+    return np.full(len(horizons), noise), np.asarray(np.exp(drift))

@@ -1,0 +1,131 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether numbers from one recording hold in another: on another day, or with the motors on.
+
+The other recording's own drift model says what a filter with these numbers would meet there; its
+Allan curve says, band by band, how much more there is than the first recording predicts, with the
+interval of the curve.
+"""
+
+from dataclasses import dataclass
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.drift_model import drift_avar
+from imu_allan.result import AxisResult, Interval
+from imu_allan.tuning.processes import drift_model_of
+from imu_allan.tuning.tune import assess, FilterTuning, tune
+import numpy as np
+
+_BANDS_S = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
+
+
+@dataclass(frozen=True)
+class Excess:
+    """
+    Allan deviation of the other recording over what the first one predicts, in one band.
+
+    Attributes
+    ----------
+    from_s, to_s : float
+        Averaging times of the band that both recordings know.
+    ratio : float
+    ci95 : (float, float)
+
+    """
+
+    from_s: float
+    to_s: float
+    ratio: float
+    ci95: Interval
+
+
+@dataclass(frozen=True)
+class Verification:
+    """
+    Numbers from one recording held against another.
+
+    Attributes
+    ----------
+    met : FilterTuning
+        The numbers, with what they meet in the other recording.
+    own : FilterTuning
+        What would have been chosen there.
+    noise_factor, walk_factor : float
+        By which to multiply N and K, to be right there.
+    noise_ci95, walk_ci95 : (float, float)
+        Intervals of the factors, from that of the other's curve at the two ends.
+    excess : tuple of Excess
+
+    """
+
+    met: FilterTuning
+    own: FilterTuning
+    noise_factor: float
+    walk_factor: float
+    noise_ci95: Interval
+    walk_ci95: Interval
+    excess: tuple[Excess, ...]
+
+
+def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verification:
+    """
+    Hold a tuning with a random walk against another recording of the same axis.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        What it was tuned on.
+    other : AxisResult
+        The same axis of the other recording.
+    tuning : FilterTuning
+        That of `axis`, with a random walk.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    ImuAllanError
+        If an axis has no drift model, or the tuning no random walk.
+
+    """
+    if tuning.random_walk is None:
+        raise ImuAllanError('only numbers for a random walk can be held against a recording')
+    drift_model_of(axis)
+    times = tuning.aiding_interval_s, tuning.coast_s
+    met = assess(other, tuning.noise_density, tuning.random_walk, *times)
+    own = tune(other, *times)
+    assert own.random_walk is not None
+    noise, walk = (own.noise_density / tuning.noise_density,
+                   own.random_walk / tuning.random_walk)
+    return Verification(met, own, noise, walk, _scaled(noise, other, times[0]),
+                        _scaled(walk, other, times[1]), _excess(axis, other))
+
+
+def _scaled(factor: float, other: AxisResult, tau_s: float) -> Interval:
+    """Interval of a factor, as wide as that of the other's curve at an averaging time."""
+    curve = other.curve
+    at = int(np.argmin(np.abs(np.log(np.array(curve.tau_s) / tau_s))))
+    low, high = curve.ci95[at]
+    return factor * low / curve.adev[at], factor * high / curve.adev[at]
+
+
+def _excess(axis: AxisResult, other: AxisResult) -> tuple[Excess, ...]:
+    model, curve = drift_model_of(axis), other.curve
+    tau = np.array(curve.tau_s)
+    known = (tau >= model.from_s * (1 - 1e-6)) & (tau <= model.to_s) & (np.array(curve.edf) >= 3)
+    predicted = np.sqrt(drift_avar(model, axis.tones, tau))
+    found = []
+    for low, high in _BANDS_S:
+        here = np.flatnonzero(known & (tau >= low) & (tau < high))
+        if not len(here):
+            continue
+        ratio = float(np.exp(np.mean(np.log(np.array(curve.adev)[here] / predicted[here]))))
+        # Neighbouring octaves are correlated: the interval is that of the best known of them.
+        best = here[int(np.argmax(np.array(curve.edf)[here]))]
+        scale = ratio / curve.adev[best]
+        found.append(Excess(float(tau[here[0]]), float(tau[here[-1]]), ratio,
+                            (curve.ci95[best][0] * scale, curve.ci95[best][1] * scale)))
+    return tuple(found)

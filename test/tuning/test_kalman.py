@@ -1,0 +1,69 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Filters of true models: what they claim is what happens; many run as each does alone."""
+
+from drifting_axes import axis_of
+from imu_allan.noise.simulate import simulate
+from imu_allan.tuning.coasting import coasting_variance, steady_covariance
+from imu_allan.tuning.kalman import run_filters
+from imu_allan.tuning.state_space import state_space
+import numpy as np
+import pytest
+
+
+def innovations(space, means):
+    found = run_filters([space], [means])
+    return found.innovation[0], found.variance[0]
+
+
+def test_the_unknown_start_is_forgotten_after_one_mean():
+    space = state_space(axis_of(1.0, 0.01, ((0.1, 30.0),)), 1.0)
+    first, _ = innovations(space, [1e4, 1e4])
+    assert first[0] == 1e4
+    assert abs(first[1]) < 0.1
+
+
+def test_innovations_of_a_true_model_are_white_and_of_the_claimed_size():
+    terms = {'noise_density': 1e-3, 'rate_random_walk': 2e-5,
+             'gauss_markov': {'sigma': 4e-4, 'correlation_time_s': 20.0}}
+    samples = simulate(terms, 200_000, 10.0, seed=5)
+    space = state_space(axis_of(1e-3, 2e-5, ((4e-4, 20.0),)), 1.0)
+    innovation, variance = innovations(space, samples.reshape(-1, 10).mean(axis=1))
+    z = (innovation / np.sqrt(variance))[1:]
+    assert np.mean(z**2) == pytest.approx(1, abs=0.03)
+    for lag in (1, 2, 5, 20):
+        assert abs(np.mean(z[lag:] * z[:-lag])) < 0.03
+
+
+def test_a_missing_mean_leaves_a_gap_and_more_doubt():
+    space = state_space(axis_of(1e-3, 1e-4), 1.0)
+    means = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 100, 1.0)
+    means[60:80] = np.nan
+    innovation, variance = innovations(space, means)
+    assert np.isnan(innovation[60:80]).all()
+    assert np.isfinite(np.delete(innovation, range(60, 80))).all()
+    assert variance[80] > variance[59]
+
+
+def test_the_steady_state_is_where_the_filter_arrives():
+    axis = axis_of(1e-3, 2e-5, ((4e-4, 20.0), (1e-4, 1.0)))
+    space = state_space(axis, 1.0)
+    _, variance = innovations(space, np.zeros(3000))
+    assert coasting_variance(axis, 1.0, np.array([1.0]))[0] == pytest.approx(variance[-1],
+                                                                             rel=1e-9)
+    assert (np.linalg.eigvalsh(steady_covariance(space)) > 0).all()
+
+
+def test_many_filters_run_as_each_does_alone():
+    spaces = [state_space(axis_of(1e-3, 1e-5, ((4e-4, 20.0), (1e-4, 90.0))), 1.0),
+              state_space(axis_of(2e-3), 1.0)]
+    series = np.stack([simulate({'noise_density': 1e-3}, 50, 1.0, seed) for seed in (1, 2)])
+    series[1, 20:24] = np.nan
+    both = run_filters(spaces, series)
+    for lane, space in enumerate(spaces):
+        alone = run_filters([space], series[lane:lane + 1])
+        n = len(space.transition)
+        np.testing.assert_array_equal(both.innovation[lane], alone.innovation[0])
+        np.testing.assert_allclose(both.variance[lane], alone.variance[0], rtol=1e-14)
+        np.testing.assert_allclose(both.state[lane, :, :n], alone.state[0], rtol=1e-12)
+        assert not both.state[lane, :, n:].any()

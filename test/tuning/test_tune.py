@@ -1,0 +1,226 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What filters with one bias state claim and what happens to them; the numbers chosen for them."""
+
+from dataclasses import replace
+
+from drifting_axes import axis_of
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.simulate import simulate
+from imu_allan.result import Segment, Stationarity
+from imu_allan.tuning.coasting import coasting_variance
+from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune, tunings_of
+import numpy as np
+import pytest
+
+HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
+
+
+def one(value):
+    return np.array([value])
+
+
+def test_a_filter_with_a_walk_claims_what_the_kalman_filter_of_its_model_claims():
+    filters = Filters.walking(one(4e-6), one(9e-10), 1.0)
+    optimal = coasting_variance(axis_of(2e-3, 3e-5), 1.0, HORIZONS)
+    np.testing.assert_allclose(filters.claimed(HORIZONS)[:, 0], optimal, rtol=1e-9)
+
+
+def test_a_filter_with_a_process_claims_what_the_kalman_filter_of_its_model_claims():
+    filters = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
+    optimal = coasting_variance(axis_of(2e-3, 0.0, ((5e-4, 40.0),)), 1.0, HORIZONS)
+    np.testing.assert_allclose(filters.claimed(HORIZONS)[:, 0], optimal, rtol=1e-9)
+
+
+def test_where_the_filter_is_right_what_happens_is_what_it_claims():
+    walking = Filters.walking(one(4e-6), one(9e-10), 1.0)
+    np.testing.assert_allclose(Truth(axis_of(2e-3, 3e-5)).expected(walking, HORIZONS),
+                               walking.claimed(HORIZONS), rtol=1e-9)
+    markov = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
+    truth = Truth(axis_of(2e-3, 0.0, ((5e-4, 40.0),)))
+    np.testing.assert_allclose(truth.expected(markov, HORIZONS), markov.claimed(HORIZONS),
+                               rtol=1e-9)
+
+
+def happened(samples, filters, horizon):
+    """Mean square error of a filter that sees every sample and predicts the mean of the next."""
+    from scipy.signal import lfilter
+    gain, decay = float(filters.gain[0]), float(filters.decay[0])
+    state = lfilter([0.0, gain], [1.0, -decay], samples)
+    total = np.concatenate(([0.0], np.cumsum(samples)))
+    mean = (total[horizon:] - total[:-horizon]) / horizon
+    weight = float(filters.weight(np.array([float(horizon)]))[0, 0])
+    return float(np.mean((mean - weight * state[:len(mean)])[5000:] ** 2))
+
+
+@pytest.mark.parametrize('kind', ['walking', 'markov'])
+def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(kind):
+    terms = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 5e-4, 'correlation_time_s': 30.0}}
+    truth = axis_of(1e-3, 0.0, ((5e-4, 30.0),))
+    filters = (Filters.walking(one(2e-6), one(1e-9), 1.0) if kind == 'walking' else
+               Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0))
+    samples = simulate(terms, 2_000_000, 1.0, seed=8)
+    for horizon in (1, 10, 60):
+        expected = Truth(truth).expected(filters, one(float(horizon)))[0, 0]
+        assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.02)
+
+
+def test_what_happens_to_a_wrong_filter_on_a_walk_is_what_a_simulation_shows():
+    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 1_000_000, 1.0, seed=8)
+    filters = Filters.walking(one(4e-6), one(1e-9), 1.0)
+    for horizon in (1, 10, 60):
+        expected = Truth(axis_of(1e-3, 1e-4)).expected(filters, one(float(horizon)))[0, 0]
+        assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.03)
+
+
+def test_a_sensor_that_is_white_noise_and_walk_keeps_its_numbers():
+    tuning = tune(axis_of(1e-3, 5e-5), 1.0, 60.0)
+    assert tuning.noise_density == pytest.approx(1e-3, rel=0.01)
+    assert tuning.random_walk == pytest.approx(5e-5, rel=0.08)
+    assert tuning.nis == pytest.approx(1, abs=0.01)
+    assert tuning.coast_ratio == pytest.approx(1, abs=0.1)
+
+
+def test_a_sensor_that_is_noise_and_a_process_keeps_its_triple():
+    tuning = tune(axis_of(1e-3, 0.0, ((5e-4, 40.0),)), 1.0, 100.0, bias='gauss_markov')
+    assert tuning.random_walk is None
+    assert tuning.noise_density == pytest.approx(1e-3, rel=0.01)
+    assert tuning.sigma == pytest.approx(5e-4, rel=0.1)
+    assert tuning.correlation_time_s == pytest.approx(40.0, rel=0.2)
+    assert [expected / claimed for _, expected, claimed in tuning.consistency] == pytest.approx(
+        [1.0] * 7, abs=0.02)
+
+
+def test_a_drift_that_no_walk_describes_is_not_claimed_to_be_known():
+    """The exported walk of a flicker-like sensor is near zero; the tuned one covers its drift."""
+    axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
+    measured = assess(axis, 1e-3, 1e-7, 1.0, 60.0)
+    tuning = tune(axis, 1.0, 60.0)
+    assert measured.coast_ratio > 3
+    assert measured.nis > 1.2
+    assert 0.7 < tuning.coast_ratio < 1.4
+    assert 0.9 < tuning.nis < 1.1
+    folk = assess(axis, 1e-3, 10 * tuning.random_walk, 1.0, 60.0)
+    assert folk.coast_ratio < 0.2
+
+
+def test_horizons_reach_from_the_correction_to_the_coast():
+    tuning = tune(axis_of(1e-3, 5e-5), 0.5, 32.0)
+    assert [row[0] for row in tuning.consistency] == pytest.approx([.5, 1, 2, 4, 8, 16, 32])
+    assert (tuning.aiding_interval_s, tuning.coast_s) == (0.5, 32.0)
+    assert (tuning.known_from_s, tuning.known_to_s) == (0.01, 3e3)
+
+
+def test_lines_count_as_noise_of_the_corrections():
+    quiet, loud = tune(axis_of(1e-3, 5e-5), 0.1), tune(axis_of(1e-3, 5e-5, tones=((4.0, 1e-2),)),
+                                                       0.1)
+    assert loud.noise_density > 1.5 * quiet.noise_density
+
+
+def test_beyond_what_the_recording_knows_more_is_expected():
+    short, long = (tune(axis_of(1e-3, 1e-6, known=(0.01, to)), 1.0, 3600.0)
+                   for to in (100.0, 1e5))
+    assert short.consistency[-1][1] > 2 * long.consistency[-1][1]
+    assert short.random_walk > 2 * long.random_walk
+
+
+def test_above_the_band_the_curve_counts_where_it_stands_higher():
+    from dataclasses import replace
+    axis = axis_of(1e-3, 1e-5, known=(1.0, 1000.0))
+    curve = replace(axis.curve, adev=tuple(2 * adev for adev in axis.curve.adev))
+    noisy = replace(axis, curve=curve)
+    assert tune(noisy, 0.1).noise_density == pytest.approx(2e-3, rel=0.01)
+    assert tune(noisy, 1.0).noise_density == pytest.approx(1e-3, rel=0.01)
+
+
+def test_the_full_model_coasts_better_than_any_pair():
+    axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
+    tuning = tune(axis, 1.0, 60.0)
+    for (_, best, claimed), (_, expected, _) in zip(optimum(axis, 1.0, 60.0), tuning.consistency,
+                                                    strict=True):
+        assert best == claimed
+        assert best <= expected * (1 + 1e-9)
+
+
+def unsteady(spread):
+    drift = np.exp(spread * np.array([-1.2, -.4, .4, 1.2]) / 1.033)
+    return Stationarity(False, 1e-6, tuple(Segment(0.0, 1.0, 0.0, None, None, float(d))
+                                           for d in drift))
+
+
+def test_the_conservative_set_covers_the_unsteadiness_of_the_recording():
+    calm, wild = (axis_of(1e-3, 1e-5, ((3e-4, 30.0),), stationarity=unsteady(spread))
+                  for spread in (0.01, 0.5))
+    plain = tune(wild, 1.0, 60.0)
+    careful, careless = (tune(axis, 1.0, 60.0, conservative=True) for axis in (wild, calm))
+    assert careful.coast_ratio < careless.coast_ratio < 1
+    assert careful.random_walk > careless.random_walk
+    assert all(claimed > expected for _, expected, claimed in careful.consistency)
+    assert plain.coast_ratio > careful.coast_ratio
+
+
+@pytest.mark.parametrize(('times', 'message'), [
+    ((0.0, 60.0), 'aiding_interval_s must be a positive time, not 0 s'),
+    ((-1.0, 60.0), 'aiding_interval_s must be a positive time, not -1 s'),
+    ((float('nan'), 60.0), 'aiding_interval_s must be a positive time, not nan s'),
+    ((1.0, 0.0), 'coast_s must be a positive time, not 0 s'),
+    ((1.0, float('inf')), 'coast_s must be a positive time, not inf s'),
+    ((1.0, 0.5), 'coast_s 0.5 s is shorter than aiding_interval_s 1 s: '
+                 'a filter coasts for at least one interval')])
+def test_times_that_make_no_sense_are_refused(times, message):
+    for function in (tune, optimum, lambda axis, *t: assess(axis, 1e-3, 1e-5, *t)):
+        with pytest.raises(ImuAllanError) as error:
+            function(axis_of(1e-3, 1e-5), *times)
+        assert str(error.value) == message
+
+
+def test_an_unknown_bias_model_is_refused():
+    with pytest.raises(ImuAllanError) as error:
+        tune(axis_of(1e-3), bias='flicker')
+    assert str(error.value) == "bias must be 'random_walk' or 'gauss_markov', not 'flicker'"
+
+
+def test_an_axis_without_noise_is_refused():
+    with pytest.raises(ImuAllanError) as error:
+        tune(axis_of(0.0))
+    assert str(error.value) == 'this axis has no noise: there is nothing to tune a filter with'
+
+
+def test_numbers_that_are_not_positive_are_refused():
+    with pytest.raises(ImuAllanError) as error:
+        assess(axis_of(1e-3), 1e-3, 0.0)
+    assert str(error.value) == 'noise_density and random_walk must be positive, not 0.001 and 0'
+
+
+@pytest.mark.slow
+def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty():
+    """Fitted on an hour each; what happens is computed from the truth. 120 records."""
+    from imu_allan.characterization.axis import characterize
+    sensors = [({'noise_density': 1e-3}, {}),
+               ({'noise_density': 1e-3, 'rate_random_walk': 5e-5}, {'walk': 5e-5}),
+               ({'noise_density': 1e-3, 'gauss_markov': {'sigma': 5e-4,
+                                                         'correlation_time_s': 30.0}},
+                {'processes': ((5e-4, 30.0),)})]
+    horizons = np.geomspace(1.0, 60.0, 7)
+    over = []
+    for terms, drift in sensors:
+        for seed in range(40):
+            axis = characterize(simulate(terms, 180_000, 50.0, seed), 50.0)
+            tuning = tune(axis, 1.0, 60.0, conservative=True)
+            filters = Filters.walking(one(tuning.noise_density**2),
+                                      one(tuning.random_walk**2), 1.0)
+            expected = Truth(axis_of(1e-3, **drift)).expected(filters, horizons)
+            over.append(expected[:, 0] > filters.claimed(horizons)[:, 0])
+    # Five per cent at each horizon, with the error of 120 trials.
+    assert np.mean(over, axis=0).max() < 0.1
+
+
+def test_an_axis_is_tuned_once_and_forgotten_with_it():
+    axis = axis_of(2e-3, 3e-5)
+    first = tune(axis)
+    assert tune(axis) is first
+    assert tune(axis, coast_s=10.0) is not first
+    assert len(tunings_of(axis)) == 2
+    twin = replace(axis)
+    assert tunings_of(twin) == {}
+    assert tune(twin) == first

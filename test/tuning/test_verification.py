@@ -1,0 +1,41 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers of one recording in another that is noisier, or drifts more."""
+
+from drifting_axes import axis_of
+from imu_allan.errors import ImuAllanError
+from imu_allan.tuning.tune import tune
+from imu_allan.tuning.verification import verify
+import pytest
+
+HERE = axis_of(1e-3, 5e-5)
+
+
+def test_the_same_sensor_needs_no_factor():
+    found = verify(HERE, HERE, tune(HERE, 1.0))
+    assert found.noise_factor == found.walk_factor == 1
+    assert found.met.nis == pytest.approx(1, abs=0.02)
+    assert [excess.ratio for excess in found.excess] == pytest.approx([1, 1, 1, 1])
+
+
+def test_more_noise_in_motion_is_a_factor_of_the_noise():
+    found = verify(HERE, axis_of(3e-3, 5e-5), tune(HERE, 1.0))
+    assert found.noise_factor == pytest.approx(3, rel=0.02)
+    assert found.walk_factor == pytest.approx(1, rel=0.15)
+    assert found.met.nis > 5
+    assert found.excess[0].ratio == pytest.approx(3, rel=0.01)
+    assert found.excess[-1].ratio < 1.5
+
+
+def test_more_drift_in_motion_is_a_factor_of_the_walk():
+    found = verify(HERE, axis_of(1e-3, 2e-4), tune(HERE, 1.0))
+    assert found.walk_factor == pytest.approx(4, rel=0.15)
+    assert found.noise_factor == pytest.approx(1, rel=0.05)
+    assert found.met.coast_ratio > 5
+    assert found.excess[-1].ratio > 3
+
+
+def test_only_numbers_for_a_walk_are_held_against_a_recording():
+    with pytest.raises(ImuAllanError) as error:
+        verify(HERE, HERE, tune(HERE, 1.0, bias='gauss_markov'))
+    assert str(error.value) == 'only numbers for a random walk can be held against a recording'
