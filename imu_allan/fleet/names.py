@@ -1,0 +1,74 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a unit is called, and in which order units stand."""
+
+from pathlib import Path
+import re
+
+from imu_allan.errors import ImuAllanError, printable
+
+
+def name_pattern(text: str) -> 'str | re.Pattern[str]':
+    """
+    Read what names are made of.
+
+    Parameters
+    ----------
+    text : str
+        ``folder``, ``file``, or a regular expression whose first group (or all of it, where it
+        has none) is the name.
+
+    Returns
+    -------
+    str or re.Pattern
+
+    Raises
+    ------
+    ImuAllanError
+        If the expression is not one.
+
+    """
+    if text in ('folder', 'file'):
+        return text
+    try:
+        return re.compile(text)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise ImuAllanError(f'--name-from: {printable(text)} is neither folder nor file nor a '
+                            f'regular expression ({error})') from error
+
+
+def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
+    """
+    Name a unit after its recording.
+
+    Parameters
+    ----------
+    path : str
+        The recording.
+    source : str or re.Pattern, optional
+        From `name_pattern`: the recording's own name, that of the folder it lies in, or what a
+        regular expression finds in the path.
+
+    Raises
+    ------
+    ImuAllanError
+        If the expression finds nothing in the path.
+
+    """
+    if isinstance(source, re.Pattern):
+        found = source.search(path)
+        name = None if found is None else found[1] if source.groups else found[0]
+        if not name:
+            raise ImuAllanError(f'{path}: --name-from {source.pattern} finds no name in this path')
+        return str(name)
+    resolved = Path(path).resolve()
+    if source == 'folder':
+        return resolved.parent.name or 'recording'
+    return (resolved.name if resolved.is_dir() else resolved.stem) or 'recording'
+
+
+def natural(name: str) -> tuple[object, ...]:
+    """Return a key that sorts ``unit2`` before ``unit10``."""
+    # Text and numbers alternate, so that the parts of two names are always of one kind.
+    return tuple(int(part) if place % 2 else part.casefold()
+                 for place, part in enumerate(re.split(r'(\d+)', name)))

@@ -1,0 +1,236 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Units of one model as a population: every coefficient's spread, and the units that stick out."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import exp, log
+
+from imu_allan.characterization.mean import error_of_mean, recorded_s
+from imu_allan.fleet.names import natural
+from imu_allan.noise.random_effects import Effects, outliers, random_effects
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import AxisResult, Result
+
+PERCENTILES = (5, 25, 50, 75, 95)
+TOLERANCE_SHARE = 0.95
+TOLERANCE_CONFIDENCE = 0.95
+"""The usual 95/95 limit: 95 % of all units keep it, with 95 % confidence."""
+MEAN = 'mean'
+"""Key of the zero bias of a gyroscope, which stands among the coefficients of a population."""
+
+_FEWEST_UNITS = 3
+_SIGNED = ('rate_ramp', MEAN)
+"""Signed quantities are normal about their mean; the others spread by factors."""
+_CHANCE = 0.01
+"""Probability with which a fleet without a bad unit names one."""
+_Z95 = 1.96
+_LARGEST = log(1e60)
+"""Three units that differ by orders of magnitude have a limit beyond all numbers."""
+
+
+@dataclass(frozen=True)
+class Trait:
+    """
+    One quantity over all units, SI units.
+
+    Attributes
+    ----------
+    axis, key, unit : str
+        Which quantity.
+    units, observable : int
+        How many units have the axis, and how many show the quantity.
+    median : float
+    between : float
+        Standard deviation between units, measurement error apart.
+    between_ci95 : (float, float)
+    measurement : float
+        Standard error of a typical unit's value.
+    percentiles : mapping of int to float
+        Of the population, by percent.
+    tolerance : float
+        95 % of all units keep this limit, with 95 % confidence; of a signed quantity its
+        magnitude does.
+
+    """
+
+    axis: str
+    key: str
+    unit: str
+    units: int
+    observable: int
+    median: float
+    between: float
+    between_ci95: tuple[float, float]
+    measurement: float
+    percentiles: Mapping[int, float]
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Oddity:
+    """
+    Why a unit does not belong.
+
+    Attributes
+    ----------
+    unit, axis : str
+    key : str or None
+        The quantity; None where the axis measures nothing.
+    fault : 'missing', 'constant' or None
+    value, median, spreads : float or None
+        The unit's value, the median of the others, and the distance from it in standard
+        deviations between units (and of its own measurement), signed.
+
+    """
+
+    unit: str
+    axis: str
+    key: str | None
+    fault: str | None = None
+    value: float | None = None
+    median: float | None = None
+    spreads: float | None = None
+
+
+@dataclass(frozen=True)
+class Population:
+    """Units in natural order of their names, what they have in common, and who sticks out."""
+
+    units: tuple[str, ...]
+    traits: tuple[Trait, ...]
+    oddities: tuple[Oddity, ...]
+
+    @property
+    def odd_units(self) -> list[str]:
+        """Names of the units that stick out, each once."""
+        named = {oddity.unit for oddity in self.oddities}
+        return [unit for unit in self.units if unit in named]
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """One quantity as measured on every unit that has the axis, on the scale it is normal on."""
+
+    values: dict[str, float]
+    errors: dict[str, float]
+    bounds: list[float]
+    units: int
+
+
+def population(results: Mapping[str, Result]) -> Population:
+    """
+    Describe a fleet.
+
+    Parameters
+    ----------
+    results : mapping of unit name to Result
+        What was found of each unit.
+
+    Returns
+    -------
+    Population
+        Of quantities that at least three units show.
+
+    Examples
+    --------
+    >>> population({}).units
+    ()
+
+    """
+    units = tuple(sorted(results, key=natural))
+    oddities = list(_faults(results))
+    quantities = [(axis, key) for axis in AXES for key in (*TERMS, MEAN)
+                  if key != MEAN or axis.startswith('gyro')]
+    samples = {quantity: _sample(results, *quantity) for quantity in quantities}
+    samples = {quantity: sample for quantity, sample in samples.items()
+               if len(sample.values) >= _FEWEST_UNITS}
+    traits = []
+    for (axis, key), sample in samples.items():
+        names = list(sample.values)
+        odd = outliers(list(sample.values.values()), list(sample.errors.values()),
+                       _CHANCE / len(samples))
+        # The bad ones say nothing about the others.
+        kept = [name for name, out in zip(names, odd, strict=True) if not out]
+        effects = random_effects([sample.values[name] for name in kept],
+                                 [sample.errors[name] for name in kept], sample.bounds)
+        traits.append(_trait(axis, key, sample, effects))
+        oddities += [_oddity(name, axis, key, sample, effects)
+                     for name, out in zip(names, odd, strict=True) if out]
+    order = {unit: place for place, unit in enumerate(units)}
+    oddities.sort(key=lambda oddity: (order[oddity.unit], -abs(oddity.spreads or 1e9)))
+    return Population(units, tuple(traits), tuple(oddities))
+
+
+def is_constant(axis: AxisResult) -> bool:
+    """Whether every sample of an axis was the same."""
+    return bool(axis.curve.adev) and not any(axis.curve.adev)
+
+
+def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:
+    for axis in AXES:
+        having = sum(axis in result.axes for result in results.values())
+        for name, result in results.items():
+            if axis not in result.axes:
+                # An axis that most units lack is missing in none.
+                if 2 * having > len(results):
+                    yield Oddity(name, axis, None, 'missing')
+            elif is_constant(result.axes[axis]):
+                yield Oddity(name, axis, None, 'constant')
+
+
+def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
+    sample = _Sample({}, {}, [], sum(axis in result.axes for result in results.values()))
+    for name, result in results.items():
+        measured = result.axes.get(axis)
+        if measured is None or is_constant(measured):
+            continue
+        if key == MEAN:
+            if measured.mean is not None:
+                sample.values[name] = measured.mean
+                sample.errors[name] = error_of_mean(measured, recorded_s(result))
+            continue
+        found = measured.coefficients[key]
+        if found.value is None or found.ci95 is None:
+            if found.upper95 is not None and found.upper95 > 0 and key not in _SIGNED:
+                sample.bounds.append(log(found.upper95))
+            continue
+        low, high = found.ci95
+        if key in _SIGNED:
+            sample.values[name], sample.errors[name] = found.value, (high - low) / (2 * _Z95)
+        elif found.value > 0:
+            sample.values[name] = log(found.value)
+            # An interval down to zero has only its upper half on this scale.
+            half = log(high / low) / 2 if low > 0 else log(high / found.value)
+            sample.errors[name] = half / _Z95
+    return sample
+
+
+def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
+    unit = AXES[axis].unit if key == MEAN else TERMS[key].unit(AXES[axis])
+    errors = sorted(sample.errors.values())
+    typical = errors[len(errors) // 2]
+    if key in _SIGNED:
+        # Both ends of the population: half of what may lie outside on each side.
+        share = (1 + TOLERANCE_SHARE) / 2
+        above = effects.tolerance(share, TOLERANCE_CONFIDENCE)
+        below = 2 * effects.mean - above
+        return Trait(axis, key, unit, sample.units, len(sample.values), effects.mean,
+                     effects.between, effects.between_ci95, typical,
+                     {percent: effects.percentile(percent / 100) for percent in PERCENTILES},
+                     max(abs(above), abs(below)))
+    median = exp(effects.mean)
+    low, high = effects.between_ci95
+    return Trait(axis, key, unit, sample.units, len(sample.values), median,
+                 median * effects.between, (median * low, median * high), median * typical,
+                 {percent: exp(effects.percentile(percent / 100)) for percent in PERCENTILES},
+                 exp(min(effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE), _LARGEST)))
+
+
+def _oddity(name: str, axis: str, key: str, sample: _Sample, effects: Effects) -> Oddity:
+    value, error = sample.values[name], sample.errors[name]
+    scatter = (effects.between**2 + error**2)**0.5
+    spreads = (value - effects.mean) / scatter if scatter > 0 else None
+    if key in _SIGNED:
+        return Oddity(name, axis, key, None, value, effects.mean, spreads)
+    return Oddity(name, axis, key, None, exp(value), exp(effects.mean), spreads)

@@ -1,0 +1,35 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.errors import ImuAllanError
+from imu_allan.fleet.names import name_pattern, natural, unit_name
+import pytest
+
+
+def test_a_unit_is_called_like_its_recording_its_folder_or_what_a_pattern_finds(tmp_path):
+    paths = [str(tmp_path / f'sn{number}' / 'night.mcap') for number in (7, 12)]
+    for source, names in (('file', ['night', 'night']), ('folder', ['sn7', 'sn12']),
+                          (r'sn(\d+)', ['7', '12']), (r'sn\d+', ['sn7', 'sn12'])):
+        assert [unit_name(path, name_pattern(source)) for path in paths] == names
+
+
+def test_a_bag_folder_keeps_its_whole_name(tmp_path):
+    (tmp_path / 'unit.7').mkdir()
+    assert unit_name(str(tmp_path / 'unit.7')) == 'unit.7'
+
+
+def test_a_pattern_that_finds_nothing_names_the_path():
+    with pytest.raises(ImuAllanError) as error:
+        unit_name('a/b.csv', name_pattern('sn([0-9]+)'))
+    assert str(error.value) == 'a/b.csv: --name-from sn([0-9]+) finds no name in this path'
+
+
+def test_what_is_no_pattern_is_told():
+    with pytest.raises(ImuAllanError) as error:
+        name_pattern('(')
+    assert str(error.value).startswith(
+        '--name-from: ( is neither folder nor file nor a regular expression (')
+
+
+def test_units_stand_in_the_order_of_their_numbers():
+    assert sorted(['unit10', 'Unit2', 'unit1', '3', 'a', 'unit10b2', 'unit10b12'], key=natural) \
+        == ['3', 'a', 'unit1', 'Unit2', 'unit10', 'unit10b2', 'unit10b12']

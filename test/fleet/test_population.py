@@ -1,0 +1,60 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+from imu_allan.fleet import population
+from imu_allan.result import Result
+import pytest
+
+
+def test_the_two_bad_units_of_forty_are_found_and_no_other(fleet: dict[str, Result]) -> None:
+    found = population(fleet)
+    assert found.odd_units == ['unit7', 'unit23']
+    noisy, *_ = (oddity for oddity in found.oddities if oddity.unit == 'unit7')
+    assert (noisy.axis, noisy.key, noisy.fault) == ('gyro_y', 'noise_density', None)
+    assert noisy.value / noisy.median == pytest.approx(1.6, rel=0.15)
+    assert noisy.spreads > 5
+    dead, = (oddity for oddity in found.oddities if oddity.unit == 'unit23')
+    assert (dead.axis, dead.key, dead.fault) == ('accel_x', None, 'constant')
+
+
+def test_the_spread_between_units_is_told_apart_from_measuring(fleet: dict[str, Result]) -> None:
+    traits = {(trait.axis, trait.key): trait for trait in population(fleet).traits}
+    for axis in ('gyro_x', 'accel_z'):
+        density = traits[axis, 'noise_density']
+        assert density.median == pytest.approx(1e-4, rel=0.03)
+        assert density.between == pytest.approx(5e-6, rel=0.3)
+        assert density.measurement == pytest.approx(0.002e-4, rel=0.1)
+        assert density.units == density.observable == 40
+        instability = traits[axis, 'bias_instability']
+        assert instability.between_ci95[0] < 0.2 * 2e-5 < instability.between_ci95[1]
+        percentiles = list(instability.percentiles.values())
+        assert percentiles == sorted(percentiles)
+        assert instability.tolerance > percentiles[-1]
+    assert traits['gyro_x', 'mean'].unit == 'rad/s'
+    assert ('accel_x', 'mean') not in traits
+    assert ('gyro_x', 'rate_random_walk') not in traits
+
+
+def test_units_stand_in_natural_order(fleet: dict[str, Result]) -> None:
+    assert population(fleet).units[:3] == ('unit1', 'unit2', 'unit3')
+
+
+def test_an_axis_that_one_unit_lacks_is_missing_there(fleet: dict[str, Result]) -> None:
+    bad = fleet['unit9']
+    fleet['unit9'] = replace(bad, axes={k: a for k, a in bad.axes.items() if k != 'gyro_z'})
+    assert ('unit9', 'gyro_z', 'missing') in {
+        (oddity.unit, oddity.axis, oddity.fault) for oddity in population(fleet).oddities}
+
+
+def test_an_axis_that_no_unit_has_is_missing_in_none(fleet: dict[str, Result]) -> None:
+    gyros = {name: replace(result, axes={k: a for k, a in result.axes.items() if 'gyro' in k})
+             for name, result in fleet.items()}
+    assert population(gyros).odd_units == ['unit7']
+
+
+def test_two_units_are_no_population(fleet: dict[str, Result]) -> None:
+    found = population({name: fleet[name] for name in ('unit1', 'unit2')})
+    assert found.units == ('unit1', 'unit2')
+    assert not found.traits
+    assert not found.oddities
