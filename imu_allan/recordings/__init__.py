@@ -4,11 +4,15 @@
 Recordings: files that robots write, to blocks of samples in constant memory.
 
 >>> with open_recording('my_bag') as recording:                          # doctest: +SKIP
-...     for block in recording.blocks(choose_topic(recording)):
+...     for block in read_blocks(recording, choose_topic(recording)):
 ...         print(len(block))
 """
 
-from imu_allan.recordings.open_recording import open_recording
+from imu_allan.recordings.open_recording import open_recording, recordings_in
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.reading.read_blocks import read_blocks
 from imu_allan.recordings.recording import choose_topic, ImuTopic, Recording
 
-__all__ = ['ImuTopic', 'Recording', 'choose_topic', 'open_recording']
+__all__ = [
+    'ImuTopic', 'Recording', 'RecordingOptions', 'choose_topic', 'open_recording', 'read_blocks',
+    'recordings_in']

@@ -2,15 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opening a recording by what it is, whatever its name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.messages.definitions import definition_paths
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.recording import natural_order, Recording
 
+SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+"""How the names of the files in a rosbag2 directory end."""
 _HEAD = 64
 
 
-def open_recording(path: Path | str, *, rate_hz: float | None = None) -> Recording:
+def open_recording(
+    path: Path | str, *, rate_hz: float | None = None,
+    options: RecordingOptions = RecordingOptions(),  # noqa: B008
+) -> Recording:
     """
     Open a recording of any kind.
 
@@ -18,9 +26,11 @@ def open_recording(path: Path | str, *, rate_hz: float | None = None) -> Recordi
     ----------
     path : path-like
         A rosbag2 directory, a .mcap or .db3 file (also compressed as a whole with zstd), a ROS 1
-        .bag, or a CSV file.
+        .bag, a PX4 .ulg, or a CSV file.
     rate_hz : float, optional
         Sample rate in Hz of a CSV file without a time column.
+    options : RecordingOptions, optional
+        What else the user says about it.
 
     Returns
     -------
@@ -34,15 +44,18 @@ def open_recording(path: Path | str, *, rate_hz: float | None = None) -> Recordi
 
     """
     path = Path(path)
+    if rate_hz is not None:
+        options = replace(options, rate_hz=rate_hz)
     try:
+        definition_paths(options.definitions)
         if path.is_dir():
-            from imu_allan.recordings.bag_directory import BagDirectory
-            return BagDirectory(path)
+            from imu_allan.recordings.formats.bag_directory import BagDirectory
+            return BagDirectory(path, open_recording, options)
         head = read_head(path)
         if head.startswith(b'\x28\xb5\x2f\xfd'):
-            from imu_allan.recordings.compressed_file import CompressedRecording
-            return CompressedRecording(path)
-        return open_stored(path, path, rate_hz)
+            from imu_allan.recordings.formats.compressed_file import CompressedRecording
+            return CompressedRecording(path, open_stored, options)
+        return open_stored(path, path, options)
     except OSError as error:
         raise ImuAllanError(f'{printable(path)}: {error.strerror or printable(error)}') from error
     except ValueError as error:
@@ -50,6 +63,39 @@ def open_recording(path: Path | str, *, rate_hz: float | None = None) -> Recordi
             raise
         # A path with a null byte.
         raise ImuAllanError(f'{printable(path)}: {printable(error)}') from error
+
+
+def recordings_in(path: Path | str) -> list[Path]:
+    """
+    Name the recordings in a folder of several, by growing numbers in their names.
+
+    Parameters
+    ----------
+    path : path-like
+        A recording, or a folder that is none itself and holds rosbag2 directories, ``.bag``,
+        ``.mcap`` or ``.db3`` files.
+
+    Returns
+    -------
+    list of Path
+        `path` itself where it is no such folder.
+
+    """
+    folder = Path(path)
+    try:
+        if not folder.is_dir() or _is_bag(folder):
+            return [folder]
+        found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
+            _is_bag(item) if item.is_dir() else item.suffix == '.bag')]
+    except (OSError, ValueError):
+        # What is wrong with it is told when it is opened.
+        return [folder]
+    return sorted(found, key=lambda item: natural_order(item.name)) or [folder]
+
+
+def _is_bag(folder: Path) -> bool:
+    return (folder / 'metadata.yaml').is_file() or any(
+        item.name.endswith(SUFFIXES) for item in folder.iterdir())
 
 
 def read_head(path: Path) -> bytes:
@@ -77,7 +123,7 @@ def read_head(path: Path) -> bytes:
     return head
 
 
-def open_stored(path: Path, stored: Path, rate_hz: float | None = None) -> Recording:
+def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
     """
     Open a file by its first bytes.
 
@@ -87,8 +133,8 @@ def open_stored(path: Path, stored: Path, rate_hz: float | None = None) -> Recor
         The recording as the user knows it.
     stored : Path
         Where its bytes are; another file where `path` is compressed.
-    rate_hz : float, optional
-        As for `open_recording`.
+    options : RecordingOptions
+        What the user says about it.
 
     Raises
     ------
@@ -98,16 +144,19 @@ def open_stored(path: Path, stored: Path, rate_hz: float | None = None) -> Recor
     """
     head = read_head(stored)
     if head.startswith(b'\x89MCAP'):
-        from imu_allan.recordings.mcap_file import McapRecording
-        return McapRecording(path, stored)
+        from imu_allan.recordings.formats.mcap_file import McapRecording
+        return McapRecording(path, stored, options)
     if head.startswith(b'SQLite format 3\0'):
-        from imu_allan.recordings.sqlite_file import SqliteRecording
-        return SqliteRecording(path, stored)
+        from imu_allan.recordings.formats.sqlite_file import SqliteRecording
+        return SqliteRecording(path, stored, options)
     if head.startswith(b'#ROSBAG V'):
-        from imu_allan.recordings.ros1_bag import Ros1Recording
-        return Ros1Recording(path, stored)
+        from imu_allan.recordings.formats.ros1_bag import Ros1Recording
+        return Ros1Recording(path, stored, options)
+    if head.startswith(b'ULog\x01\x12\x35'):
+        from imu_allan.recordings.formats.px4_ulog import UlogRecording
+        return UlogRecording(path, stored, options)
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and b',' in head):
-        from imu_allan.recordings.csv_file import CsvRecording
-        return CsvRecording(path, stored, rate_hz)
+        from imu_allan.recordings.formats.csv_file import CsvRecording
+        return CsvRecording(path, stored, options)
     raise ImuAllanError(
         f'{printable(path)}: neither a rosbag2 directory, .mcap, .db3, ROS 1 .bag nor CSV file')

@@ -3,39 +3,55 @@
 """What every kind of recording offers, and the choice of a topic in it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+import re
 from types import TracebackType
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MalformedImu
+from imu_allan.cdr import MalformedImu, Serialization
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.recordings.read_ahead import larger_blocks, read_ahead
-from imu_allan.recordings.reading_process import pays, ReadingProcess
+from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
+from imu_allan.recordings.messages.definitions import Definition, normal_name
+from imu_allan.recordings.messages.imus_in import IMU_TYPES, imus_in
+from imu_allan.recordings.options import RecordingOptions
 from imu_allan.result import Remark
-
-IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
-"""Names of the type in ROS 2 and ROS 1."""
 
 
 @dataclass(frozen=True)
 class ImuTopic:
     """
-    A topic of type sensor_msgs/msg/Imu.
+    An IMU in the messages of a topic.
 
     Attributes
     ----------
     name : str
-        Topic name.
+        Topic name; with the field behind it where the messages hold several IMUs.
     count : int or None
         Messages in the recording; None where the file does not say.
+    messages : ImuMessages
+        How they are read; by default as sensor_msgs/msg/Imu.
+    source : str
+        Topic that is recorded; empty where it is `name`.
 
     """
 
     name: str
     count: int | None
+    messages: ImuMessages = BARE_IMU
+    source: str = ''
+
+    @property
+    def topic(self) -> str:
+        """Return the topic that is recorded."""
+        return self.source or self.name
+
+
+_MOST_REMARKS = 10
+"""Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
+_MOST_SEARCHED = 1000
+"""Topics in whose definitions an IMU is searched for in vain or found; a robot has a dozen."""
 
 
 class Recording(ABC):
@@ -50,10 +66,15 @@ class Recording(ABC):
         The Imu topics.
     other_topics : dict of str to str
         Names and types of the other topics.
-    carriers : set of str
-        Those of the other topics whose type contains a sensor_msgs/Imu.
+    reasons : dict of str to str
+        Why others of them are not read although they might hold an IMU.
+    options : RecordingOptions
+        What the user says about it.
+    preferred : tuple of str
+        The topic, or gyroscope and accelerometer, that is read where none is named; empty where
+        the user is asked.
     size_bytes : int
-        Bytes that `blocks` goes through, for progress.
+        Bytes that `decoded` goes through, for progress.
     remarks : list of Remark
         What the user should know about the file; grows while it is read.
 
@@ -63,66 +84,19 @@ class Recording(ABC):
 
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(
+        self, path: Path, options: RecordingOptions = RecordingOptions(),  # noqa: B008
+    ) -> None:
         self.path = path
+        self.options = options
         self.topics: list[ImuTopic] = []
         self.other_topics: dict[str, str] = {}
-        self.carriers: set[str] = set()
+        self.reasons: dict[str, str] = {}
+        self.preferred: tuple[str, ...] = ()
         self.size_bytes = 0
         self.remarks: list[Remark] = []
-
-    def blocks(
-        self, topic: str, progress: Callable[[int], None] | None = None,
-    ) -> Iterator[ImuBlock]:
-        """
-        Read the messages of `topic` in the order in which they were recorded.
-
-        Reading, decompression and decoding run some blocks ahead, in a process of their own where
-        the recording is large, else in a thread. They begin with this call.
-
-        Parameters
-        ----------
-        topic : str
-            One of `topics`.
-        progress : callable, optional
-            Called now and then with the bytes consumed so far.
-
-        Raises
-        ------
-        ImuAllanError
-            If `topic` is not one of `topics`, holds no message, or cannot be read at all.
-
-        """
-        choose_topic(self, topic)
-        return self._taken(self._ahead(topic), topic, progress)
-
-    def _ahead(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        if pays(self):
-            # Where no further process is allowed, a thread does.
-            with suppress(OSError):
-                return ReadingProcess(self, topic).blocks()
-        return read_ahead(larger_blocks(self.decoded(topic)))
-
-    def _taken(
-        self, ahead: Iterator[tuple[ImuBlock, int]], topic: str,
-        progress: Callable[[int], None] | None,
-    ) -> Iterator[ImuBlock]:
-        empty = True
-        try:
-            for block, position in ahead:
-                empty = False
-                if progress is not None:
-                    progress(position)
-                yield block
-        except OSError as error:
-            raise ImuAllanError(
-                f'{printable(self.path)}: reading failed '
-                f'({printable(error.strerror or error)})') from error
-        if empty:
-            raise ImuAllanError(
-                f'{printable(self.path)}: topic {printable(topic)} holds no readable message')
-        if progress is not None:
-            progress(self.size_bytes)
+        self._withheld: dict[str, set[str]] = {}
+        self._searched = 0
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -132,11 +106,53 @@ class Recording(ABC):
     def close(self) -> None:
         """Release files."""
 
+    def imu(self, name: str) -> ImuTopic:
+        """Return one of `topics` by its name."""
+        return next(topic for topic in self.topics if topic.name == name)
+
+    def list_topic(
+        self, topic: str, type_name: str, serialization: Serialization, count: int | None,
+        definition: Definition | None,
+    ) -> bool:
+        """Enter a topic among `topics` and return True where it holds an IMU, else the others."""
+        found: dict[str, ImuMessages] = {}
+        by_definition = definition is not None and normal_name(type_name) not in IMU_TYPES
+        if by_definition and self._searched >= _MOST_SEARCHED:
+            self.reasons[topic] = f'not looked into, after {_MOST_SEARCHED} others'
+            self.other_topics[topic] = type_name
+            return False
+        try:
+            found = imus_in(topic, type_name, serialization, definition, self.options)
+        except ImuAllanError as error:
+            self.reasons[topic] = str(error)
+        if by_definition and (found or topic in self.reasons):
+            self._searched += 1
+        if not found:
+            self.other_topics[topic] = type_name
+        self.topics += [ImuTopic(name, count, messages, topic)
+                        for name, messages in found.items()]
+        return bool(found)
+
     def remark(self, code: str, message: str) -> None:
         """Add a remark, once."""
-        remark = Remark(code, f'{printable(self.path)}: {message}')
-        if remark not in self.remarks:
+        self.keep_remark(Remark(code, f'{printable(self.path)}: {message}'))
+
+    def keep_remark(self, remark: Remark) -> None:
+        """Add a remark, once; of the same kind ten are kept, and the others counted."""
+        same = [kept.code for kept in self.remarks].count(remark.code)
+        if remark in self.remarks:
+            return
+        if same < _MOST_REMARKS:
             self.remarks.append(remark)
+            return
+        withheld = self._withheld.setdefault(remark.code, set())
+        withheld.add(remark.message)
+        rest = Remark(remark.code, f'{printable(self.path)}: {len(withheld)} more like these')
+        if same == _MOST_REMARKS:
+            self.remarks.append(rest)
+        else:
+            last = max(i for i, kept in enumerate(self.remarks) if kept.code == remark.code)
+            self.remarks[last] = rest
 
     def __enter__(self) -> 'Recording':
         return self
@@ -162,10 +178,12 @@ class MalformedMessages:
     def report(self, recording: Recording, topic: str) -> None:
         """Add a remark to `recording` where there were any."""
         if self.count:
+            kind = recording.imu(topic).messages.type_name
+            kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
             recording.remark(
                 'malformed_messages',
-                f'{self.count} messages of {printable(topic)} are not valid sensor_msgs/Imu and '
-                f'were left out; the first: {self.reason}')
+                f'{self.count} messages of {printable(topic)} are not valid {kind} and were '
+                f'left out; the first: {self.reason}')
 
 
 def choose_topic(recording: Recording, topic: str | None = None) -> str:
@@ -200,7 +218,7 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
             raise ImuAllanError(
                 f'{path}: topic {_shown(other)} is of type '
                 f'{_shown(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
-                f'{_carrier_hint(other in recording.carriers)}')
+                f'{_reason(recording, [other])}')
     elif not names:
         raise ImuAllanError(f'{path}: {_what_there_is(recording)}')
     elif len(names) > 1:
@@ -224,12 +242,17 @@ def _what_there_is(recording: Recording) -> str:
              for name, kind in sorted(recording.other_topics.items())[:10]]
     more = len(recording.other_topics) - len(shown)
     return ('no topic of type sensor_msgs/msg/Imu; it holds ' + ', '.join(shown)
-            + (f' and {more} more' if more else '') + _carrier_hint(bool(recording.carriers)))
+            + (f' and {more} more' if more else '')
+            + _reason(recording, sorted(recording.other_topics)))
 
 
-def _carrier_hint(carries: bool) -> str:
-    return ('; the Imu inside a message of another type is not read: republish it as '
-            'sensor_msgs/msg/Imu' if carries else '')
+def _reason(recording: Recording, topics: list[str]) -> str:
+    """Tell why the first of `topics` with a reason is not read."""
+    for topic in topics:
+        if topic in recording.reasons:
+            named = '' if len(topics) == 1 else f'{_shown(topic)}: '
+            return f'; {named}{recording.reasons[topic]}'
+    return ''
 
 
 def _list_topics(recording: Recording) -> str:
@@ -242,3 +265,9 @@ def _list_topics(recording: Recording) -> str:
 
 def _shown(name: str) -> str:
     return printable(shorten(name))
+
+
+def natural_order(name: str) -> list[tuple[bool, int, str]]:
+    """Sort by the numbers in a name as numbers: bag_2 before bag_10."""
+    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part)
+            for part in re.split(r'(\d+)', name)]

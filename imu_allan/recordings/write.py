@@ -5,41 +5,24 @@
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from functools import cache
+from itertools import count as naturals
 from pathlib import Path
 import shutil
 import sqlite3
-from struct import Struct
-from typing import Any, BinaryIO, Literal
-import zlib
+from typing import Any, Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError, printable
-import lz4.frame  # type: ignore[import-untyped]
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
+from mcap.writer import CompressionType, Writer
 import numpy as np
 from numpy.typing import NDArray
 import yaml
-import zstandard
 
 Storage = Literal['mcap', 'sqlite3']
 Compression = Literal['', 'lz4', 'zstd']
 
 _IMU_TYPE = 'sensor_msgs/msg/Imu'
-_MAGIC = b'\x89MCAP0\r\n'
 _CHUNK_BYTES = 786_432
 """The chunk size of rosbag2's own MCAP storage."""
 
@@ -211,117 +194,25 @@ def _write_mcap(
     file: Path, blocks: Iterable[ImuBlock], topic: str, compression: Compression,
 ) -> _Extent:
     extent = _Extent()
-    schema = Schema(id=1, name=_IMU_TYPE, encoding='ros2msg', data=_imu_type()[0].encode())
-    channel = Channel(
-        id=1, topic=topic, message_encoding='cdr', schema_id=1,
-        metadata={'offered_qos_profiles': '', 'topic_type_hash': _imu_type()[1]})
-    indexes: list[ChunkIndex] = []
+    definition, digest = _imu_type()
     with file.open('wb') as out:
-        out.write(_MAGIC + _record(Header('ros2', 'imu_allan')))
-        head = _record(schema) + _record(channel)
-        for rows, stamps in _chunks(blocks):
-            sequence = np.arange(extent.count, extent.count + len(rows), dtype=np.uint32)
-            extent.add(stamps)
-            indexes.append(_write_chunk(out, head, rows, stamps, sequence, compression))
-            head = b''
-        if head:
-            out.write(head)
-        out.write(_record(DataEnd(0)))
-        _write_summary(out, schema, channel, indexes, extent)
-        out.write(_MAGIC)
+        writer = Writer(out, chunk_size=_CHUNK_BYTES, compression=_COMPRESSIONS[compression])
+        writer.start('ros2', 'imu_allan')
+        schema = writer.register_schema(_IMU_TYPE, 'ros2msg', definition.encode())
+        channel = writer.register_channel(
+            topic, 'cdr', schema, {'offered_qos_profiles': '', 'topic_type_hash': digest})
+        for block in _parts(blocks, 1 << 14):
+            messages = zip(map(bytes, encode_imu_rows(block)), block.receive_ns.tolist(),
+                           naturals(extent.count), strict=False)
+            for message, stamp, number in messages:
+                writer.add_message(channel, stamp, message, stamp, number)
+            extent.add(block.receive_ns)
+        writer.finish()  # type: ignore[no-untyped-call]
     return extent
 
 
-def _chunks(
-    blocks: Iterable[ImuBlock],
-) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64]]]:
-    """Encode messages of equal size a chunk at a time, with their receive stamps."""
-    rows: list[NDArray[np.uint8]] = []
-    stamps: list[NDArray[np.int64]] = []
-    held = 0
-    for block in _parts(blocks, _CHUNK_BYTES // 512):
-        encoded = encode_imu_rows(block)
-        if rows and (rows[0].shape[1] != encoded.shape[1] or held >= _CHUNK_BYTES):
-            yield np.concatenate(rows), np.concatenate(stamps)
-            rows, stamps, held = [], [], 0
-        rows.append(encoded)
-        stamps.append(block.receive_ns)
-        held += encoded.size
-    if held:
-        yield np.concatenate(rows), np.concatenate(stamps)
-
-
-def _write_chunk(
-    out: BinaryIO, head: bytes, rows: NDArray[np.uint8], stamps: NDArray[np.int64],
-    sequence: NDArray[np.uint32], compression: Compression,
-) -> ChunkIndex:
-    messages = np.zeros(len(rows), np.dtype(
-        [('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'),
-         ('log_time', '<u8'), ('publish_time', '<u8'), ('data', f'V{rows.shape[1]}')]))
-    messages['opcode'] = Opcode.MESSAGE
-    messages['length'] = 22 + rows.shape[1]
-    messages['channel'] = 1
-    messages['sequence'] = sequence
-    messages['log_time'] = messages['publish_time'] = stamps
-    messages['data'] = rows.view(f'V{rows.shape[1]}')[:, 0]
-    plain = head + messages.tobytes()
-    data = _COMPRESSORS[compression](plain)
-    chunk = Chunk(
-        compression=compression, data=data, message_start_time=int(stamps.min()),
-        message_end_time=int(stamps.max()), uncompressed_crc=zlib.crc32(plain),
-        uncompressed_size=len(plain))
-    start = out.tell()
-    out.write(_record(chunk))
-    index_at = out.tell()
-    entries = np.empty((len(rows), 2), '<u8')
-    entries[:, 0] = stamps
-    entries[:, 1] = len(head) + messages.itemsize * np.arange(len(rows))
-    out.write(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + entries.nbytes, 1, entries.nbytes))
-    out.write(entries.tobytes())
-    return ChunkIndex(
-        chunk_length=index_at - start, chunk_start_offset=start, compression=compression,
-        compressed_size=len(data), message_end_time=chunk.message_end_time,
-        message_index_length=out.tell() - index_at, message_index_offsets={1: index_at},
-        message_start_time=chunk.message_start_time, uncompressed_size=len(plain))
-
-
-def _write_summary(
-    out: BinaryIO, schema: Schema, channel: Channel, indexes: list[ChunkIndex], extent: _Extent,
-) -> None:
-    start = at = out.tell()
-    summary = offsets = b''
-    statistics = Statistics(
-        attachment_count=0, channel_count=1, channel_message_counts={1: extent.count},
-        chunk_count=len(indexes), message_count=extent.count, message_end_time=extent.end,
-        message_start_time=extent.start, metadata_count=0, schema_count=1)
-    groups: list[tuple[Opcode, list[Any]]] = [
-        (Opcode.SCHEMA, [schema]), (Opcode.CHANNEL, [channel]),
-        (Opcode.STATISTICS, [statistics]), (Opcode.CHUNK_INDEX, indexes)]
-    for opcode, records in groups:
-        group = b''.join(map(_record, records))
-        if group:
-            offsets += _record(SummaryOffset(
-                group_opcode=opcode, group_start=at, group_length=len(group)))
-        summary += group
-        at += len(group)
-    footer = _record(Footer(summary_start=start, summary_offset_start=at, summary_crc=0))
-    crc = zlib.crc32(footer[:-4], zlib.crc32(summary + offsets))
-    out.write(summary + offsets + footer[:-4] + crc.to_bytes(4, 'little'))
-
-
-def _record(record: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    record.write(builder)
-    data: bytes = builder.end()  # type: ignore[no-untyped-call]
-    return data
-
-
-_INDEX_HEAD = Struct('<BQHI')
-_COMPRESSORS = {
-    '': bytes,
-    'lz4': lz4.frame.compress,
-    'zstd': lambda data: zstandard.ZstdCompressor(level=1).compress(data),
-}
+_COMPRESSIONS = {
+    '': CompressionType.NONE, 'lz4': CompressionType.LZ4, 'zstd': CompressionType.ZSTD}
 _WRITERS = {'mcap': _write_mcap, 'sqlite3': _write_sqlite}
 _SUFFIXES = {'mcap': 'mcap', 'sqlite3': 'db3'}
 _SQLITE_SCHEMA = """

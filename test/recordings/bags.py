@@ -8,15 +8,21 @@ import sqlite3
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
-from imu_allan.recordings import choose_topic, open_recording, Recording
+from imu_allan.recordings import choose_topic, open_recording, read_blocks, Recording
 from imu_allan.result import Remark
 from mcap.writer import CompressionType, Writer
 import numpy as np
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.typesys import get_typestore, Stores
 
 START_NS = 1_700_000_000_000_000_000
 IMU = 'sensor_msgs/msg/Imu'
 COMPRESSIONS = {'none': CompressionType.NONE, 'lz4': CompressionType.LZ4,
                 'zstd': CompressionType.ZSTD}
+
+ROS1_STORE = get_typestore(Stores.ROS1_NOETIC)
+ROS1_COMPRESSIONS = {'none': None, 'lz4': Ros1Writer.CompressionFormat.LZ4,
+                     'bz2': Ros1Writer.CompressionFormat.BZ2}
 
 
 def block(count: int, frame_id: str = 'imu_link', first: int = 0) -> ImuBlock:
@@ -39,7 +45,7 @@ def joined(blocks: Iterable[ImuBlock]) -> ImuBlock:
 def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlock, list[Remark]]:
     """Return all messages of a recording and the remarks on it."""
     with open_recording(path, **options) as recording:
-        messages = joined(recording.blocks(choose_topic(recording, topic)))
+        messages = joined(read_blocks(recording, choose_topic(recording, topic)))
         return messages, recording.remarks
 
 
@@ -96,6 +102,25 @@ def write_db3(path: Path, messages: ImuBlock, topics: Iterable[tuple[str, str]] 
         zip(messages.receive_ns.tolist(), map(bytes, encode_imu_rows(messages)), strict=True))
     database.commit()
     database.close()
+    return path
+
+
+def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
+              others: Callable[[int], int] = lambda _: 0) -> Path:
+    """Write topic /imu, and `others` messages of /chatter before each, in chunks of 50 kB."""
+    path.unlink(missing_ok=True)
+    writer = Ros1Writer(path)
+    writer.chunk_threshold = 50_000
+    if ROS1_COMPRESSIONS[compression] is not None:
+        writer.set_compression(ROS1_COMPRESSIONS[compression])
+    with writer:
+        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=ROS1_STORE)
+        chatter = writer.add_connection('/chatter', 'std_msgs/msg/String', typestore=ROS1_STORE)
+        for number, (row, stamp) in enumerate(zip(
+                encode_imu_rows(messages, 'ros1'), messages.receive_ns.tolist(), strict=True)):
+            for _ in range(others(number)):
+                writer.write(chatter, stamp, b'\5\0\0\0hello')
+            writer.write(imu, stamp, row.tobytes())
     return path
 
 

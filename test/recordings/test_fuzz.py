@@ -11,13 +11,12 @@ from pathlib import Path
 from random import Random
 import time
 
-from bags import block, IMU, write_db3, write_mcap, write_metadata
+from bags import block, IMU, write_bag, write_db3, write_mcap, write_metadata
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import open_recording
+from imu_allan.recordings import open_recording, read_blocks
 from mutations import mutated_bytes
 import numpy as np
 import pytest
-from test_ros1_bag import write_bag
 import zstandard
 
 MESSAGES = block(600)
@@ -71,7 +70,7 @@ def read_whole(path: Path, checked: bool) -> int:
         for topic in recording.topics[:3]:
             if topic.count == 0:
                 continue
-            for item in recording.blocks(topic.name):
+            for item in read_blocks(recording, topic.name):
                 messages += len(item)
                 count = len(item)
                 assert item.samples.shape == (count, 6)

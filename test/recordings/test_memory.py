@@ -15,9 +15,9 @@ import pytest
 # VmHWM, since ru_maxrss of a child begins with what its parent had.
 READ = r"""
 import re, sys
-from imu_allan.recordings import open_recording
+from imu_allan.recordings import open_recording, read_blocks
 with open_recording(sys.argv[1]) as recording:
-    count = sum(len(block) for block in recording.blocks('/imu/data_raw'))
+    count = sum(len(block) for block in read_blocks(recording, '/imu/data_raw'))
 print(count, re.search(r'VmHWM:\s+(\d+)', open('/proc/self/status').read())[1])
 """
 

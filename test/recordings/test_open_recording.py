@@ -9,7 +9,14 @@ import sys
 
 from bags import assert_same, block, IMU, read, write_db3, write_mcap
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings import choose_topic, ImuTopic, open_recording, Recording
+from imu_allan.recordings import (
+    choose_topic,
+    ImuTopic,
+    open_recording,
+    read_blocks,
+    Recording,
+    recordings_in,
+)
 from mcap.writer import Writer
 import pytest
 
@@ -125,37 +132,24 @@ def test_a_topic_that_is_not_clear_is_one_line(topics, others, topic, reason):
 
 def test_a_topic_that_holds_nothing_readable_is_told_at_its_end():
     with pytest.raises(ImuAllanError) as error:
-        list(Listed({'/a': None}, {}).blocks('/a'))
+        list(read_blocks(Listed({'/a': None}, {}), '/a'))
     assert str(error.value) == 'bag: topic /a holds no readable message'
 
 
-def test_a_type_that_contains_an_imu_is_told_apart(tmp_path):
+def test_an_imu_in_another_encoding_is_named_with_it(tmp_path):
     path = tmp_path / 'a.mcap'
     with path.open('wb') as file:
         writer = Writer(file)
         writer.start('ros2')
-        schema = writer.register_schema(
-            'my_msgs/msg/Stamped', 'ros2msg',
-            b'sensor_msgs/Imu imu\n' + b'=' * 80 + b'\nMSG: sensor_msgs/Imu\nfloat64 x')
-        channel = writer.register_channel('/stamped', 'cdr', schema)
-        writer.add_message(channel, 1, b'\0\1\0\0', 1)
-        encoded = writer.register_channel('/json', 'json', writer.register_schema(
+        channel = writer.register_channel('/json', 'json', writer.register_schema(
             IMU, 'jsonschema', b'{}'))
-        writer.add_message(encoded, 1, b'{}', 1)
+        writer.add_message(channel, 1, b'{}', 1)
         writer.finish()
-    with open_recording(path) as recording:
-        with pytest.raises(ImuAllanError) as error:
-            choose_topic(recording)
-        assert str(error.value) == (
-            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
-            'encoded as json), /stamped (my_msgs/msg/Stamped); the Imu inside a message of '
-            'another type is not read: republish it as sensor_msgs/msg/Imu')
-        with pytest.raises(ImuAllanError) as error:
-            choose_topic(recording, '/stamped')
-        assert str(error.value) == (
-            f'{path}: topic /stamped is of type my_msgs/msg/Stamped, not sensor_msgs/msg/Imu; the '
-            'Imu inside a message of another type is not read: republish it as '
-            'sensor_msgs/msg/Imu')
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == (
+        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /json (sensor_msgs/msg/Imu '
+        'encoded as json)')
 
 
 @pytest.mark.usefixtures('children_unmeasured')
@@ -164,3 +158,16 @@ def test_importing_recordings_loads_no_container_library():
         [sys.executable, '-c', 'import sys, imu_allan.recordings; print(*sys.modules)'],
         check=True, capture_output=True, text=True).stdout.split()
     assert not {'mcap', 'sqlite3', 'rosbags', 'yaml', 'zstandard', 'pint', 'scipy'} & set(loaded)
+
+
+def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
+    for name in ('run_10', 'run_9', '.hidden', 'notes'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'readme.txt').touch()
+    write_mcap(tmp_path / 'run_10' / 'a.mcap', block(10))
+    (tmp_path / 'run_9' / 'metadata.yaml').touch()
+    (tmp_path / 'run_100.bag').touch()
+    assert [path.name for path in recordings_in(tmp_path)] == ['run_9', 'run_10', 'run_100.bag']
+    for alone in (tmp_path / 'run_10', tmp_path / 'notes', tmp_path / 'none',
+                  tmp_path / 'run_100.bag', Path('a\0b')):
+        assert recordings_in(alone) == [alone]

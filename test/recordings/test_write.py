@@ -10,7 +10,7 @@ import sqlite3
 from bags import assert_same, block, joined, read
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import open_recording
+from imu_allan.recordings import open_recording, read_blocks
 from imu_allan.recordings.write import write_recording
 from mcap.reader import make_reader
 from mcap.records import Message
@@ -135,7 +135,7 @@ def test_frame_ids_that_change_are_kept(tmp_path):
         bag = write_recording(tmp_path / f'{storage}{compression}', frames, storage=storage,
                               compression=compression)
         with open_recording(bag) as recording:
-            for before, after in zip(frames, recording.blocks('/imu/data_raw'), strict=True):
+            for before, after in zip(frames, read_blocks(recording, '/imu/data_raw'), strict=True):
                 assert_same(before, after)
 
 

@@ -11,8 +11,8 @@ import sqlite3
 from bags import assert_same, block, IMU, joined, read, write_db3, write_mcap, write_metadata
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import choose_topic, open_recording
-from imu_allan.recordings.bag_directory import BagDirectory
+from imu_allan.recordings import choose_topic, open_recording, read_blocks
+from imu_allan.recordings.formats.bag_directory import BagDirectory
 import pytest
 import zstandard
 
@@ -47,7 +47,7 @@ def test_a_split_bag_is_read_in_order(split_bag):
         assert recording.size_bytes == sum(
             path.stat().st_size for path in split_bag.glob('*.mcap'))
         positions: list[int] = []
-        after = joined(recording.blocks('/imu', positions.append))
+        after = joined(read_blocks(recording, '/imu', positions.append))
         assert recording.remarks == []
     assert_same(block(1500), after)
     assert positions == sorted(positions)
@@ -163,7 +163,7 @@ def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
 
 
 def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr('imu_allan.recordings.compressed_file._SPARED_DISK', 2**60)
+    monkeypatch.setattr('imu_allan.recordings.formats.compressed_file._SPARED_DISK', 2**60)
     path = compress(write_db3(tmp_path / 'a.db3', block(10)))
     with pytest.raises(ImuAllanError) as error:
         open_recording(path)

@@ -24,12 +24,12 @@ import pickle
 import signal
 import subprocess
 import sys
-import traceback
 from typing import IO, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.read_ahead import larger_blocks, read_ahead
+from imu_allan.isolated import portable, start_python
+from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import numpy as np
 
 if TYPE_CHECKING:
@@ -45,12 +45,6 @@ _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
     ('samples', np.float64, (SLOT_MESSAGES, 6)), ('absent', np.bool_, (SLOT_MESSAGES, 2))])
 _FIELDS = ('header_ns', 'receive_ns', 'samples', 'absent')
-_PROGRAM = """
-import pickle, sys
-sys.path[:] = pickle.load(sys.stdin.buffer)
-from imu_allan.recordings.reading_process import serve
-serve()
-"""
 _PATIENCE_S = 10.0
 _LARGER_THAN_BLOCKS = 1 << 24
 
@@ -80,14 +74,12 @@ class ReadingProcess:
         try:
             self._slots = _Slots(memory)
             # In a session of its own, Ctrl-C does not reach it: it ends with the pipe.
-            self._process = subprocess.Popen(
-                [sys.executable, '-c', _PROGRAM], bufsize=0, stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, pass_fds=[memory],
-                start_new_session=True)
+            self._process = start_python(
+                __name__, 'serve', stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                pass_fds=[memory], start_new_session=True)
         finally:
             os.close(memory)
         with suppress(BrokenPipeError), open(self._stdin.fileno(), 'wb', closefd=False) as stdin:
-            pickle.dump(sys.path, stdin)
             pickle.dump((memory, recording, topic), stdin)
 
     @property
@@ -179,7 +171,7 @@ def serve() -> None:
             raise
         except Exception as error:
             writer.flush()
-            failure = _portable(error), traceback.format_exc()
+            failure = portable(error)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         writer.tell(None)
         writer.tell((failure, recording.remarks))
@@ -276,15 +268,6 @@ def _shared_memory() -> int:
         os.close(memory)
         raise
     return memory
-
-
-def _portable(error: Exception) -> Exception:
-    """Return the error itself where it can be sent, else another one that tells of it."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return RuntimeError(f'{type(error).__name__}: {error}')
-    return error
 
 
 def _status(code: int) -> str:

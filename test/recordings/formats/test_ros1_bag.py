@@ -2,42 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS 1 bags, whole and damaged."""
 
-from collections.abc import Callable
+import bz2
 from pathlib import Path
 import re
+import struct
 
-from bags import assert_same, block, joined, read
-from imu_allan.block import ImuBlock
+from bags import assert_same, block, joined, read, ROS1_COMPRESSIONS, ROS1_STORE, write_bag
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings import choose_topic, open_recording, read_blocks
+import lz4.frame
+from measured_command import run
 import pytest
 from rosbags.rosbag1 import Reader, Writer
-from rosbags.typesys import get_typestore, Stores
 
-STORE = get_typestore(Stores.ROS1_NOETIC)
-COMPRESSIONS = {'none': None, 'lz4': Writer.CompressionFormat.LZ4,
-                'bz2': Writer.CompressionFormat.BZ2}
 MESSAGES = block(3000)
-
-
-def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
-              others: Callable[[int], int] = lambda _: 0) -> Path:
-    """Write topic /imu, and `others` messages of /chatter before each, in chunks of 50 kB."""
-    path.unlink(missing_ok=True)
-    writer = Writer(path)
-    writer.chunk_threshold = 50_000
-    if COMPRESSIONS[compression] is not None:
-        writer.set_compression(COMPRESSIONS[compression])
-    with writer:
-        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=STORE)
-        chatter = writer.add_connection('/chatter', 'std_msgs/msg/String', typestore=STORE)
-        for number, (row, stamp) in enumerate(zip(
-                encode_imu_rows(messages, 'ros1'), messages.receive_ns.tolist(), strict=True)):
-            for _ in range(others(number)):
-                writer.write(chatter, stamp, b'\5\0\0\0hello')
-            writer.write(imu, stamp, row.tobytes())
-    return path
 
 
 def chunk_places(path: Path) -> list[int]:
@@ -45,7 +24,7 @@ def chunk_places(path: Path) -> list[int]:
         return [info.pos for info in reader.chunk_infos]
 
 
-@pytest.mark.parametrize('compression', COMPRESSIONS)
+@pytest.mark.parametrize('compression', ROS1_COMPRESSIONS)
 @pytest.mark.parametrize('others', [lambda _: 0, lambda n: n % 2, lambda n: 5 * (n % 70 == 0)],
                          ids=['alone', 'alternating', 'bursts'])
 def test_every_bit_of_what_rosbags_wrote_is_read(tmp_path, compression, others):
@@ -75,7 +54,7 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
         f'{places[4]} on are not whole records and are lost; 4 whole chunks were found')
 
 
-@pytest.mark.parametrize('compression', COMPRESSIONS)
+@pytest.mark.parametrize('compression', ROS1_COMPRESSIONS)
 def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, compression):
     path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
     data = bytearray(path.read_bytes())
@@ -130,13 +109,49 @@ def test_frame_ids_that_change_are_kept(tmp_path):
     path = tmp_path / 'a.bag'
     parts = [block(40), block(3, 'another', 40), block(1, 'x', 43), block(60, first=44)]
     with Writer(path) as writer:
-        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=STORE)
+        imu = writer.add_connection('/imu', 'sensor_msgs/msg/Imu', typestore=ROS1_STORE)
         for part in parts:
             for row, stamp in zip(
                     encode_imu_rows(part, 'ros1'), part.receive_ns.tolist(), strict=True):
                 writer.write(imu, stamp, row.tobytes())
     with open_recording(path) as recording:
-        blocks = list(recording.blocks('/imu'))
+        blocks = list(read_blocks(recording, '/imu'))
     assert [(item.frame_id, len(item)) for item in blocks] == [
         ('imu_link', 40), ('another', 3), ('x', 1), ('imu_link', 60)]
     assert_same(joined(parts), joined(blocks))
+
+
+def record(data: bytes = b'', **fields: bytes) -> bytes:
+    """Return a record of a bag with these fields in its header."""
+    header = b''.join(struct.pack('<I', len(name) + 1 + len(value)) + name.encode() + b'=' + value
+                      for name, value in fields.items())
+    return struct.pack('<I', len(header)) + header + struct.pack('<I', len(data)) + data
+
+
+TINY = {
+    'messages of 20 connections': b''.join(
+        record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
+        for number in range(7, 27)),
+    'connections': record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
+    'others': record(op=b'\4')}
+
+
+@pytest.mark.parametrize(('compression', 'compress'), [
+    ('lz4', lz4.frame.compress), ('bz2', bz2.compress)])
+@pytest.mark.parametrize('tiny', TINY)
+def test_a_bomb_of_tiny_records_costs_the_process_little_time(
+        tmp_path, compression, compress, tiny):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
+    plain = TINY[tiny] * ((1 << 24) // len(TINY[tiny]))
+    packed = compress(plain)
+    chunk = record(packed, op=b'\5', compression=compression.encode(),
+                   size=struct.pack('<I', len(plain)))
+    content, place = path.read_bytes(), chunk_places(path)[2]
+    assert len(packed) < 500_000
+    # Cut short behind it, so that the bag has no index and all of its chunks are gone through.
+    path.write_bytes(content[:place] + chunk)
+    status, shown, complaint, seconds, kilobytes = run('info', path, '--no-progress')
+    assert (status, complaint) == (0, '')
+    assert seconds < 10
+    assert kilobytes < 400_000
+    assert f'(the first at byte {place}: more records than its bytes can hold)' in shown

@@ -8,25 +8,35 @@ are compressed is told by their own first bytes, so the metadata is not asked; a
 metadata is missing, because its recorder was killed, is read all the same.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 import re
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.open_recording import open_recording
-from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, Recording
+from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
+from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.recording import ImuTopic, Recording
 import yaml
 
-_LARGEST_METADATA = 1 << 21
 _SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 
 
 class BagDirectory(Recording):
     """
     A rosbag2 directory.
+
+    Parameters
+    ----------
+    path : Path
+        The directory.
+    open_file : callable
+        Opens a file of it, given the keyword `options`.
+    options : RecordingOptions
+        What the user says about it.
 
     Raises
     ------
@@ -35,8 +45,11 @@ class BagDirectory(Recording):
 
     """
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(
+        self, path: Path, open_file: Callable[..., Recording], options: RecordingOptions,
+    ) -> None:
+        super().__init__(path, options)
+        self._open_file = open_file
         metadata = self._read_metadata()
         if metadata is None:
             self._files = _recorded_files(path)
@@ -51,7 +64,9 @@ class BagDirectory(Recording):
             self._files = self._existing(metadata.files)
             self.topics = metadata.topics
             self.other_topics = metadata.other_topics
-            if not self.topics or any(topic.count == 0 for topic in self.topics):
+            if (not self.topics or any(topic.count == 0 for topic in self.topics)
+                    or any(map(may_hold_imu, self.other_topics.values()))
+                    or options.gyro is not None or options.accel is not None):
                 # The files know better, and may hold definitions of the other types.
                 self._list_from_files()
         self.size_bytes = sum(file.stat().st_size for file in self._files)
@@ -82,7 +97,7 @@ class BagDirectory(Recording):
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; where there are others, one that cannot be opened is a remark."""
         try:
-            return open_recording(file)
+            return self._open_file(file, options=self.options)
         except ImuAllanError as error:
             if len(self._files) == 1:
                 raise
@@ -90,10 +105,13 @@ class BagDirectory(Recording):
             return None
 
     def _adopt(self, part: Recording) -> None:
-        self.remarks += [remark for remark in part.remarks if remark not in self.remarks]
+        for remark in part.remarks:
+            self.keep_remark(remark)
 
     def _list_from_files(self) -> None:
-        counts: dict[str, int | None] = {topic.name: None for topic in self.topics}
+        listed = {topic.name: topic for topic in self.topics}
+        counted = {topic.name: topic.count for topic in self.topics}
+        counts: dict[str, int | None] = dict.fromkeys(listed)
         for file in self._files:
             part = self._opened(file)
             if part is None:
@@ -102,10 +120,16 @@ class BagDirectory(Recording):
                 for topic in part.topics:
                     before = counts.get(topic.name) or 0
                     counts[topic.name] = None if topic.count is None else before + topic.count
+                    listed[topic.name] = topic
                 self.other_topics.update(part.other_topics)
-                self.carriers |= part.carriers
+                self.reasons.update(part.reasons)
                 self._adopt(part)
-        self.topics = [ImuTopic(name, count) for name, count in counts.items()]
+        self.topics = [
+            replace(listed[name], count=counted.get(name) or None if count is None else count)
+            for name, count in counts.items()]
+        recorded = {topic.topic for topic in self.topics}
+        self.other_topics = {name: kind for name, kind in self.other_topics.items()
+                             if name not in recorded}
 
     def _read_metadata(self) -> '_Metadata | None':
         """Parse metadata.yaml; None, with a remark, where that is not possible."""
@@ -118,10 +142,7 @@ class BagDirectory(Recording):
             return None
         try:
             with path.open('rb') as file:
-                text = file.read(_LARGEST_METADATA + 1)
-            if len(text) > _LARGEST_METADATA:
-                raise ValueError(f'it is larger than {_LARGEST_METADATA} bytes')
-            return _parse(text)
+                return _parse(read_metadata_yaml(file.read(LARGEST + 1)))
         except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
             reason = printable(' '.join(str(error).split())[:200])
             if not _recorded_files(self.path):
@@ -143,7 +164,7 @@ class BagDirectory(Recording):
             else:
                 found.append(file)
         if missing:
-            listed = ', '.join(map(printable, missing[:10]))
+            listed = ', '.join(printable(shorten(name)) for name in missing[:10])
             if not found:
                 raise ImuAllanError(
                     f'{printable(self.path)}: missing {listed}: no file that metadata.yaml lists '
@@ -162,7 +183,7 @@ class _Metadata:
     other_topics: dict[str, str] = field(default_factory=dict)
 
 
-def _parse(text: bytes) -> _Metadata:
+def _parse(document: object) -> _Metadata:
     """
     Take files and topics from metadata.yaml.
 
@@ -172,8 +193,7 @@ def _parse(text: bytes) -> _Metadata:
         If a field is missing or of another type.
 
     """
-    # Not CSafeLoader: deep nesting overflows its stack and ends the process.
-    information = _item(yaml.safe_load(text), 'rosbag2_bagfile_information', dict)
+    information = _item(document, 'rosbag2_bagfile_information', dict)
     metadata = _Metadata()
     for name in _item(information, 'relative_file_paths', list):
         if not isinstance(name, str) or not PurePosixPath(name).name:
@@ -182,13 +202,18 @@ def _parse(text: bytes) -> _Metadata:
         metadata.files.append(PurePosixPath(name).name)
     if not metadata.files:
         raise ValueError('relative_file_paths is empty')
+    if len(set(metadata.files)) < len(metadata.files):
+        raise ValueError('relative_file_paths names a file twice')
     counts: dict[str, int | None] = {}
     for entry in _item(information, 'topics_with_message_count', list):
         topic = _item(entry, 'topic_metadata', dict)
         name, kind = _item(topic, 'name', str), _item(topic, 'type', str)
         form = _item(topic, 'serialization_format', str)
         if kind in IMU_TYPES and form == 'cdr':
-            counts[name] = (counts.get(name) or 0) + _item(entry, 'message_count', int)
+            count = _item(entry, 'message_count', int)
+            if not 0 <= count < 1 << 63:
+                raise ValueError(f'message_count is {count}')
+            counts[name] = (counts.get(name) or 0) + count
         else:
             metadata.other_topics[name] = kind if form == 'cdr' else f'{kind} encoded as {form}'
     metadata.topics = [ImuTopic(name, count) for name, count in counts.items()]

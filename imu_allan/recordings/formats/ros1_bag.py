@@ -1,11 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS 1 bags, format 2.0, chunk by chunk.
+ROS 1 bags, format 2.0, chunk by chunk, in one module because nothing else reads the format.
 
-Record headers are read with the classes of the `rosbags` library, except those of messages, which
-are gathered from a decompressed chunk as arrays like in an MCAP file. The per-message index, which
-grows with the length of a bag, is not loaded.
+The messages of a topic are gathered from a decompressed chunk as arrays, like in an MCAP file. The
+per-message index, which grows with the length of a bag, is not loaded; the `rosbags` library loads
+it, and offers no part of its reader that does not.
 
 References
 ----------
@@ -18,21 +18,22 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from struct import error as StructError, Struct
+from struct import Struct
 from typing import BinaryIO
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import decode_imu_rows
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.damage import Damage, Part
-from imu_allan.recordings.decompress import DamagedData, decompress
-from imu_allan.recordings.gather import collect, Piece
-from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
+from imu_allan.recordings.formats.damage import Damage, Part
+from imu_allan.recordings.formats.decompress import DamagedData, decompress
+from imu_allan.recordings.formats.gather import collect, Effort
+from imu_allan.recordings.formats.ros1_header import DamagedHeader, Operation, Ros1Header
+from imu_allan.recordings.messages.definitions import Definition, normal_name
+from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.recording import MalformedMessages, Recording
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.rosbag1.reader import Header, ReaderError, RecordType
 
 MAGIC = b'#ROSBAG V2.0\n'
 
@@ -42,6 +43,11 @@ _LARGEST_DEFINITION = 1 << 22
 _MOST_CONNECTIONS = 1 << 16
 _LARGEST_CHUNK = 1 << 28
 _REMEMBERED_HEADS = 16
+_STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
+"""Records of a chunk that are stepped through whatever its size, and bytes for one more.
+
+A step takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000 records at most.
+"""
 _TIME = np.dtype([('sec', '<u4'), ('nsec', '<u4')])
 
 
@@ -53,6 +59,8 @@ class Ros1Recording(Recording):
     ----------
     path, stored : Path
         The recording as the user knows it, and where its bytes are.
+    options : RecordingOptions
+        What the user says about it.
 
     Raises
     ------
@@ -61,8 +69,8 @@ class Ros1Recording(Recording):
 
     """
 
-    def __init__(self, path: Path, stored: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
+        super().__init__(path, options)
         self._stored = stored
         self._connections: dict[int, _Connection] = {}
         self._counts: dict[int, int] = {}
@@ -88,6 +96,7 @@ class Ros1Recording(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks chunk by chunk, each with the bytes consumed so far."""
+        decode = self.imu(topic).messages.decoder()
         malformed = MalformedMessages()
         damage = Damage()
         messages = 0
@@ -97,11 +106,14 @@ class Ros1Recording(Recording):
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
-                    for piece in self._gather(_chunk_data(file, part), topic):
-                        for block in decode_imu_rows(
-                                piece.rows, piece.receive_ns, 'ros1', malformed):
-                            messages += len(block)
-                            yield block, part.start
+                    # All of a chunk at once, and what comes before a damaged place in it.
+                    pieces, failure = _until_damaged(
+                        self._gather(_chunk_data(file, part), topic, _effort(part)))
+                    for block in decode(pieces, malformed):
+                        messages += len(block)
+                        yield block, part.start
+                    if failure is not None:
+                        raise failure
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
         malformed.report(self, topic)
@@ -112,19 +124,19 @@ class Ros1Recording(Recording):
 
     def _read_index(self, file: BinaryIO, bag_header: '_Record') -> bool:
         """Take connections and counts from the end of the bag; False where it has none."""
-        with suppress(ReaderError):
-            at = bag_header.header.get_uint64('index_pos')
+        with suppress(DamagedHeader):
+            at = bag_header.header.number('index_pos', 8)
             counts: Counter[int] = Counter()
             while 0 < at < self.size_bytes:
                 record = _record(file, at, self.size_bytes)
                 if record is None:
                     return False
-                op = record.header.get_uint8('op')
-                if op == RecordType.CONNECTION:
+                op = record.header.operation()
+                if op == Operation.CONNECTION:
                     self._describe(record.header, file.read(
                         min(record.length, _LARGEST_DEFINITION)))
-                elif op == RecordType.CHUNK_INFO:
-                    place = record.header.get_uint64('chunk_pos')
+                elif op == Operation.CHUNK_INFO:
+                    place = record.header.number('chunk_pos', 8)
                     if place < self.size_bytes:
                         self._chunk_starts.append(place)
                     pairs = np.frombuffer(file.read(record.length // 8 * 8), '<u4').reshape(-1, 2)
@@ -145,7 +157,7 @@ class Ros1Recording(Recording):
             counts.update(part.counts)
             if not part.counts or part.counts.keys() - self._connections:
                 try:
-                    for _ in self._gather(_chunk_data(file, part), None):
+                    for _ in self._gather(_chunk_data(file, part), None, _effort(part)):
                         pass
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
@@ -154,32 +166,38 @@ class Ros1Recording(Recording):
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
-    def _describe(self, header: Header, data: bytes) -> None:
+    def _describe(self, header: Ros1Header, data: bytes) -> None:
         """Remember a connection record."""
         if len(self._connections) > _MOST_CONNECTIONS:
             return
-        with suppress(ReaderError, UnicodeDecodeError):
-            number = header.get_uint32('conn')
-            fields = Header.read(BytesIO(_UINT.pack(len(data)) + data))
-            self._connections[number] = _Connection(
-                header.get_string('topic'), fields.get_string('type'),
-                b'sensor_msgs/Imu' in fields.get('message_definition', b''))
+        with suppress(DamagedHeader):
+            fields = Ros1Header(data)
+            self._connections[header.number('conn', 4)] = _Connection(
+                header.text('topic'), fields.text('type'),
+                fields.get('message_definition').decode('utf-8', 'replace'))
 
     def _list_topics(self) -> None:
-        counts: Counter[str] = Counter()
+        groups: dict[tuple[str, str], list[int]] = {}
         for number, connection in self._connections.items():
-            if connection.type_name in IMU_TYPES:
-                counts[connection.topic] += self._counts.get(number, 0)
-            else:
-                self.other_topics[connection.topic] = connection.type_name
-                if connection.carries_imu:
-                    self.carriers.add(connection.topic)
-        self.topics = [ImuTopic(name, count if self._counts else None)
-                       for name, count in counts.items()]
+            groups.setdefault((connection.topic, connection.type_name), []).append(number)
+        listed: set[str] = set()
+        for (topic, kind), numbers in groups.items():
+            if topic in listed:
+                continue
+            text = self._connections[numbers[0]].definition
+            count = sum(self._counts.get(number, 0) for number in numbers)
+            if self.list_topic(topic, kind, 'ros1', count if self._counts else None,
+                               Definition(text) if text.strip() else None):
+                listed.add(topic)
 
     def _numbers(self, topic: str | None) -> set[int]:
+        """Return the connections of one of `topics`."""
+        if topic is None:
+            return set()
+        imu = self.imu(topic)
         return {number for number, connection in self._connections.items()
-                if connection.topic == topic and connection.type_name in IMU_TYPES}
+                if connection.topic == imu.topic
+                and normal_name(connection.type_name) == imu.messages.type_name}
 
     # ------------------------------------------------------------------------------ going through
 
@@ -193,10 +211,10 @@ class Ros1Recording(Recording):
                      else self.size_bytes)
             record = _record(file, at, limit)
             op = _operation(record)
-            if record is not None and op == RecordType.IDXDATA and part is not None:
-                with suppress(ReaderError):
-                    part.counts[record.header.get_uint32('conn')] = (
-                        record.header.get_uint32('count'))
+            if record is not None and op == Operation.INDEX and part is not None:
+                with suppress(DamagedHeader):
+                    part.counts[record.header.number('conn', 4)] = (
+                        record.header.number('count', 4))
             elif part is not None:
                 yield part
                 part = None
@@ -207,21 +225,22 @@ class Ros1Recording(Recording):
                 damage.hole(at, limit - at)
                 at = limit
                 continue
-            if op == RecordType.CHUNK:
+            if op == Operation.CHUNK:
                 part = Part(at, record.start + record.length - at, is_chunk=True)
                 damage.chunks += 1
-            elif op in (RecordType.CONNECTION, RecordType.CHUNK_INFO):
+            elif op in (Operation.CONNECTION, Operation.CHUNK_INFO):
                 break
             at = record.start + record.length
 
-    def _gather(self, buffer: bytes, topic: str | None) -> Iterator[Piece]:
+    def _gather(self, buffer: bytes, topic: str | None, effort: Effort) -> Iterator[Piece]:
         """
         Gather the messages of `topic` from a chunk, and remember its connections.
 
         Raises
         ------
         DamagedData
-            Where the buffer does not consist of whole records, after the messages before.
+            Where the buffer does not consist of whole records, or of more than `effort` allows,
+            after the messages before.
 
         """
         wanted = self._numbers(topic)
@@ -232,6 +251,7 @@ class Ros1Recording(Recording):
         at, end = 0, len(buffer)
         while at < end:
             try:
+                effort.step()
                 head = _head_at(buffer, at, heads)
                 if head is None:
                     known = len(self._connections)
@@ -262,21 +282,19 @@ class Ros1Recording(Recording):
 
     def _gather_connection(self, buffer: bytes, at: int) -> int:
         """Remember the connection record at `at`; returns where it ends."""
-        source = BytesIO(buffer)
-        source.seek(at)
+        start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
         try:
-            header = Header.read(source)
-            if header.get_uint8('op') not in tuple(RecordType):
-                raise DamagedData(f'no record at byte {at} of it')
-            [length] = _UINT.unpack(source.read(4))
-        except (ReaderError, UnicodeDecodeError, StructError) as error:
+            if start > len(buffer):
+                raise DamagedHeader('cut short')
+            header = Ros1Header(buffer[at + 4:start - 4])
+            operation = header.operation()
+        except DamagedHeader as error:
             raise DamagedData(f'no record at byte {at} of it') from error
-        start = source.tell()
-        if start + length > len(buffer):
+        end = start + int.from_bytes(buffer[start - 4:start], 'little')
+        if end > len(buffer):
             raise DamagedData(f'the record at byte {at} of it is cut short')
-        if header.get_uint8('op') == RecordType.CONNECTION and length <= _LARGEST_DEFINITION:
-            self._describe(header, buffer[start:start + length])
-        end: int = start + length
+        if operation == Operation.CONNECTION and end - start <= _LARGEST_DEFINITION:
+            self._describe(header, buffer[start:end])
         return end
 
 
@@ -284,14 +302,14 @@ class Ros1Recording(Recording):
 class _Connection:
     topic: str
     type_name: str
-    carries_imu: bool
+    definition: str
 
 
 @dataclass(frozen=True)
 class _Record:
     """A record of the file: its header, and the place of its data."""
 
-    header: Header
+    header: Ros1Header
     start: int
     length: int
 
@@ -342,19 +360,19 @@ def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
     if size > min(_LARGEST_HEADER, end - at - 8):
         return None
     try:
-        header = Header.read(BytesIO(head + file.read(size)))
-    except (ReaderError, UnicodeDecodeError):
+        header = Ros1Header(file.read(size))
+    except DamagedHeader:
         return None
     [length] = _UINT.unpack(file.read(4))
     start = at + 8 + size
     return _Record(header, start, length) if start + length <= end else None
 
 
-def _operation(record: _Record | None) -> RecordType | None:
+def _operation(record: _Record | None) -> Operation | None:
     """Tell what a record is; None where it is none."""
     try:
-        return None if record is None else RecordType(record.header.get_uint8('op'))
-    except (ReaderError, ValueError):
+        return None if record is None else record.header.operation()
+    except DamagedHeader:
         return None
 
 
@@ -372,13 +390,28 @@ def _chunk_data(file: BinaryIO, part: Part) -> bytes:
     try:
         if record is None:
             raise DamagedData('no header')
-        size = record.header.get_uint32('size')
-        compression = record.header.get_string('compression')
-    except (ReaderError, UnicodeDecodeError) as error:
+        size = record.header.number('size', 4)
+        compression = record.header.text('compression')
+    except DamagedHeader as error:
         raise DamagedData(str(error)) from error
     if max(size, record.length) > _LARGEST_CHUNK:
         raise DamagedData(f'{max(size, record.length)} bytes are more than a chunk may have')
     return decompress(compression, file.read(record.length), size)
+
+
+def _effort(part: Part) -> Effort:
+    """Allow the steps that a chunk of so many bytes may take."""
+    return Effort(part.length // _BYTES_PER_STEP, _STEPS_AT_LEAST)
+
+
+def _until_damaged(pieces: Iterator[Piece]) -> tuple[list[Piece], DamagedData | None]:
+    """Take what comes before a damaged place, and what is wrong there."""
+    held: list[Piece] = []
+    try:
+        held.extend(pieces)
+    except DamagedData as error:
+        return held, error
+    return held, None
 
 
 def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead | None:
@@ -397,23 +430,18 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
     header_end = at + 4 + int.from_bytes(buffer[at:at + 4], 'little')
     if not at + 8 <= header_end + 4 <= len(buffer) or header_end - at > 256:
         return None
-    fields: dict[bytes, tuple[bytes, int]] = {}
-    place = at + 4
-    while place < header_end:
-        stop = place + 4 + int.from_bytes(buffer[place:place + 4], 'little')
-        if stop > header_end:
+    try:
+        header = Ros1Header(buffer[at + 4:header_end])
+        if header.operation() != Operation.MESSAGE:
             return None
-        name, _, value = buffer[place + 4:stop].partition(b'=')
-        fields[name] = value, stop - len(value)
-        place = stop
-    operation, _ = fields.get(b'op', (b'', 0))
-    connection, _ = fields.get(b'conn', (b'', 0))
-    time, time_at = fields.get(b'time', (b'', 0))
-    if operation != bytes([RecordType.MSGDATA]) or len(connection) != 4 or len(time) != 8:
+        connection = header.number('conn', 4)
+        header.value('time', 8)
+    except DamagedHeader:
         return None
+    time_at = at + 4 + header.place('time')
     length = int.from_bytes(buffer[header_end:header_end + 4], 'little')
     head = _MessageHead(
-        int.from_bytes(connection, 'little'), buffer[at:time_at],
+        connection, buffer[at:time_at],
         buffer[time_at + 8:header_end + 4], header_end + 4 + length - at)
     if not head.stands_at(buffer, at):
         raise DamagedData(f'the message at byte {at} of it is cut short')

@@ -8,7 +8,7 @@ import time
 
 from bags import assert_same, block, joined
 from hypothesis import given, strategies as st
-from imu_allan.recordings.read_ahead import larger_blocks, read_ahead
+from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import pytest
 
 

@@ -3,19 +3,21 @@
 """
 CSV files: a header line that names the columns, then one sample a line.
 
-Columns are ``time_s`` and any of the six axes ``gyro_x`` .. ``accel_z``, in any order, in SI units
-or in the unit that the header names, such as ``gyro_x [deg/s]``.
+Which names are understood stands in `imu_allan.recordings.formats.csv_header`.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-import math
 from pathlib import Path
-import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.noise.terms import AXES
+from imu_allan.recordings.formats.csv_header import (
+    Columns,
+    echoed_imu,
+    read_header,
+    seconds_in,
+)
+from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import ImuTopic, Recording
 import numpy as np
 from numpy.typing import NDArray
@@ -25,40 +27,9 @@ TOPIC = 'csv'
 
 _PIECE = 1 << 20
 _LONGEST_LINE = 1 << 16
-_COLUMN = re.compile(r'\s*"?\s*([A-Za-z_0-9]+)\s*(?:\[([^\]]*)\])?\s*"?\s*')
-_EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
+_QUOTES = ' \t\r"'
 _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
-
-
-@dataclass(frozen=True)
-class _Columns:
-    """
-    What the columns of the file are.
-
-    Attributes
-    ----------
-    delimiter : str
-        What stands between them.
-    time : int or None
-        Number of the time column, and seconds in its unit.
-    time_unit_s : float
-        Seconds in one unit of time.
-    axes : list of (int, int, float)
-        Column of the file, column of the samples, factor to SI units.
-
-    """
-
-    delimiter: str
-    time: int | None
-    time_unit_s: float
-    axes: list[tuple[int, int, float]]
-
-    @property
-    def used(self) -> list[int]:
-        """Columns of the file that are read: time, if there is one, then axes."""
-        time = [] if self.time is None else [self.time]
-        return time + [column for column, _, _ in self.axes]
 
 
 class CsvRecording(Recording):
@@ -69,8 +40,8 @@ class CsvRecording(Recording):
     ----------
     path, stored : Path
         The recording as the user knows it, and where its bytes are.
-    rate_hz : float, optional
-        Sample rate in Hz; needed without a time column.
+    options : RecordingOptions
+        With the sample rate, which is needed without a time column.
 
     Raises
     ------
@@ -79,21 +50,20 @@ class CsvRecording(Recording):
 
     """
 
-    def __init__(self, path: Path, stored: Path, rate_hz: float | None = None) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
+        super().__init__(path, options)
         self._stored = stored
         self.size_bytes = stored.stat().st_size
         with stored.open('rb') as file:
             header = file.readline(_LONGEST_LINE)
             self._data_at = file.tell()
         self._columns = self._read_header(header.decode('utf-8-sig', 'replace'))
-        if self._columns.time is None:
-            if rate_hz is None:
-                raise ImuAllanError(
-                    f'{printable(path)}: no time_s column; give the sample rate with --rate')
-            if not (math.isfinite(rate_hz) and rate_hz > 0):
-                raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')
-        self._rate_hz = rate_hz
+        if self._columns.nanoseconds is not None:
+            self._data_at = 0
+        if self._columns.time is None and options.rate_hz is None:
+            raise ImuAllanError(
+                f'{printable(path)}: no time_s column; give the sample rate with --rate')
+        self._rate_hz = options.rate_hz
         self.topics = [ImuTopic(TOPIC, None)]
 
     def close(self) -> None:
@@ -104,19 +74,20 @@ class CsvRecording(Recording):
         del topic
         rejected = samples = 0
         first_rejected = ''
-        line = 2
+        line = 1 if self._data_at == 0 else 2
+        time_unit_s: float | None = None
         for text, position in self._texts():
             lines = text.split('\n')
             if lines[-1] == '':
                 lines.pop()
-            table, bad = _parse(lines, self._columns)
+            table, stamps, time_unit_s, bad = _parse(lines, self._columns, time_unit_s)
             if bad:
                 first_rejected = first_rejected or (
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
                 rejected += len(bad)
             line += len(lines)
             if len(table):
-                yield self._block(table, samples), position
+                yield self._block(table, stamps, samples), position
                 samples += len(table)
         if rejected and not samples:
             raise ImuAllanError(
@@ -149,15 +120,13 @@ class CsvRecording(Recording):
         if rest:
             yield rest.decode('utf-8', 'replace'), position
 
-    def _block(self, table: NDArray[np.float64], first: int) -> ImuBlock:
+    def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
+               first: int) -> ImuBlock:
         columns = self._columns
-        if columns.time is None:
+        if stamps is None:
             assert self._rate_hz is not None
             seconds = np.arange(first, first + len(table)) / self._rate_hz
-        else:
-            seconds = table[:, 0] * columns.time_unit_s
-            table = table[:, 1:]
-        stamps = np.rint(seconds * 1e9).astype(np.int64)
+            stamps = np.rint(seconds * 1e9).astype(np.int64)
         samples = np.full((len(table), 6), np.nan)
         absent = np.ones((len(table), 2), np.bool_)
         for place, (_, axis, factor) in enumerate(columns.axes):
@@ -165,64 +134,43 @@ class CsvRecording(Recording):
             absent[:, axis // 3] = False
         return ImuBlock(stamps, stamps, samples, absent, '')
 
-    def _read_header(self, header: str) -> _Columns:
-        path = printable(self.path)
-        delimiter = next((mark for mark in (',', ';', '\t') if mark in header), ',')
-        time: int | None = None
-        time_unit_s = 1.0
-        axes: dict[str, tuple[int, int, float]] = {}
-        ignored: list[str] = []
-        for column, cell in enumerate(header.rstrip('\r\n').split(delimiter)):
-            match = _COLUMN.fullmatch(cell)
-            name, unit = match.groups() if match else ('', None)
-            if name in ('time_s', 'time'):
-                if time is not None:
-                    raise ImuAllanError(f'{path}: two time columns')
-                time = column
-                time_unit_s = self._factor(name, unit, 's')
-            elif name in AXES:
-                if name in axes:
-                    raise ImuAllanError(f'{path}: two columns named {name}')
-                axes[name] = (
-                    column, list(AXES).index(name), self._factor(name, unit, AXES[name].unit))
-            else:
-                ignored.append(cell.strip())
-        if not axes:
-            raise ImuAllanError(
-                f'{path}: the first line names none of the axes {", ".join(AXES)}; a CSV '
-                f'recording begins with a line such as {_EXAMPLE}')
-        if ignored:
+    def _read_header(self, header: str) -> Columns:
+        echoed = echoed_imu(header)
+        if echoed is not None:
+            return echoed
+        try:
+            columns = read_header(header, self.options)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'{printable(self.path)}: {error}') from error
+        if columns.ignored:
             self.remark(
                 'ignored_columns',
                 'columns that are no axes were left out: '
-                + ', '.join(printable(cell[:40]) for cell in ignored[:10]))
-        return _Columns(delimiter, time, time_unit_s, list(axes.values()))
-
-    def _factor(self, name: str, unit: str | None, si_unit: str) -> float:
-        if unit is None or unit.strip() == si_unit:
-            return 1.0
-        from imu_allan.noise.units import convert
-        try:
-            return convert(1.0, unit.strip(), si_unit)
-        except ImuAllanError as error:
-            raise ImuAllanError(
-                f'{printable(self.path)}: column {name}: {printable(error)}') from error
+                + ', '.join(printable(cell[:40]) for cell in columns.ignored[:10]))
+        return columns
 
 
-def _parse(lines: list[str], columns: _Columns) -> tuple[NDArray[np.float64], list[int]]:
+def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
+           ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, float | None, list[int]]:
     """
     Read the numbers of the columns used.
 
     Returns
     -------
-    table : ndarray of float64, shape (n, columns used)
-        Rows of the lines that are numbers throughout; empty cells are NaN.
+    table : ndarray of float64, shape (n, axes)
+        Rows of the lines that are numbers throughout; empty cells are NaN. A row without any
+        number is left out where there are other columns: it belongs to another topic.
+    stamps : ndarray of int64, shape (n,), or None
+        In nanoseconds; None without a time column.
+    time_unit_s : float or None
+        Seconds in one unit of time; None as long as there is none.
     bad : list of int
         The other lines.
 
     """
     width = len(columns.used)
     bad: list[int] = []
+    kept = lines
     try:
         table = np.loadtxt(lines, delimiter=columns.delimiter, usecols=columns.used, ndmin=2,
                            comments=None)
@@ -231,18 +179,43 @@ def _parse(lines: list[str], columns: _Columns) -> tuple[NDArray[np.float64], li
         whole = False
     if not whole:
         rows: list[list[float]] = []
+        kept = []
         for number, line in enumerate(lines):
             if not line.strip():
                 continue
             cells = line.split(columns.delimiter)
             try:
-                rows.append([float(cells[column].strip() or 'nan') for column in columns.used])
+                rows.append([float(cells[column].strip(_QUOTES) or 'nan')
+                             for column in columns.used])
+                kept.append(line)
             except (ValueError, IndexError):
                 bad.append(number)
         table = np.array(rows, np.float64).reshape(-1, width)
-    if columns.time is not None and len(table):
-        timely = np.abs(table[:, 0] * columns.time_unit_s) < _LATEST_S
-        if not timely.all():
-            bad += np.flatnonzero(~timely).tolist()
-            table = table[timely]
-    return table, bad
+    if columns.time is None:
+        return table, None, None, bad
+    if time_unit_s is None and len(table):
+        time_unit_s = seconds_in(columns.time_unit, float(table[0, 0]))
+    unit = time_unit_s or 1.0
+    timely = np.abs(table[:, 0] * unit) < _LATEST_S
+    if not timely.all():
+        bad += np.flatnonzero(~timely).tolist()
+    with_numbers = 1 if columns.nanoseconds is None else 2
+    some = timely
+    if columns.ignored:
+        some = timely & ~np.isnan(table[:, with_numbers:]).all(axis=1)
+    stamps = (_exact(kept, columns) if unit == 1e-9 else None)
+    if stamps is None:
+        stamps = np.rint(np.where(timely, table[:, 0], 0) * (unit * 1e9)).astype(np.int64)
+    if columns.nanoseconds is not None:
+        stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
+    return table[some, with_numbers:], stamps[some], time_unit_s, bad
+
+
+def _exact(lines: list[str], columns: Columns) -> NDArray[np.int64] | None:
+    """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
+    assert columns.time is not None
+    try:
+        return np.array([int(line.split(columns.delimiter, columns.time + 1)[columns.time])
+                         for line in lines], np.int64)
+    except (ValueError, OverflowError):
+        return None

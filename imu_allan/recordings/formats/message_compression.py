@@ -5,8 +5,8 @@
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 
-from imu_allan.recordings.decompress import DamagedData, decompress_frame
-from imu_allan.recordings.gather import Piece
+from imu_allan.recordings.formats.decompress import DamagedData, decompress_frame
+from imu_allan.recordings.messages.piece import Piece
 import numpy as np
 
 _ZSTD = b'\x28\xb5\x2f\xfd'

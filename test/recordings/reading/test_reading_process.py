@@ -13,7 +13,8 @@ import time
 from bags import assert_same, block, FailingRecording, joined, write_mcap
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import choose_topic, open_recording, reading_process
+from imu_allan.recordings import choose_topic, open_recording, read_blocks
+from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Remark
 import pytest
@@ -56,7 +57,7 @@ def read_here(path: Path) -> tuple[ImuBlock, list[Remark]]:
 def read_beside(path: Path) -> tuple[ImuBlock, list[Remark]]:
     before = children()
     with open_recording(path) as recording:
-        blocks = recording.blocks(choose_topic(recording))
+        blocks = read_blocks(recording, choose_topic(recording))
         [_] = set(children()) - set(before)
         taken = joined(list(blocks))
         assert children() == before
@@ -78,7 +79,7 @@ def test_every_change_of_frame_id_begins_a_block(tmp_path):
              for a, b, name in [(0, 10, 'one'), (10, 20_000, 'two'), (20_000, 20_001, 'one')]]
     bag = write_recording(tmp_path / 'bag', parts)
     with open_recording(bag) as recording:
-        after = list(recording.blocks(choose_topic(recording)))
+        after = list(read_blocks(recording, choose_topic(recording)))
     frames = [piece.frame_id for piece in after]
     changes = [name for name, before in zip(frames, [None, *frames[:-1]], strict=True)
                if name != before]
@@ -118,7 +119,7 @@ def test_whoever_stops_early_leaves_no_process(tmp_path):
     before = children()
     bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
     with open_recording(bag) as recording:
-        blocks = recording.blocks(choose_topic(recording))
+        blocks = read_blocks(recording, choose_topic(recording))
         next(blocks)
         assert len(children()) == len(before) + 1
         blocks.close()
@@ -129,7 +130,7 @@ def test_a_process_ended_from_outside_is_one_clear_error(tmp_path):
     before = set(children())
     bag = write_recording(tmp_path / 'bag', [block(400_000)], compression='')
     with open_recording(bag) as recording:
-        blocks = recording.blocks(choose_topic(recording))
+        blocks = read_blocks(recording, choose_topic(recording))
         next(blocks)
         [child] = set(children()) - before
         os.kill(child, signal.SIGKILL)
@@ -150,10 +151,11 @@ def test_an_end_of_the_analysis_ends_the_reading_and_what_it_unpacked(tmp_path, 
     temporary.mkdir()
     program = (
         'import sys, time\n'
-        'from imu_allan.recordings import choose_topic, open_recording, reading_process\n'
+        'from imu_allan.recordings import choose_topic, open_recording, read_blocks\n'
+        'from imu_allan.recordings.reading import reading_process\n'
         'reading_process.WORTHWHILE_BYTES = 0\n'
         f'with open_recording({str(bag)!r}) as recording:\n'
-        '    for block in recording.blocks(choose_topic(recording)):\n'
+        '    for block in read_blocks(recording, choose_topic(recording)):\n'
         '        print("reading", flush=True)\n'
         '        time.sleep(100)\n')
     process = subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE,
@@ -193,7 +195,7 @@ def test_where_no_process_can_be_started_a_thread_reads(tmp_path, monkeypatch):
 
     monkeypatch.setattr(subprocess, 'Popen', refuse)
     with open_recording(bag) as recording:
-        blocks = recording.blocks(choose_topic(recording))
+        blocks = read_blocks(recording, choose_topic(recording))
         first = next(blocks)
         assert any(thread.name == 'imu_allan read-ahead' for thread in threading.enumerate())
         assert_same(MESSAGES, joined([first, *blocks]))
@@ -203,7 +205,7 @@ def test_where_the_executable_is_no_python_a_thread_reads(tmp_path, monkeypatch)
     bag = write_recording(tmp_path / 'bag', [MESSAGES])
     monkeypatch.setattr(sys, 'executable', '/bin/true')
     with open_recording(bag) as recording:
-        assert_same(MESSAGES, joined(recording.blocks(choose_topic(recording))))
+        assert_same(MESSAGES, joined(read_blocks(recording, choose_topic(recording))))
 
 
 def test_small_recordings_are_read_by_a_thread(tmp_path, monkeypatch):
@@ -211,7 +213,7 @@ def test_small_recordings_are_read_by_a_thread(tmp_path, monkeypatch):
     bag = write_recording(tmp_path / 'bag', [MESSAGES])
     before = children()
     with open_recording(bag) as recording:
-        blocks = recording.blocks(choose_topic(recording))
+        blocks = read_blocks(recording, choose_topic(recording))
         next(blocks)
         assert children() == before
         list(blocks)

@@ -4,12 +4,13 @@
 
 from math import pi
 from pathlib import Path
+import time
 
 from bags import read, START_NS
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES
-from imu_allan.recordings import open_recording
+from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 import numpy as np
 import pytest
 
@@ -84,7 +85,7 @@ def test_a_file_of_many_pieces_is_read_whole(path):
     assert path.stat().st_size > 4 << 20
     with open_recording(path) as recording:
         positions: list[int] = []
-        blocks = list(recording.blocks('csv', positions.append))
+        blocks = list(read_blocks(recording, 'csv', positions.append))
     assert np.concatenate([block.samples for block in blocks]).tobytes() == samples.tobytes()
     stamps = np.concatenate([block.header_ns for block in blocks])
     assert np.abs(stamps - START_NS - np.arange(count) * 10**9 / 1024).max() < 250
@@ -117,12 +118,12 @@ def test_lines_that_are_not_numbers_are_counted_and_empty_cells_are_not_a_number
 
 
 def test_other_columns_are_left_out_and_named(path):
-    path.write_text('time_s,gyrox,gyro_y,temperature\n1,2,3,warm\n')
+    path.write_text('time_s,gyro_q,gyro_y,mag_x\n1,2,3,warm\n')
     messages, [remark] = read(path)
     assert messages.samples[0, 1] == 3
     assert (remark.code, remark.message) == (
         'ignored_columns',
-        f'{path}: columns that are no axes were left out: gyrox, temperature')
+        f'{path}: columns that are no axes were left out: gyro_q, mag_x')
 
 
 @pytest.mark.parametrize(('text', 'reason'), [
@@ -147,3 +148,68 @@ def test_an_impossible_rate_is_refused(path, rate):
     path.write_text('gyro_x\n1\n')
     with pytest.raises(ImuAllanError, match=f'rate {rate}: not a positive number of Hz'):
         open_recording(path, rate_hz=rate)
+
+
+STAMP = 1_403_636_579_758_555_392
+ROSTOPIC = ('%time,field.header.seq,field.header.stamp,field.header.frame_id,'
+            'field.orientation.x,field.orientation_covariance0,field.angular_velocity.x,'
+            'field.angular_velocity.y,field.angular_velocity.z,field.angular_velocity_covariance0,'
+            'field.linear_acceleration.x,field.linear_acceleration.y,'
+            'field.linear_acceleration.z,field.linear_acceleration_covariance0\n')
+ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' * 9 + '\n'
+
+
+@pytest.mark.parametrize(('text', 'stamps'), [
+    ('#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],'
+     'a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n'
+     f'{STAMP},1,2,3,4,5,6\n{STAMP + 1},1,2,3,4,5,6\n', [STAMP, STAMP + 1]),
+    (ROSTOPIC + f'{STAMP},7,{STAMP + 5},imu,0,-1,1,2,3,0,4,5,6,0\n', [STAMP + 5]),
+    (ECHOED.format(17) + ECHOED.format(18), [5_000_000_017, 5_000_000_018]),
+    ('__time,/gps/fix,/imu/angular_velocity/x,/imu/angular_velocity/y,/imu/angular_velocity/z,'
+     '/imu/linear_acceleration/x,/imu/linear_acceleration/y,/imu/linear_acceleration/z\n'
+     '1.5,,1,2,3,4,5,6\n1.75,9,,,,,,\n2.5,,1,2,3,4,5,6\n', [1_500_000_000, 2_500_000_000]),
+    ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
+    ('timestamp,wx,wy,wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
+    ('t_us,angular_velocity.x,angular_velocity.y,angular_velocity.z,linear_acceleration.x,'
+     'linear_acceleration.y,linear_acceleration.z\n5,1,2,3,4,5,6\n', [5000]),
+    ('t;GyrX;GyrY;GyrZ;AccX;AccY;AccZ\n1;1;2;3;4;5;6\n', [10**9]),
+], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'short', 'omega',
+        'dotted', 'logger'])
+def test_the_tables_of_other_programs_are_understood(path, text, stamps):
+    path.write_text(text)
+    messages, _ = read(path)
+    assert messages.header_ns.tolist() == stamps
+    assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6]] * len(stamps)
+
+
+def test_columns_of_any_name_can_be_named(path):
+    path.write_text('when,w0,w1,other,up [g]\n2,180,90,7,1\n')
+    columns = (('time', 'when'), ('gyro_x', 'w0'), ('gyro_y', 'w1'), ('accel_z', 'up'))
+    with open_recording(path, options=RecordingOptions(
+            gyro_unit='deg/s', columns=columns)) as recording:
+        [block] = read_blocks(recording, 'csv')
+    assert block.header_ns.tolist() == [2 * 10**9]
+    assert block.samples[0, [0, 1, 5]] == pytest.approx([pi, pi / 2, 9.80665], rel=1e-15)
+
+
+@pytest.mark.parametrize(('pair', 'reason'), [
+    (('gyro_x', 'w9'), '--columns: no column w9; there are when, w0'),
+    (('roll', 'w0'), '--columns roll: not time or one of gyro_x, gyro_y, gyro_z, accel_x, '
+                     'accel_y, accel_z')])
+def test_a_column_that_is_not_there_is_named(path, pair, reason):
+    path.write_text('when,w0\n2,180\n')
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path, options=RecordingOptions(columns=(pair,)))
+    assert str(error.value) == f'{path}: {reason}'
+
+
+@pytest.mark.parametrize('cell', [' ' * 60_000, '"' + ' ' * 60_000, 'x' + ' ' * 60_000 + 'y',
+                                  '/' * 60_000, 'gyro[' * 12_000, ('y' + ' ' * 190 + 'z,') * 300])
+def test_a_header_of_any_text_takes_no_time(tmp_path, cell):
+    # Found by a coverage-guided fuzzer: blanks in a column name took seconds each kilobyte.
+    path = tmp_path / 'a.csv'
+    path.write_text(f'time_s,{cell}\n0,1\n')
+    began = time.process_time()
+    with pytest.raises(ImuAllanError, match='the first line names none of the axes'):
+        open_recording(path)
+    assert time.process_time() - began < 5

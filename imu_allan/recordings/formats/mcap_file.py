@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-MCAP files, chunk by chunk.
+MCAP files, chunk by chunk, in one module because whole and damaged ones take the same walk.
 
 Records are read with the classes of the `mcap` library, except messages and message indexes: a
 chunk is decompressed whole and the messages of the topic are gathered from it as arrays. The file
@@ -24,10 +24,9 @@ from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import decode_imu_rows, Serialization
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.damage import Damage, Part
-from imu_allan.recordings.decompress import (
+from imu_allan.recordings.formats.damage import Damage, Part
+from imu_allan.recordings.formats.decompress import (
     Bounded,
     crc32,
     DamagedData,
@@ -35,9 +34,13 @@ from imu_allan.recordings.decompress import (
     decompressing,
     Readable,
 )
-from imu_allan.recordings.gather import gather, Piece
-from imu_allan.recordings.message_compression import unpacked
-from imu_allan.recordings.recording import IMU_TYPES, ImuTopic, MalformedMessages, Recording
+from imu_allan.recordings.formats.gather import Effort, gather
+from imu_allan.recordings.formats.message_compression import unpacked
+from imu_allan.recordings.messages.definitions import Definition, FORMS, normal_name
+from imu_allan.recordings.messages.imus_in import IMU_TYPES
+from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.recording import ImuTopic, MalformedMessages, Recording
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -71,18 +74,12 @@ class _Channel:
     topic: str
     type_name: str
     encoding: str
-    carries_imu: bool
+    definition: Definition | None
 
-    @property
-    def serialization(self) -> Serialization | None:
-        """How its Imu messages are serialized; None for everything else."""
-        if self.type_name not in IMU_TYPES:
-            return None
-        return 'cdr' if self.encoding == 'cdr' else 'ros1' if self.encoding == 'ros1' else None
-
-    def is_of(self, topic: str, serialization: Serialization) -> bool:
+    def is_of(self, imu: ImuTopic) -> bool:
         """Whether it carries the messages of an Imu topic."""
-        return self.topic == topic and self.serialization == serialization
+        return (self.topic == imu.topic and self.encoding == imu.messages.serialization
+                and normal_name(self.type_name) == imu.messages.type_name)
 
 
 class McapRecording(Recording):
@@ -93,6 +90,8 @@ class McapRecording(Recording):
     ----------
     path, stored : Path
         The recording as the user knows it, and where its bytes are.
+    options : RecordingOptions
+        What the user says about it.
 
     Raises
     ------
@@ -101,12 +100,13 @@ class McapRecording(Recording):
 
     """
 
-    def __init__(self, path: Path, stored: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
+        super().__init__(path, options)
         self._stored = stored
-        self._schemas: dict[int, tuple[str, bool]] = {}
+        self._schemas: dict[int, tuple[str, Definition | None]] = {}
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
+        self._counted = False
         self._chunk_starts: list[int] = []
         self._descriptions = 0
         with stored.open('rb') as file:
@@ -123,10 +123,9 @@ class McapRecording(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks chunk by chunk, each with the bytes consumed so far."""
-        serialization = next(
-            channel.serialization for channel in self._channels.values()
-            if channel.topic == topic and channel.serialization is not None)
-        wanted = self._numbers(topic, serialization)
+        imu = self.imu(topic)
+        decoder = imu.messages.decoder()
+        wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
         malformed = MalformedMessages()
         damage = Damage()
         messages = 0
@@ -134,13 +133,11 @@ class McapRecording(Recording):
         def describe(opcode: int, body: bytes) -> None:
             # A file without a summary may name further channels of the topic anywhere.
             number = self._describe(opcode, body)
-            if number is not None and self._channels[number].is_of(topic, serialization):
+            if number is not None and self._channels[number].is_of(imu):
                 wanted.add(number)
 
         def decode(pieces: list[Piece]) -> list[ImuBlock]:
-            return [block for piece in unpacked(pieces)
-                    for block in decode_imu_rows(
-                        piece.rows, piece.receive_ns, serialization, malformed)]
+            return decoder(unpacked(pieces), malformed)
 
         with self._stored.open('rb') as file:
             for part in self._walk(file, damage):
@@ -188,6 +185,7 @@ class McapRecording(Recording):
                 statistics = _parsed(Statistics.read, body)
                 if statistics is not None:
                     self._counts = statistics.channel_message_counts
+                    self._counted = bool(self._counts) or statistics.message_count == 0
             elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX_HEAD.size:
                 # Of a ChunkIndex, which the library reads entry by entry, one number is needed.
                 *_, chunk_start = _CHUNK_INDEX_HEAD.unpack_from(body)
@@ -216,6 +214,7 @@ class McapRecording(Recording):
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
         self._counts = dict(counts)
+        self._counted = bool(counts)
         if not self._channels and (reason := damage.summary()):
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
@@ -232,37 +231,38 @@ class McapRecording(Recording):
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)
             if schema is not None and len(schema.name) <= _LONGEST_NAME:
-                self._schemas[number] = schema.name, b'sensor_msgs/Imu' in schema.data
+                form = FORMS.get(schema.encoding)
+                self._schemas[number] = schema.name, (
+                    None if form is None or not schema.data.strip()
+                    else Definition(schema.data.decode('utf-8', 'replace'), form))
         elif opcode == Opcode.CHANNEL:
             channel = _parsed(Channel.read, body)
             if channel is not None and len(channel.topic) <= _LONGEST_NAME:
-                name, carries = self._schemas.get(channel.schema_id, ('', False))
+                name, definition = self._schemas.get(channel.schema_id, ('', None))
                 self._channels[number] = _Channel(
-                    channel.topic, name, channel.message_encoding[:_LONGEST_NAME], carries)
+                    channel.topic, name, channel.message_encoding[:_LONGEST_NAME], definition)
                 return number
         return None
 
     def _list_topics(self) -> None:
-        counts: dict[str, int | None] = {}
+        groups: dict[tuple[str, str, str], list[int]] = {}
         for number, channel in self._channels.items():
-            if channel.serialization is not None:
+            key = channel.topic, channel.type_name, channel.encoding
+            groups.setdefault(key, []).append(number)
+        listed: set[str] = set()
+        for (topic, kind, encoding), numbers in groups.items():
+            if encoding not in ('cdr', 'ros1'):
+                self.other_topics[topic] = (f'{kind} encoded as {encoding}' if kind in IMU_TYPES
+                                            else kind or 'no type')
+            elif not kind:
+                self.other_topics[topic] = 'no type'
+            elif topic not in listed:
                 # Without any count in the file the number of messages is not known.
-                count = self._counts.get(number, 0) if self._counts else None
-                before = counts.get(channel.topic, 0)
-                counts[channel.topic] = (
-                    None if count is None or before is None else before + count)
-            else:
-                kind = channel.type_name or 'no type'
-                if kind in IMU_TYPES:
-                    kind += f' encoded as {channel.encoding}'
-                elif channel.carries_imu:
-                    self.carriers.add(channel.topic)
-                self.other_topics[channel.topic] = kind
-        self.topics = [ImuTopic(name, count) for name, count in counts.items()]
-
-    def _numbers(self, topic: str, serialization: Serialization) -> set[int]:
-        return {number for number, channel in self._channels.items()
-                if channel.is_of(topic, serialization)}
+                count = (sum(self._counts.get(number, 0) for number in numbers)
+                         if self._counted else None)
+                if self.list_topic(topic, kind, 'cdr' if encoding == 'cdr' else 'ros1', count,
+                                   self._channels[numbers[0]].definition):
+                    listed.add(topic)
 
     # ------------------------------------------------------------------------------ going through
 
@@ -322,7 +322,8 @@ def _decoded(
     """
     file.seek(part.start)
     if not part.is_chunk:
-        yield from _stream(Bounded(file, part.length), part.length, wanted, describe, decode)
+        yield from _stream(Bounded(file, part.length), part.length, wanted, describe, decode,
+                           Effort(part.length))
         return
     head = file.read(min(_CHUNK_HEAD.size, part.length))
     if len(head) < _CHUNK_HEAD.size:
@@ -342,11 +343,11 @@ def _decoded(
             _verify(decompressing(compression, Bounded(file, stored)), size, crc)
         file.seek(start)
         source = decompressing(compression, Bounded(file, stored))
-        yield from _stream(source, size, wanted, describe, decode)
+        yield from _stream(source, size, wanted, describe, decode, Effort(stored))
         return
     blocks, rest = _whole(
         decompress(compression, file.read(stored), size), crc, wanted, describe, decode,
-        lambda: _message_places(file, part))
+        lambda: _message_places(file, part), Effort(stored))
     yield blocks
     if rest:
         raise DamagedData(f'{rest} bytes at its end are not whole records')
@@ -356,12 +357,12 @@ def _whole(
     data: bytes, crc: int, wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], object],
     decode: Callable[[list[Piece]], list[ImuBlock]],
-    index: Callable[[], NDArray[np.int64]],
+    index: Callable[[], NDArray[np.int64]], effort: Effort,
 ) -> tuple[list[ImuBlock], int]:
     """Decode a decompressed chunk; returns also the bytes at its end that are no records."""
     if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')
-    pieces, consumed = gather(data, wanted, describe, index)
+    pieces, consumed = gather(data, wanted, describe, index, effort)
     return decode(pieces), len(data) - consumed
 
 
@@ -389,7 +390,7 @@ def _verify(source: Readable, size: int, crc: int) -> None:
 def _stream(
     source: Readable, size: int, wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[list[Piece]], list[ImuBlock]],
+    decode: Callable[[list[Piece]], list[ImuBlock]], effort: Effort,
 ) -> Iterator[list[ImuBlock]]:
     """Decode `size` bytes of records, a window at a time."""
     kept, left = b'', size
@@ -397,7 +398,7 @@ def _stream(
         window = _window(source, left)
         left -= len(window)
         window = kept + window
-        pieces, consumed = gather(window, wanted, describe)
+        pieces, consumed = gather(window, wanted, describe, effort=effort)
         kept = window[consumed:]
         blocks = decode(pieces)
         del window, pieces

@@ -2,31 +2,47 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that rosbag2 compressed as a whole: unpacked into a temporary folder while in use."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+import re
 import shutil
 import tempfile
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.decompress import (
+from imu_allan.recordings.formats.decompress import (
     Bounded,
     DamagedData,
     declared_size,
     decompressing,
 )
-from imu_allan.recordings.open_recording import open_stored
+from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 
 _PIECE = 1 << 22
 _LONGEST_FRAME_HEAD = 18
+_PLAIN_BYTES, _MOST_RATIO = 1 << 28, 1000
+"""Bytes that any file may expand to, and times its size beyond that: real recordings reach 20."""
 _SPARED_DISK = 1 << 28
 """Bytes of the temporary folder's disk that are never filled."""
+_TOLD_BYTES = 1 << 26
+"""Bytes in memory of which the user is told; less does not matter beside the analysis."""
+_IN_MEMORY = frozenset({'tmpfs', 'ramfs'})
+_MOUNTS = Path('/proc/self/mountinfo')
 
 
 class CompressedRecording(Recording):
     """
     A zstd-compressed file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    open_stored : callable
+        Opens what it unpacks to, given `path`, where the plain bytes are, and `options`.
+    options : RecordingOptions
+        What the user says about it.
 
     Raises
     ------
@@ -35,20 +51,23 @@ class CompressedRecording(Recording):
 
     """
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(
+        self, path: Path, open_stored: Callable[[Path, Path, RecordingOptions], Recording],
+        options: RecordingOptions,
+    ) -> None:
+        super().__init__(path, options)
         self.size_bytes = path.stat().st_size
         self._folder = Path(tempfile.mkdtemp(prefix='imu_allan_'))
         try:
             stored = self._folder / 'recording'
             self._unpack(stored)
-            self._inner = open_stored(path, stored)
+            self._inner = open_stored(path, stored, options)
         except BaseException:
             self.close()
             raise
         self.topics = self._inner.topics
         self.other_topics = self._inner.other_topics
-        self.carriers = self._inner.carriers
+        self.reasons = self._inner.reasons
         self._inner.remarks[:0] = self.remarks
         self.remarks = self._inner.remarks
 
@@ -73,6 +92,11 @@ class CompressedRecording(Recording):
             try:
                 while data := plain.read(_PIECE):
                     written += len(data)
+                    if written > _PLAIN_BYTES + _MOST_RATIO * self.size_bytes:
+                        raise ImuAllanError(
+                            f'{printable(self.path)}: expands to more than {_MOST_RATIO} times '
+                            'its size, as no recording of an IMU does; if it is one, unpack it '
+                            'with: zstd -d')
                     if written > room:
                         raise ImuAllanError(
                             f'{printable(self.path)}: no room to decompress it in '
@@ -80,6 +104,11 @@ class CompressedRecording(Recording):
                     out.write(data)
             except DamagedData as error:
                 reason = printable(error)
+        if written >= _TOLD_BYTES and _in_memory(self._folder):
+            self.remark(
+                'unpacked_in_memory',
+                f'its {written:,} bytes were unpacked to {printable(self._folder.parent)}, which '
+                'is in memory; name a folder on a disk with TMPDIR')
         if written < declared:
             # The library ends a frame that is cut short without a word.
             reason = reason or f'{declared - written} of {declared} bytes are missing'
@@ -92,3 +121,23 @@ class CompressedRecording(Recording):
                 'truncated_recording',
                 f'the compressed file is damaged or cut short ({reason}); what comes before was '
                 'read')
+
+
+def _in_memory(folder: Path) -> bool:
+    """Whether a folder takes memory, as far as Linux tells; False elsewhere."""
+    try:
+        lines = _MOUNTS.read_text('utf-8', 'surrogateescape').splitlines()
+    except OSError:
+        return False
+    folder = folder.resolve()
+    places = [folder, *folder.parents]
+    nearest, kind = len(places), ''
+    for line in lines:
+        # Number, parent, device, root, place, options, any number of tags, a dash, type.
+        mounted, _, described = line.partition(' - ')
+        place = Path(re.sub(r'\\([0-7]{3})', lambda code: chr(int(code[1], 8)),
+                            mounted.split(' ')[4]))
+        # Of two at one place the later one is seen.
+        if place in places and places.index(place) <= nearest:
+            nearest, kind = places.index(place), described.split(' ')[0]
+    return kind in _IN_MEMORY

@@ -1,0 +1,209 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the columns of a CSV file are, by its header line.
+
+Known are the project's own names (``time_s``, ``gyro_x``), those of EuRoC and TUM-VI
+(``#timestamp [ns],w_RS_S_x [rad s^-1]``), of ``rostopic echo -p``
+(``%time,field.angular_velocity.x``), of PlotJuggler (``__time,/imu/angular_velocity/x``), short
+ones (``t,gx,ay``), and whatever the user names.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import re
+
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.terms import AXES
+from imu_allan.recordings.options import RecordingOptions
+
+EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
+
+_COLUMN = re.compile(r'\s*"?\s*([^\s"\[]+(?:\[[0-2]\])?)\s*(?:\[([^\]]*)\])?\s*"?\s*')
+_LONGEST_CELL = 200
+"""Characters of a column name."""
+_WORDS = {
+    'gyro': r'angular_?velocity|gyroscope|gyro|gyr|w_rs_s|omega',
+    'accel': r'linear_?acceleration|acceleration|accelerometer|accel|acc|a_rs_s'}
+_LONG = {sensor: re.compile(rf'(?:.*[/.])?(?:{words})[/._]?(?:([xyz])|\[([0-2])\])')
+         for sensor, words in _WORDS.items()}
+_SHORT = re.compile(r'([gwa])[_]?([xyz])')
+_TIME = re.compile(
+    r'[#%_]*(?:time|timestamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp')
+_NANOSECONDS = ('%time', 'field.header.stamp')
+"""Columns that are nanoseconds without saying so."""
+_MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
+"""From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """
+    What the columns of the file are.
+
+    Attributes
+    ----------
+    delimiter : str
+        What stands between them.
+    time : int or None
+        Number of the time column.
+    time_unit : str or None
+        Its unit; None where the numbers themselves must tell.
+    nanoseconds : int or None
+        Number of a column of nanoseconds to be added to it.
+    axes : tuple of (int, int, float)
+        Column of the file, column of the samples, factor to SI units.
+    ignored : tuple of str
+        Names of the others.
+
+    """
+
+    delimiter: str
+    time: int | None
+    time_unit: str | None
+    axes: tuple[tuple[int, int, float], ...]
+    ignored: tuple[str, ...] = ()
+    nanoseconds: int | None = None
+
+    @property
+    def used(self) -> list[int]:
+        """Columns of the file that are read: those of the time, if any, then axes."""
+        time = [column for column in (self.time, self.nanoseconds) if column is not None]
+        return time + [column for column, _, _ in self.axes]
+
+
+def read_header(header: str, options: RecordingOptions) -> Columns:
+    """
+    Understand the header line of a file.
+
+    Raises
+    ------
+    ImuAllanError
+        If it names no axis, names one twice, or a unit is wrong.
+
+    """
+    delimiter = next((mark for mark in (',', ';', '\t') if mark in header), ',')
+    cells = header.rstrip('\r\n').split(delimiter)
+    chosen = _chosen(options.columns, cells)
+    time: int | None = None
+    time_name, time_unit = '', None
+    axes: dict[str, tuple[int, int, float]] = {}
+    ignored: list[str] = []
+    for column, cell in enumerate(cells):
+        # Runs of blanks are what an expression goes through over and over.
+        plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
+        match = _COLUMN.fullmatch(plain)
+        name, unit = match.groups() if match else ('', None)
+        meaning = chosen.get(cell.strip(' "'), chosen.get(name)) if chosen else meaning_of(name)
+        if meaning == 'time':
+            if time is not None and not _is_later_clock(time_name, name):
+                raise ImuAllanError('two time columns')
+            if time is None or _is_better_clock(time_name, name):
+                time, time_name, time_unit = column, name, _time_unit(name, unit)
+        elif meaning in AXES:
+            if meaning in axes:
+                raise ImuAllanError(f'two columns named {meaning}')
+            axes[meaning] = column, list(AXES).index(meaning), _factor(
+                name, unit, meaning, options)
+        else:
+            ignored.append(cell.strip())
+    if not axes:
+        raise ImuAllanError(
+            f'the first line names none of the axes {", ".join(AXES)}; a CSV recording begins '
+            f'with a line such as {EXAMPLE}')
+    return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored))
+
+
+def echoed_imu(line: str) -> Columns | None:
+    """
+    Recognise what ``ros2 topic echo --csv`` prints of a sensor_msgs/Imu, without a header line.
+
+    These are sec, nanosec, frame_id, orientation (4), covariance (9), angular velocity (3),
+    covariance (9), linear acceleration (3), covariance (9).
+    """
+    cells = line.rstrip('\r\n').split(',')
+    if len(cells) != 40 or not (cells[0].lstrip('-').isdecimal() and cells[1].isdecimal()):
+        return None
+    return Columns(',', 0, 's', tuple(
+        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), (), 1)
+
+
+def meaning_of(name: str) -> str | None:
+    """
+    Tell what a column of this name is: ``'time'``, one of the axes, or None.
+
+    Examples
+    --------
+    >>> [meaning_of(name) for name in ('w_RS_S_x', '/imu/linear_acceleration/z', 'ax', 'mag_x')]
+    ['gyro_x', 'accel_z', 'accel_x', None]
+
+    """
+    lower = name.lower()
+    if _TIME.fullmatch(lower):
+        return 'time'
+    if (short := _SHORT.fullmatch(lower)) is not None:
+        return f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
+    for sensor, pattern in _LONG.items():
+        if (match := pattern.fullmatch(lower)) is not None:
+            return f'{sensor}_{match[1] or "xyz"[int(match[2])]}'
+    return None
+
+
+def seconds_in(unit: str | None, first: float) -> float:
+    """Return how many seconds a unit of time is; the first number tells where it is None."""
+    if unit is None:
+        unit = next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')
+    return _converted('time', unit, 's')
+
+
+def _chosen(pairs: Sequence[tuple[str, str]], cells: Sequence[str]) -> Mapping[str, str]:
+    """Map the columns that the user names to their meaning."""
+    found: dict[str, str] = {}
+    names = [cell.strip(' "\r\n') for cell in cells]
+    for meaning, name in pairs:
+        if meaning not in AXES and meaning != 'time':
+            raise ImuAllanError(f'--columns {printable(meaning)}: not time or one of '
+                                f'{", ".join(AXES)}')
+        if name not in names and all(not cell.startswith(f'{name} [') for cell in names):
+            shown = ', '.join(printable(cell[:40]) for cell in names[:20])
+            raise ImuAllanError(f'--columns: no column {printable(name)}; there are {shown}')
+        found[name] = meaning
+    return found
+
+
+def _is_better_clock(before: str, name: str) -> bool:
+    """Whether a second time column is the header's stamp beside that of the recorder."""
+    return before.startswith('%') and name.endswith('stamp')
+
+
+def _is_later_clock(before: str, name: str) -> bool:
+    return _is_better_clock(before, name) or before.endswith('header.stamp')
+
+
+def _time_unit(name: str, unit: str | None) -> str | None:
+    if unit is not None:
+        _converted(name, unit.strip(), 's')
+        return unit.strip()
+    lower = name.lower()
+    if lower in _NANOSECONDS:
+        return 'ns'
+    match = _TIME.fullmatch(lower)
+    return match[1] if match is not None else None
+
+
+def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
+    if unit is None:
+        return options.factors[0 if axis.startswith('gyro') else 1]
+    # EuRoC writes rad s^-1.
+    spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', unit.strip())
+    return _converted(name, spelled, AXES[axis].unit)
+
+
+def _converted(name: str, unit: str, si_unit: str) -> float:
+    if unit == si_unit:
+        return 1.0
+    from imu_allan.sensor.units import convert
+    try:
+        return convert(1.0, unit, si_unit)
+    except ImuAllanError as error:
+        raise ImuAllanError(f'column {name}: {printable(error)}') from error

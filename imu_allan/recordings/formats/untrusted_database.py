@@ -1,0 +1,159 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+SQLite on a file that anybody may have made.
+
+A database holds programs beside data: views, generated columns and virtual tables compute without
+end. An overflow page that follows itself is a gigabyte, and a tree whose branches share leaves has
+more rows than the disk. So only plain tables are read, every statement has a budget of steps that
+no honest file of its size uses up, and values are bounded. After https://sqlite.org/security.html,
+as far as Python reaches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+import sqlite3
+
+from imu_allan.errors import printable, shorten
+
+LONGEST_VALUE = 1 << 20
+"""Bytes of a text or a blob; an Imu has 324 and its frame_id, definitions are the longest."""
+_LIMITS = {
+    'SQLITE_LIMIT_LENGTH': LONGEST_VALUE,
+    'SQLITE_LIMIT_SQL_LENGTH': 100_000,     # rosbag2's longest statement has 200
+    'SQLITE_LIMIT_COLUMN': 100,             # rosbag2's widest table has 6
+    'SQLITE_LIMIT_EXPR_DEPTH': 50,          # our own deepest expression has 5
+    'SQLITE_LIMIT_COMPOUND_SELECT': 3,
+    'SQLITE_LIMIT_VDBE_OP': 25_000,
+    'SQLITE_LIMIT_FUNCTION_ARG': 8,
+    'SQLITE_LIMIT_ATTACHED': 0,
+}
+_HEAP_BYTES = 1 << 28
+"""Memory of SQLite where a single value cannot be limited, which is before Python 3.11."""
+_SCHEMA_STEPS = 50_000
+"""For the schema, before anything else is read: some 2,000 entries, of which rosbag2 writes 6."""
+_STEPS_AT_LEAST, _STEPS_PER_BYTE = 20_000_000, 2
+"""For the rest: a row takes 7 to 25 steps of SQLite's machine, and 14 bytes at least."""
+_STEPS_AT_A_TIME = 1000
+_MAY_STAND = ('create table ', 'create index ', 'create unique index ')
+
+
+class Budget:
+    """
+    What may still be done with a database.
+
+    Parameters
+    ----------
+    steps : int
+        Of SQLite's machine, for all statements together.
+
+    """
+
+    def __init__(self, steps: int) -> None:
+        self._steps = steps
+
+    @classmethod
+    def of_size(cls, size_bytes: int) -> Budget:
+        """Give the budget of a file: more than an honest one of its size takes."""
+        return cls(_STEPS_AT_LEAST + _STEPS_PER_BYTE * size_bytes)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether it is used up: then every further statement fails."""
+        return self._steps <= 0
+
+    def spend(self) -> bool:
+        """Count steps; True ends the statement."""
+        self._steps -= _STEPS_AT_A_TIME
+        return self.exhausted
+
+
+@contextmanager
+def untrusted_database(path: Path, mode: str, budget: Budget, *, tolerant: bool = False,
+                       ) -> Iterator[sqlite3.Connection]:
+    """
+    Open a database for reading.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    mode : str
+        ``immutable=1``: nothing but the file is looked at, and no lock is taken. ``mode=ro``: a
+        write-ahead log beside it is used. ``mode=rw``: a journal beside it is rolled back.
+    budget : Budget
+        Of all statements together.
+    tolerant : bool, optional
+        Whether a file shorter than its header says is read as far as it goes.
+
+    Raises
+    ------
+    sqlite3.Error
+        If it is no database, or its schema has anything but tables and indexes.
+
+    """
+    database = sqlite3.connect(f'{path.absolute().as_uri()}?{mode}', uri=True)
+    try:
+        database.text_factory = _text
+        _limit(database)
+        if tolerant:
+            database.execute('PRAGMA writable_schema = ON')
+        _require_plain_schema(database)
+        database.set_progress_handler(budget.spend, _STEPS_AT_A_TIME)
+        yield database
+    finally:
+        database.close()
+
+
+def require_plain_tables(database: sqlite3.Connection, names: Sequence[str]) -> None:
+    """
+    Make sure that whatever is read of these tables stands in the file as it is.
+
+    Raises
+    ------
+    sqlite3.DatabaseError
+        If one of them has columns that are computed, or rows without numbers.
+
+    """
+    for name in names:
+        for column, hidden in database.execute(
+                'SELECT name, hidden FROM pragma_table_xinfo(?)', (name,)):
+            if hidden:
+                raise sqlite3.DatabaseError(
+                    f'column {printable(shorten(column, 60))} of {name} is computed')
+        database.execute(f'SELECT rowid FROM {name} NOT INDEXED LIMIT 0')
+
+
+def _require_plain_schema(database: sqlite3.Connection) -> None:
+    schema = Budget(_SCHEMA_STEPS)
+    database.set_progress_handler(schema.spend, _STEPS_AT_A_TIME)
+    try:
+        for name, beginning in database.execute(
+                'SELECT CAST(name AS TEXT), lower(substr(CAST(sql AS TEXT), 1, 20)) '
+                'FROM sqlite_master WHERE sql NOT NULL'):
+            # What an entry is its text says; its name and its type may say anything.
+            if not beginning.startswith(_MAY_STAND):
+                raise sqlite3.DatabaseError(
+                    f'{printable(shorten(name or "", 60))} is neither a table nor an index, and '
+                    'rosbag2 writes nothing else')
+    except sqlite3.OperationalError as error:
+        if schema.exhausted:
+            raise sqlite3.DatabaseError('its schema has thousands of entries') from error
+        raise
+
+
+def _limit(database: sqlite3.Connection) -> None:
+    database.execute('PRAGMA trusted_schema = OFF')
+    database.execute('PRAGMA cell_size_check = ON')
+    if hasattr(database, 'setlimit'):
+        for name, limit in _LIMITS.items():
+            database.setlimit(getattr(sqlite3, name), limit)
+    else:
+        database.execute(f'PRAGMA hard_heap_limit = {_HEAP_BYTES}')
+
+
+def _text(data: bytes) -> str:
+    return data.decode('utf-8', 'replace')

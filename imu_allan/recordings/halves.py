@@ -1,0 +1,209 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Sensors that come in halves: gyroscope and accelerometer with rates of their own.
+
+RealSense and OAK cameras publish them on two topics, the other half of each message being zero;
+PX4 logs them as two types. United into one topic, the slower half is either repeated until its
+next sample or interpolated between two.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.recording import choose_topic, Recording
+import numpy as np
+from numpy.typing import NDArray
+
+Half = Literal['gyro', 'accel']
+
+_COLUMNS: dict[Half, slice] = {'gyro': slice(0, 3), 'accel': slice(3, 6)}
+_OTHER: dict[Half, Half] = {'gyro': 'accel', 'accel': 'gyro'}
+_LOOKED_AT = 4096
+"""Messages that are looked at: some seconds, which two rates show plainly."""
+_ENOUGH = 64
+_MOST_TOPICS = 16
+"""Topics whose beginnings are looked at in search of halves; a robot has fewer IMUs."""
+_REPEATED = 0.3
+"""Share of messages that repeat a half: 400 Hz over 250 Hz, the closest pair of a RealSense,
+repeats 0.38 of them."""
+_STRAIGHT = 0.2
+"""Share of bends that are none: 400 Hz over 100 Hz leaves half of them straight. Three samples
+span two steps, so of two rates closer than 2 : 1 none is; those are not recognised."""
+_BENT = 1e-4
+"""Bend, as part of the usual one, below which three samples lie on a line."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """
+    What is read of a topic.
+
+    Attributes
+    ----------
+    topic : str
+        Its name among the topics of the recording.
+    half : {'gyro', 'accel'} or None
+        The only half that is taken from it; None for both.
+    only_new : bool
+        Whether messages that repeat the half of the one before are left out.
+
+    """
+
+    topic: str
+    half: Half | None = None
+    only_new: bool = False
+
+    def taken(self, blocks: Iterable[ImuBlock]) -> Iterator[ImuBlock]:
+        """Give of `blocks` what belongs to the stream."""
+        last: NDArray[np.float64] | None = None
+        for block in blocks:
+            if self.half is None:
+                yield block
+                continue
+            absent = block.absent.copy()
+            absent[:, 1 if self.half == 'gyro' else 0] = True
+            block = replace(block, absent=absent)
+            if not self.only_new or not len(block):
+                yield block
+                continue
+            half = block.samples[:, _COLUMNS[self.half]]
+            before = half[:1] + 1 if last is None else last
+            new = (half != np.concatenate([before, half[:-1]])).any(axis=1)
+            last = half[-1:].copy()
+            if new.any():
+                yield ImuBlock(block.header_ns[new], block.receive_ns[new], block.samples[new],
+                               block.absent[new], block.frame_id)
+
+
+def choose_streams(recording: Recording, topic: str | None = None) -> list[Stream]:
+    """
+    Choose what to read of a recording as one IMU: a topic, or two halves of different rates.
+
+    Parameters
+    ----------
+    recording : Recording
+        Open.
+    topic : str, optional
+        The user's choice; may be left out where one topic, or one pair of halves, is there.
+
+    Returns
+    -------
+    list of Stream
+        One, or the gyroscope and the accelerometer.
+
+    Raises
+    ------
+    ImuAllanError
+        As `choose_topic`; and where one half is named without the other.
+
+    """
+    gyro, accel = recording.options.gyro_topic, recording.options.accel_topic
+    if (gyro is None) != (accel is None):
+        named = '--gyro-topic' if accel is None else '--accel-topic'
+        raise ImuAllanError(f'{named} needs the other one, too: an IMU on two topics has both')
+    if gyro is not None:
+        if topic is not None:
+            raise ImuAllanError('--topic is one topic; --gyro-topic and --accel-topic are two')
+        return [Stream(choose_topic(recording, gyro), 'gyro'),
+                Stream(choose_topic(recording, accel), 'accel')]
+    if topic is None and len(recording.preferred) == 2:
+        return [Stream(recording.preferred[0], 'gyro'), Stream(recording.preferred[1], 'accel')]
+    if topic is None and recording.preferred:
+        [topic] = recording.preferred
+    if topic is None and 1 < len(recording.topics) <= _MOST_TOPICS:
+        halves = [(half_of(recording, imu.name), imu.name) for imu in recording.topics
+                  if imu.count != 0]
+        if sorted(half or '' for half, _ in halves) == ['accel', 'gyro']:
+            names = dict(halves)
+            return [Stream(names['gyro'], 'gyro'), Stream(names['accel'], 'accel')]
+    chosen = choose_topic(recording, topic)
+    return _united(recording, chosen)
+
+
+def half_of(recording: Recording, topic: str) -> Half | None:
+    """Tell which half a topic holds where the other is exactly zero; None where it holds both."""
+    known = recording.imu(topic).messages.half
+    if known is not None:
+        return known
+    for block in _beginning(recording, topic):
+        if block.samples.any():
+            return next((half for half, other in _OTHER.items()
+                         if not block.samples[:, _COLUMNS[other]].any()), None)
+    return None
+
+
+def _united(recording: Recording, topic: str) -> list[Stream]:
+    """Take apart what a driver united from two rates; say so where it cannot be."""
+    blocks = list(_beginning(recording, topic))
+    if sum(map(len, blocks)) < _ENOUGH:
+        return [Stream(topic)]
+    samples = np.concatenate([block.samples for block in blocks])
+    stamps = np.concatenate([block.header_ns for block in blocks])
+    repeated = {half: _is_repeated(samples[:, columns]) for half, columns in _COLUMNS.items()}
+    for half, other in _OTHER.items():
+        if repeated[half] and not repeated[other]:
+            streams = [Stream(topic, half, only_new=True), Stream(topic, other)]
+            recording.remark(
+                'repeated_half',
+                f'topic {printable(topic)} repeats its {_name(half)} samples between new ones; '
+                'each sensor is analyzed at its own rate')
+            return streams if half == 'gyro' else streams[::-1]
+        if _is_interpolated(samples[:, _COLUMNS[half]], stamps) and not _is_interpolated(
+                samples[:, _COLUMNS[other]], stamps):
+            recording.remark(
+                'interpolated',
+                f'the {_name(half)} samples of topic {printable(topic)} are interpolated between '
+                "fewer: their white noise is two thirds of the sensor's and coloured at short "
+                'times; record without uniting (RealSense: unite_imu_method 0)')
+    return [Stream(topic)]
+
+
+def _name(half: Half) -> str:
+    return 'gyroscope' if half == 'gyro' else 'accelerometer'
+
+
+def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
+    """Read the first messages of a topic; what is wrong there is told by the reading itself."""
+    remarks = list(recording.remarks)
+    seen = 0
+    try:
+        for block, _ in recording.decoded(topic):
+            yield block
+            seen += len(block)
+            if seen >= _LOOKED_AT:
+                break
+    except (ImuAllanError, OSError):
+        return
+    finally:
+        recording.remarks[:] = remarks
+
+
+def _is_repeated(half: NDArray[np.float64]) -> bool:
+    """
+    Whether samples are held until the next one.
+
+    A coarse sensor at rest repeats itself, too, but as chance will have it; a sample that is held
+    is held for k or k + 1 messages.
+    """
+    same = (half[1:] == half[:-1]).all(axis=1)
+    if not _REPEATED <= same.mean() < 1:
+        return False
+    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]])))[1:-1]
+    return len(lengths) > 0 and np.ptp(np.percentile(lengths, [5, 95])) <= 1
+
+
+@np.errstate(over='ignore', invalid='ignore')
+def _is_interpolated(half: NDArray[np.float64], stamps: NDArray[np.int64]) -> bool:
+    """Whether many samples lie on a straight line with their neighbours in time."""
+    steps = np.diff(stamps) * 1e-9
+    if not (steps > 0).all():
+        return False
+    slopes = np.diff(half, axis=0) / steps[:, np.newaxis]
+    bends = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+    usual = np.percentile(bends, 90)
+    return bool(usual > 0 and (bends < _BENT * usual).mean() >= _STRAIGHT
+                and not (np.diff(half, axis=0) == 0).all(axis=1).any())

@@ -1,0 +1,263 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Definitions of message types: what a recording carries, what the user names, what is sourced.
+
+The `rosbags` library parses them; here they become the fields of each type, in their order.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+import os
+from pathlib import Path
+import re
+from typing import Any, Literal
+
+from imu_allan.cdr import Serialization
+from imu_allan.errors import ImuAllanError, printable, shorten
+
+Form = Literal['msg', 'idl']
+
+FORMS: Mapping[str, Form] = {
+    'ros2msg': 'msg', 'ros1msg': 'msg', 'ros2idl': 'idl', 'omgidl': 'idl'}
+"""What containers call the two languages."""
+
+_SEPARATOR = '=' * 80 + '\n'
+_DIRECTIVE = re.compile(r'^[ \t]*#.*$', re.MULTILINE)
+"""A line for the preprocessor, such as an include; the parser knows none."""
+_LARGEST = 1 << 20
+"""Bytes of a definition that are parsed; the largest of ROS itself has 40,000."""
+_MOST_FOLDERS = 100_000
+"""Folders that are gone through in search of definitions: a large workspace has a tenth."""
+_BASE = {
+    'bool': 'u1', 'byte': 'u1', 'octet': 'u1', 'char': 'u1', 'int8': 'i1', 'uint8': 'u1',
+    'int16': 'i2', 'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8',
+    'float32': 'f4', 'float64': 'f8', 'string': 'string'}
+
+
+@dataclass(frozen=True)
+class Definition:
+    """The text of a definition, that of the types in it included, and its language."""
+
+    text: str
+    form: Form = 'msg'
+
+
+@dataclass(frozen=True)
+class Field:
+    """
+    A field of a message.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        Code of a number such as 'f8', 'string', or the name of a message type.
+    is_message : bool
+        Whether `kind` is a message type.
+    count : int or None
+        None for one value, n for an array of n, 0 for a sequence.
+
+    """
+
+    name: str
+    kind: str
+    is_message: bool
+    count: int | None
+
+
+Types = Mapping[str, tuple[Field, ...]]
+"""The fields of every type, by its name in the spelling of ROS 2."""
+
+
+class UnreadableDefinition(ImuAllanError):
+    """A definition that cannot be parsed."""
+
+
+def normal_name(type_name: str) -> str:
+    """Spell the name of a type as ROS 2 does: package/msg/Name."""
+    package, _, name = type_name.rpartition('/')
+    return type_name if not package or '/' in package else f'{package}/msg/{name}'
+
+
+def parse(type_name: str, definition: Definition, serialization: Serialization = 'cdr') -> Types:
+    """
+    Parse the definition of a type and of those in it.
+
+    Types of ROS itself that the text leaves out are taken as ROS 2 Jazzy or ROS 1 Noetic define
+    them.
+
+    Parameters
+    ----------
+    type_name : str
+        Its name in ROS 1 or ROS 2.
+    definition : Definition
+        The text.
+    serialization : {'cdr', 'ros1'}
+        Which of the two ROS it is of.
+
+    Returns
+    -------
+    Types
+
+    Raises
+    ------
+    UnreadableDefinition
+        If it is no definition.
+
+    """
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+
+    name = normal_name(type_name)
+    if len(definition.text) > _LARGEST:
+        raise UnreadableDefinition(f'the definition of {_shown(name)} has more than '
+                                   f'{_LARGEST} characters')
+    found: dict[str, Any] = {}
+    try:
+        if definition.form == 'msg':
+            found.update(get_types_from_msg(definition.text, name))
+        else:
+            for part in definition.text.split(_SEPARATOR):
+                head, _, rest = part.partition('\n')
+                text = _DIRECTIVE.sub('', rest if head.startswith('IDL: ') else part)
+                if text.strip():
+                    found.update(get_types_from_idl(text))
+    # The parser raises what it meets: its own error, KeyError, RecursionError, AssertionError.
+    except Exception as error:
+        reason = printable(shorten(' '.join(str(error).split()), 80))
+        raise UnreadableDefinition(
+            f'the definition of {_shown(name)} cannot be parsed ({reason})') from error
+    if name not in found:
+        raise UnreadableDefinition(f'the definition of {_shown(name)} defines another type')
+    types = {known: _fields(nodes) for known, (_, nodes) in found.items()}
+    if _undefined(types):
+        store = get_typestore(Stores.ROS1_NOETIC if serialization == 'ros1'
+                              else Stores.ROS2_JAZZY)
+        while missing := [kind for kind in _undefined(types) if kind in store.fielddefs]:
+            types |= {kind: _fields(store.fielddefs[kind][1]) for kind in missing}
+    return types
+
+
+def _undefined(types: Types) -> set[str]:
+    return {field.kind for fields in types.values() for field in fields
+            if field.is_message and field.kind not in types}
+
+
+def _fields(nodes: Iterable[tuple[str, Any]]) -> tuple[Field, ...]:
+    return tuple(_field(name, node) for name, node in nodes)
+
+
+def _field(name: str, node: tuple[int, Any]) -> Field:
+    kind, content = int(node[0]), node[1]
+    # rosbags: 1 is a base type, 2 a message, 3 an array, 4 a sequence.
+    if kind in (3, 4):
+        element, size = content
+        inner = _field(name, element)
+        return Field(name, inner.kind, inner.is_message, int(size) if kind == 3 else 0)
+    if kind == 2:
+        return Field(name, str(content), True, None)
+    base = str(content[0])
+    # A base type that is not known, such as wstring, is like a message that is not defined.
+    return Field(name, _BASE.get(base, base), base not in _BASE, None)
+
+
+class DefinitionPaths:
+    """
+    Definitions outside of a recording: what the user names, then the packages that are sourced.
+
+    Parameters
+    ----------
+    paths : iterable of path-like
+        ``.msg`` files, or folders that hold them: packages or whole workspaces. The package of a
+        type is the folder above ``msg``.
+
+    Raises
+    ------
+    ImuAllanError
+        If a path does not exist, or a folder holds no ``.msg`` file.
+
+    """
+
+    def __init__(self, paths: Iterable[Path | str] = ()) -> None:
+        self._files: dict[str, Path] = {}
+        for path in map(Path, paths):
+            files = [path] if path.is_file() else list(_message_files(path))
+            if not path.exists():
+                raise ImuAllanError(f'--definitions {printable(path)}: no such file or directory')
+            if not files:
+                raise ImuAllanError(f'--definitions {printable(path)}: no .msg file in it')
+            for file in files:
+                self._files.setdefault(_type_of(file), file)
+
+    def find(self, type_name: str) -> Definition | None:
+        """
+        Put together the definition of a type with those in it; None where there is none.
+
+        Raises
+        ------
+        ImuAllanError
+            If a file cannot be read.
+
+        """
+        name = normal_name(type_name)
+        texts: dict[str, str] = {}
+        wanted = [name]
+        while wanted:
+            kind = wanted.pop()
+            file = self._file(kind)
+            if kind in texts or file is None:
+                continue
+            try:
+                texts[kind] = file.read_bytes()[:_LARGEST].decode('utf-8', 'replace')
+            except OSError as error:
+                raise ImuAllanError(f'{printable(file)}: {error.strerror}') from error
+            wanted += _named_types(texts[kind], kind.partition('/')[0])
+        if name not in texts:
+            return None
+        first = texts.pop(name)
+        return Definition(first + ''.join(
+            f'\n{_SEPARATOR}MSG: {kind}\n{text}' for kind, text in texts.items()))
+
+    def _file(self, name: str) -> Path | None:
+        # A file of its own, not in a folder named msg, stands for the type of whatever package.
+        file = self._files.get(name) or self._files.get(name.rpartition('/')[2])
+        if file is not None:
+            return file
+        package, _, base = name.partition('/')
+        for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+            file = Path(prefix, 'share', package, f'{base}.msg')
+            if prefix and file.is_file():
+                return file
+        return None
+
+
+@lru_cache(maxsize=4)
+def definition_paths(paths: tuple[Path | str, ...]) -> DefinitionPaths:
+    """Go through `paths` once, not for every topic; raises as DefinitionPaths."""
+    return DefinitionPaths(paths)
+
+
+def _message_files(folder: Path) -> Iterable[Path]:
+    for seen, (parent, _, names) in enumerate(os.walk(folder)):
+        if seen > _MOST_FOLDERS:
+            return
+        yield from (Path(parent, name) for name in sorted(names) if name.endswith('.msg'))
+
+
+def _type_of(file: Path) -> str:
+    folder = file.resolve().parent
+    return f'{folder.parent.name}/msg/{file.stem}' if folder.name == 'msg' else file.stem
+
+
+def _named_types(text: str, package: str) -> list[str]:
+    """Names of types that the lines of a ``.msg`` file begin with, base types among them."""
+    words = (line.split('#')[0].split() for line in text.splitlines())
+    kinds = {line[0].split('[')[0].split('<')[0] for line in words if len(line) > 1}
+    return [normal_name(kind if '/' in kind else f'{package}/{kind}')
+            for kind in sorted(kinds - _BASE.keys())]
+
+
+def _shown(name: str) -> str:
+    return printable(shorten(name))

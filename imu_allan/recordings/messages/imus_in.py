@@ -1,0 +1,268 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which IMUs the messages of a topic hold, by the name of their type or its definition."""
+
+from dataclasses import replace
+
+from imu_allan.cdr import Serialization
+from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.recordings.messages.decoder import Decoder, ImuMessages
+from imu_allan.recordings.messages.definitions import (
+    Definition,
+    definition_paths,
+    normal_name,
+    parse,
+    Types,
+)
+from imu_allan.recordings.messages.imu_fields import (
+    field_at,
+    found_by_shape,
+    ImuFields,
+    own_clock,
+    split_path,
+    Stamp,
+    Vector,
+    vector_of,
+)
+from imu_allan.recordings.messages.known_types import KNOWN, reason_against
+from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingOptions
+
+IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
+"""Names of the type in ROS 2 and ROS 1."""
+
+_OF_ROS = frozenset({
+    'action_msgs', 'actionlib_msgs', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
+    'lifecycle_msgs', 'map_msgs', 'nav_msgs', 'rcl_interfaces', 'rosbag2_interfaces',
+    'rosgraph_msgs', 'sensor_msgs', 'shape_msgs', 'statistics_msgs', 'std_msgs', 'stereo_msgs',
+    'tf', 'tf2_msgs', 'trajectory_msgs', 'unique_identifier_msgs', 'visualization_msgs'})
+"""Packages of ROS itself: none of their other types holds samples of an IMU."""
+_SIGNS = ('linear_acceleration', 'sensor_msgs/Imu', 'sensor_msgs/msg/Imu', 'sensor_msgs::msg::Imu')
+"""One of these stands in every definition that holds an Imu, or a message of that shape."""
+_DURATIONS_NS = {'s': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
+
+
+class NotRead(ImuAllanError):
+    """Messages that are not read; the message tells why."""
+
+
+def may_hold_imu(type_name: str) -> bool:
+    """Whether messages of a type might hold samples of an IMU, as far as its name tells."""
+    return type_name.partition('/')[0] not in _OF_ROS
+
+
+def imus_in(
+    topic: str, type_name: str, serialization: Serialization,
+    definition: Definition | None, options: RecordingOptions,
+) -> dict[str, ImuMessages]:
+    """
+    Find the IMUs in the messages of a topic.
+
+    Parameters
+    ----------
+    topic, type_name : str
+        The topic and its type.
+    serialization : {'cdr', 'ros1'}
+        How its messages are serialized.
+    definition : Definition or None
+        What the recording carries.
+    options : RecordingOptions
+        Fields and units that the user names.
+
+    Returns
+    -------
+    dict of str to ImuMessages
+        By the name to choose them by: that of the topic or, where its messages hold several, of
+        topic and field, such as ``/imus.left``. Empty where there is none.
+
+    Raises
+    ------
+    NotRead
+        If there might be one and it cannot be read, or holds no raw data.
+
+    """
+    kind = normal_name(type_name)
+    gyro = options.gyro if options.gyro_topic in (None, topic) else None
+    accel = options.accel if options.accel_topic in (None, topic) else None
+    if gyro is not None or accel is not None:
+        types = _types(kind, serialization, definition, options)
+        fields = _chosen(types, kind, gyro, accel, options.stamp)
+        return {topic: ImuMessages(kind, serialization, fields, types)}
+    factors = options.factors
+    if kind in IMU_TYPES:
+        return {topic: ImuMessages(kind, serialization, factors=factors)}
+    reason = reason_against(topic)
+    if reason is not None:
+        raise NotRead(f'no raw data ({reason})')
+    if kind in KNOWN:
+        types = _types(kind, serialization, definition, options)
+        return {topic: ImuMessages(kind, serialization, _present(KNOWN[kind], types, kind),
+                                   types, factors)}
+    if not may_hold_imu(kind):
+        return {}
+    carried = definition or _outside(kind, options)
+    if carried is None:
+        raise NotRead(_undefined(kind))
+    if not any(sign in carried.text for sign in _SIGNS):
+        return {}
+    types = parse(kind, carried, serialization)
+    found = found_by_shape(types, kind)
+    return {
+        topic if len(found) == 1 else f'{topic}.{fields.gyro.paths[0].rpartition(".angular")[0]}':
+        ImuMessages(kind, serialization, fields, types, factors)
+        for fields in found if fields.gyro is not None}
+
+
+def decoder_of(type_name: str, definition: str, *, serialization: Serialization = 'cdr',
+               options: RecordingOptions = RecordingOptions()) -> Decoder:  # noqa: B008
+    """
+    Make a decoder for messages of a type that holds an IMU.
+
+    Parameters
+    ----------
+    type_name : str
+        Such as ``px4_msgs/msg/SensorCombined``.
+    definition : str
+        Its ``.msg`` text with those of the types in it, each after a line of 80 ``=`` and one with
+        ``MSG: package/Name``; may be empty where the package is sourced.
+    serialization : {'cdr', 'ros1'}
+        How the messages are serialized.
+    options : RecordingOptions, optional
+        Fields and units that the user names, and where to look for definitions.
+
+    Returns
+    -------
+    Decoder
+        Takes pieces of serialized messages (`imu_allan.recordings.messages.piece.Piece`) in their
+        order and returns blocks. It remembers which stamps are used: one for each topic.
+
+    Raises
+    ------
+    ImuAllanError
+        If the type holds no IMU, or several of which the fields must be named.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from imu_allan.recordings.messages.piece import Piece
+    >>> definition = 'uint64 timestamp' + chr(10) + 'float32[3] gyro_rad' + chr(10) + (
+    ...     'float32[3] accelerometer_m_s2')
+    >>> decode = decoder_of('px4_msgs/msg/SensorCombined', definition)
+    >>> message = bytes([0, 1, 0, 0]) + np.array([5], 'u8').tobytes() + np.arange(
+    ...     6, dtype='f4').tobytes()
+    >>> rows = np.frombuffer(message, np.uint8).reshape(1, -1)
+    >>> [block] = decode([Piece(rows, np.zeros(1, np.int64))])
+    >>> block.samples.tolist(), block.header_ns.tolist()
+    ([[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]], [5000])
+
+    """
+    return imu_messages(type_name, definition, serialization, options).decoder()
+
+
+def imu_messages(type_name: str, definition: str, serialization: Serialization = 'cdr',
+                 options: RecordingOptions = RecordingOptions()) -> ImuMessages:  # noqa: B008
+    """Say how messages of a type are read; as `decoder_of`, of which it is the first half."""
+    text = Definition(definition) if definition.strip() else None
+    found = imus_in('', type_name, serialization, text, options)
+    if len(found) > 1:
+        raise ImuAllanError(
+            f'type {_shown(type_name)} holds {len(found)} IMUs '
+            f'({", ".join(name[1:] for name in found)}); name the fields of one')
+    if not found:
+        raise ImuAllanError(f'type {_shown(type_name)} holds no samples of an IMU that are known; '
+                            'name the fields that hold them')
+    [messages] = found.values()
+    return messages
+
+
+def _types(kind: str, serialization: Serialization, carried: Definition | None,
+           options: RecordingOptions) -> Types:
+    definition = carried or _outside(kind, options)
+    if definition is None and not may_hold_imu(kind):
+        # A type of ROS itself: `parse` knows it as a field.
+        outer = parse('imu_allan/msg/Outer', Definition(f'{kind} message'), serialization)
+        if kind in outer:
+            return outer
+    if definition is None:
+        raise NotRead(_undefined(kind))
+    return parse(kind, definition, serialization)
+
+
+def _outside(kind: str, options: RecordingOptions) -> Definition | None:
+    return definition_paths(options.definitions).find(kind)
+
+
+def _undefined(kind: str) -> str:
+    return (f'the definition of {_shown(kind)} is not in the recording (sqlite3 bags before ROS 2 '
+            'Iron carry none); name its .msg files with --definitions')
+
+
+def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
+    """
+    Leave out what a version of the type does not have.
+
+    Raises
+    ------
+    NotRead
+        If a field of the samples is missing.
+
+    """
+    def has(path: str) -> bool:
+        try:
+            field_at(types, kind, path, '')
+        except ImuAllanError:
+            return False
+        return True
+
+    needed = {path for _, vector in fields.vectors()
+              for path in (*vector.paths, vector.scale, vector.per) if path}
+    if fields.burst is not None:
+        needed |= {fields.burst.samples, fields.burst.step_us}
+    for path in sorted(needed):
+        if not has(path):
+            raise NotRead(f'{_shown(kind)} has no field {split_path(path)[0]} in the definition '
+                          'that comes with it; name the fields with --gyro and --accel')
+    paths = [vector.paths[0].rpartition('.x')[0] or split_path(vector.paths[0])[0]
+             for _, vector in fields.vectors()]
+    return replace(
+        fields, stamps=tuple(stamp for stamp in fields.stamps if all(map(has, stamp.paths))),
+        frame_id=fields.frame_id if fields.frame_id and has(fields.frame_id) else None,
+        what='its fields ' + ' and '.join(paths) if len(paths) > 1 else f'its field {paths[0]}')
+
+
+def _chosen(types: Types, kind: str, gyro: str | None, accel: str | None, stamp: str | None,
+            ) -> ImuFields:
+    """Take the fields that the user names."""
+    stamps, frame_id = own_clock(types, kind)
+    if stamp is not None:
+        stamps = (_stamp(types, kind, stamp),)
+    return ImuFields(
+        None if gyro is None else _vector(types, kind, gyro, '--gyro', RAD_PER_S),
+        None if accel is None else _vector(types, kind, accel, '--accel', M_PER_S2),
+        stamps, frame_id,
+        what='its fields ' + ' and '.join(
+            _shown(text) for text in (gyro, accel) if text is not None))
+
+
+def _vector(types: Types, kind: str, text: str, option: str, si_unit: str) -> Vector:
+    path, _, unit = text.strip().partition(' ')
+    vector = vector_of(types, kind, path, option)
+    return replace(vector, factor=factor(option, unit.strip() or None, si_unit))
+
+
+def _stamp(types: Types, kind: str, text: str) -> Stamp:
+    path, _, unit = text.strip().partition(' ')
+    field = field_at(types, kind, path, '--stamp')
+    if field.is_message:
+        nested = {part.name for part in types.get(field.kind, ())}
+        if nested == {'sec', 'nanosec'}:
+            return Stamp(path)
+        raise ImuAllanError(f'--stamp {_shown(text)}: not a time in {_shown(kind)}')
+    if field.kind == 'string' or field.count is not None or (
+            unit.strip() not in _DURATIONS_NS):
+        raise ImuAllanError(f'--stamp {_shown(text)}: name a number and its unit (s, ms, us or '
+                            'ns), or a field with seconds and nanoseconds')
+    return Stamp(path, _DURATIONS_NS[unit.strip()])
+
+
+def _shown(text: str) -> str:
+    return printable(shorten(text, 80))

@@ -1,0 +1,88 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Message types of drivers whose fields, units and clock are known, and those without raw data.
+
+Each entry was taken from the definition and the driver that it names. Units are those of the
+fields; the factors turn them into rad/s and m/s^2.
+"""
+
+from collections.abc import Mapping
+import re
+
+from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
+
+_US = 1000
+_SBG_SHORT_ACCEL, _SBG_SHORT_GYRO = 1 / 1048576, 1 / 67108864
+"""sbgECom, SBG_ECOM_LOG_IMU_SHORT: 1048576 LSB for 1 m/s^2, 67108864 LSB for 1 rad/s."""
+
+
+def _xyz(name: str, factor: float = 1.0, per: str | None = None) -> Vector:
+    return Vector((f'{name}.x', f'{name}.y', f'{name}.z'), factor, per=per)
+
+
+def _elements(name: str, per: str | None = None) -> Vector:
+    return Vector((f'{name}[0]', f'{name}[1]', f'{name}[2]'), per=per)
+
+
+_HEADER = (Stamp('header.stamp'),)
+_FRAME = 'header.frame_id'
+_PX4 = (Stamp('timestamp', _US),)
+_PX4_SAMPLE = (Stamp('timestamp_sample', _US), *_PX4)
+_PX4_XYZ = Vector(('x', 'y', 'z'))
+_PX4_FIFO = Vector(('x', 'y', 'z'), scale='scale')
+_PX4_BURST = Burst('samples', 'dt')
+_UNITREE = ImuFields(
+    _elements('imu_state.gyroscope'), _elements('imu_state.accelerometer'))
+
+KNOWN: Mapping[str, ImuFields] = {
+    # PX4/px4_msgs: no header, microseconds since the autopilot was switched on.
+    'px4_msgs/msg/SensorCombined': ImuFields(
+        _elements('gyro_rad'), _elements('accelerometer_m_s2'), _PX4),
+    'px4_msgs/msg/VehicleImu': ImuFields(
+        _elements('delta_angle', per='delta_angle_dt'),
+        _elements('delta_velocity', per='delta_velocity_dt'), _PX4_SAMPLE),
+    'px4_msgs/msg/SensorGyro': ImuFields(
+        _PX4_XYZ, None, _PX4_SAMPLE),
+    'px4_msgs/msg/SensorAccel': ImuFields(
+        None, _PX4_XYZ, _PX4_SAMPLE),
+    'px4_msgs/msg/SensorGyroFifo': ImuFields(_PX4_FIFO, None, _PX4_SAMPLE, burst=_PX4_BURST),
+    'px4_msgs/msg/SensorAccelFifo': ImuFields(None, _PX4_FIFO, _PX4_SAMPLE, burst=_PX4_BURST),
+    # dawonn/vectornav: the uncompensated outputs are those before the factory calibration.
+    'vectornav_msgs/msg/ImuGroup': ImuFields(
+        _xyz('uncompgyro'), _xyz('uncompaccel'), _HEADER, _FRAME),
+    'vectornav_msgs/msg/CommonGroup': ImuFields(
+        _xyz('imu_rate'), _xyz('imu_accel'), (Stamp('timestartup', 1), *_HEADER), _FRAME),
+    # SBG-Systems/sbg_ros2_driver: time_stamp has 32 bits of microseconds and begins anew every
+    # 71 minutes, so the header comes first.
+    'sbg_driver/msg/SbgImuData': ImuFields(
+        _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
+    'sbg_driver/msg/SbgImuShort': ImuFields(
+        _xyz('delta_angle', _SBG_SHORT_GYRO), _xyz('delta_velocity', _SBG_SHORT_ACCEL),
+        (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
+    # unitreerobotics/unitree_ros2: no stamp; the receive time is the clock.
+    'unitree_go/msg/LowState': _UNITREE,
+    'unitree_hg/msg/LowState': _UNITREE,
+    # analogdevicesinc/imu_ros2: increments over one sample, whose length no field tells.
+    'adi_imu/msg/VelAngTempData': ImuFields(
+        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME),
+    'imu_ros2/msg/VelAngTempData': ImuFields(
+        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME),
+    # LeoRover/leo_msgs
+    'leo_msgs/msg/Imu': ImuFields(
+        Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),
+        (Stamp('stamp'),)),
+}
+"""How messages of a type are read, by its name."""
+
+_WITHOUT_RAW_DATA = (
+    (re.compile(r'.*/free_acceleration'), 'xsens_mti_driver: filtered, gravity removed'),
+    (re.compile(r'.*/(imu/dq|imu/dv)'), 'xsens_mti_driver: increments of the strap-down '
+                                        'integration, not samples'),
+)
+
+
+def reason_against(topic: str) -> str | None:
+    """Tell why a topic of another type holds no raw data; None where that is not known."""
+    return next((reason for pattern, reason in _WITHOUT_RAW_DATA if pattern.fullmatch(topic)),
+                None)

@@ -1,0 +1,86 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the user may say about a recording."""
+
+from dataclasses import dataclass
+import math
+from pathlib import Path
+
+from imu_allan.errors import ImuAllanError, printable, shorten
+
+RAD_PER_S, M_PER_S2 = 'rad/s', 'm/s^2'
+
+
+@dataclass(frozen=True)
+class RecordingOptions:
+    """
+    What the user may say about a recording; all of it can be left out.
+
+    Attributes
+    ----------
+    rate_hz : float or None
+        Sample rate in Hz of a CSV file without a time column.
+    definitions : tuple of path-like
+        ``.msg`` files, or folders with them, of types that the recording does not define.
+    gyro, accel : str or None
+        Field of the messages that holds the vector, and its unit: ``imu.gyro[0:3] deg/s``.
+    stamp : str or None
+        Field that holds the time: seconds and nanoseconds, or a number with its unit (``t us``).
+    gyro_unit, accel_unit : str or None
+        Unit of the samples, instead of rad/s and m/s^2.
+    gyro_topic, accel_topic : str or None
+        The two topics of an IMU that comes in halves.
+    columns : tuple of (str, str)
+        Pairs of axis (or ``time``) and name of the column of a CSV file.
+
+    """
+
+    rate_hz: float | None = None
+    definitions: tuple[Path | str, ...] = ()
+    gyro: str | None = None
+    accel: str | None = None
+    stamp: str | None = None
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
+    gyro_topic: str | None = None
+    accel_topic: str | None = None
+    columns: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        """
+        Refuse what cannot be meant.
+
+        Raises
+        ------
+        ImuAllanError
+            If a unit is not one of the quantity, or the rate is no rate.
+
+        """
+        if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
+            raise ImuAllanError(f'rate {self.rate_hz}: not a positive number of Hz')
+        self.factors  # noqa: B018
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """Return what samples of gyroscope and accelerometer are multiplied by."""
+        return (factor('--gyro-unit', self.gyro_unit, RAD_PER_S),
+                factor('--accel-unit', self.accel_unit, M_PER_S2))
+
+
+def factor(option: str, unit: str | None, si_unit: str) -> float:
+    """
+    Return how many SI units one `unit` is; 1 for None.
+
+    Raises
+    ------
+    ImuAllanError
+        If the two units are not of one dimension.
+
+    """
+    if unit is None or unit == si_unit:
+        return 1.0
+    from imu_allan.sensor.units import convert
+    try:
+        return convert(1.0, unit, si_unit)
+    except ImuAllanError as error:
+        raise ImuAllanError(f'{option} {printable(shorten(unit, 80))}: {error}') from error

@@ -1,0 +1,84 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The blocks of a topic, read ahead in the way that suits the recording."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
+from imu_allan.recordings.reading.reading_process import pays, ReadingProcess
+from imu_allan.recordings.recording import choose_topic, Recording
+
+
+def read_blocks(
+    recording: Recording, topic: str, progress: Callable[[int], None] | None = None,
+) -> Iterator[ImuBlock]:
+    """
+    Read the messages of `topic` in the order in which they were recorded.
+
+    Reading, decompression and decoding run some blocks ahead, in a process of their own where
+    the recording is large, else in a thread. They begin with this call.
+
+    Parameters
+    ----------
+    recording : Recording
+        Open; must stay open for as long as blocks are taken.
+    topic : str
+        One of its topics.
+    progress : callable, optional
+        Called now and then with the bytes consumed so far.
+
+    Raises
+    ------
+    ImuAllanError
+        If `topic` is not one of its topics, holds no message, or cannot be read at all.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from imu_allan.recordings import open_recording
+    >>> lines = ['time_s,gyro_x', '0.00,0.001', '0.01,-0.002', '0.02,0.003']
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, 'imu.csv')
+    ...     _ = path.write_text(chr(10).join(lines))
+    ...     with open_recording(path) as recording:
+    ...         for block in read_blocks(recording, choose_topic(recording)):
+    ...             print(len(block), block.samples[0, 0])
+    3 0.001
+
+    """
+    choose_topic(recording, topic)
+    return _taken(recording, _ahead(recording, topic), topic, progress)
+
+
+def _ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+    if pays(recording):
+        # Where no further process is allowed, a thread does.
+        with suppress(OSError):
+            return ReadingProcess(recording, topic).blocks()
+    return read_ahead(larger_blocks(recording.decoded(topic)))
+
+
+def _taken(
+    recording: Recording, ahead: Iterator[tuple[ImuBlock, int]], topic: str,
+    progress: Callable[[int], None] | None,
+) -> Iterator[ImuBlock]:
+    empty = True
+    try:
+        for block, position in ahead:
+            empty = False
+            if progress is not None:
+                progress(position)
+            yield block
+    except OSError as error:
+        raise ImuAllanError(
+            f'{printable(recording.path)}: reading failed '
+            f'({printable(error.strerror or error)})') from error
+    if empty:
+        raise ImuAllanError(
+            f'{printable(recording.path)}: topic {printable(topic)} holds no readable message')
+    if progress is not None:
+        progress(recording.size_bytes)

@@ -1,0 +1,134 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""metadata.yaml of unknown origin: what rosbag2 writes is read, anything that grows is not."""
+
+from pathlib import Path
+
+from bags import block, IMU, read, write_db3, write_metadata
+from imu_allan.recordings.formats.metadata_yaml import read_metadata_yaml
+from measured_command import run
+import pytest
+
+BAG = """rosbag2_bagfile_information:
+  version: 9
+  storage_identifier: mcap
+  duration: {nanoseconds: 12345}
+  starting_time: {nanoseconds_since_epoch: 1700000000000000000}
+  message_count: 1_000
+  custom_data: ~
+  compression_format: ""
+  relative_file_paths:
+    - a_0.mcap
+  topics_with_message_count:
+    - topic_metadata:
+        name: /imu
+        offered_qos_profiles: "- history: 3\\n  depth: 0\\n  reliability: 1"
+      message_count: 20
+  files: []
+  ros_distro: jazzy
+  flag: true
+"""
+
+EXPANDING = {
+    'merged keys': 'a0: &a0 {x: 1}\n' + ''.join(
+        f'a{level}: &a{level} {{<<: [{", ".join([f"*a{level - 1}"] * 9)}]}}\n'
+        for level in range(1, 12)),
+    'aliases': 'a0: &a0 [x]\n' + ''.join(
+        f'a{level}: &a{level} [{", ".join([f"*a{level - 1}"] * 9)}]\n' for level in range(1, 12)),
+    'base of 60': 'x: 1' + ':59' * 300_000 + '\n',
+    'base of 60 by a tag': 'x: !!int 1' + ':59' * 300_000 + '\n',
+    'hexadecimal': 'x: 0x' + 'f' * 6000 + '\n',
+    'digits': 'x: ' + '9' * 6000 + '\n',
+    'keys': ''.join(f'k{number}: 1\n' for number in range(60_000)),
+    'nesting': '[' * 100_000,
+    'keys in keys': '? ' * 50_000,
+    'size': 'x: "' + 'y' * 2_000_000 + '"\n',
+    'one key many times': 'x: 1\n' * 16_000,
+    'a list as key': '? [1, 2]\n: 3\n',
+    'objects': 'x: !!python/object/apply:os.system ["true"]\n',
+}
+
+
+def test_what_rosbag2_writes_is_read():
+    assert read_metadata_yaml(BAG.encode()) == {'rosbag2_bagfile_information': {
+        'version': 9, 'storage_identifier': 'mcap', 'duration': {'nanoseconds': 12345},
+        'starting_time': {'nanoseconds_since_epoch': 1700000000000000000},
+        'message_count': '1_000', 'custom_data': None, 'compression_format': '',
+        'relative_file_paths': ['a_0.mcap'],
+        'topics_with_message_count': [{'topic_metadata': {
+            'name': '/imu', 'offered_qos_profiles': '- history: 3\n  depth: 0\n  reliability: 1'},
+            'message_count': 20}],
+        'files': [], 'ros_distro': 'jazzy', 'flag': True}}
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    ('x: &a 1\ny: *a', 'it has an alias, which rosbag2 never writes'),
+    ('x: 1\nx: 2', 'it has the key x twice'),
+    ('x: !!int 1:30', "'1:30' is not a whole number"),
+    ('? [1]\n: 2', 'it has a key that is no text'),
+    ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
+    ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes')])
+def test_what_rosbag2_never_writes_is_refused(text, reason):
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        read_metadata_yaml(text.encode())
+    assert str(error.value) == reason
+
+
+@pytest.mark.parametrize(('text', 'value'), [
+    ('1:30', '1:30'), ('0x10', '0x10'), ('010', '010'), ('2024-01-01', '2024-01-01'),
+    ('1.5', '1.5'), ('yes', 'yes'), ('~', None), ('', None), ('-7', -7), ('<<', '<<'),
+    ('9' * 21, '9' * 21)])
+def test_texts_that_yaml_would_turn_into_something_else_stay_texts(text, value):
+    assert read_metadata_yaml(f'x: {text}'.encode()) == {'x': value}
+
+
+@pytest.mark.parametrize('text', ['!!python/name:os.system x', '!!timestamp 2024-01-01',
+                                  'x: !!binary AAAA', '!!set {a}', '!!int [1]', '!!map x',
+                                  '!!seq x', '!!bool {a: 1}', '!!map [a]'])
+def test_no_other_type_is_constructed(text):
+    with pytest.raises(ValueError, match='it has the tag tag:yaml'):
+        read_metadata_yaml(text.encode())
+
+
+@pytest.mark.parametrize('name', EXPANDING)
+def test_metadata_that_grows_costs_the_process_little_time_and_memory(tmp_path, name):
+    write_db3(tmp_path / 'a_0.db3', block(300))
+    (tmp_path / 'metadata.yaml').write_text(EXPANDING[name])
+    status, _, err, seconds, kilobytes = run('info', tmp_path, '--no-progress')
+    assert (status, err) == (0, '')
+    assert seconds < 10
+    assert kilobytes < 300_000
+
+
+def bag(folder: Path, *, count: int, times: int = 1) -> Path:
+    write_db3(folder / 'a_0.db3', block(300))
+    write_metadata(folder, ['a_0.db3'] * times, [('/imu', IMU, count)])
+    return folder
+
+
+def test_a_file_that_is_listed_many_times_is_read_once(tmp_path):
+    after, [remark] = read(bag(tmp_path, count=600_000, times=2000))
+    assert len(after) == 300
+    assert remark.message == (
+        f'{tmp_path}: metadata.yaml is damaged (relative_file_paths names a file twice); the '
+        'files found were read')
+
+
+@pytest.mark.parametrize('count', [-1, 1 << 63])
+def test_an_impossible_count_is_not_believed(tmp_path, count):
+    after, [remark] = read(bag(tmp_path, count=count))
+    assert len(after) == 300
+    assert remark.message == (
+        f'{tmp_path}: metadata.yaml is damaged (message_count is {count}); the files found were '
+        'read')
+
+
+def test_of_thousands_of_damaged_files_ten_are_told_and_the_others_counted(tmp_path):
+    write_db3(tmp_path / 'a_0.db3', block(300))
+    for number in range(1, 3000):
+        (tmp_path / f'a_{number}.db3').write_bytes(b'no database')
+    after, remarks = read(tmp_path)
+    assert len(after) == 300
+    left_out = [remark.message for remark in remarks if remark.code == 'damaged_recording']
+    assert len(left_out) == 11
+    assert left_out[-1] == f'{tmp_path}: 2989 more like these'

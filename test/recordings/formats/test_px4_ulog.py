@@ -1,0 +1,123 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""PX4 logs, written field by field as the ULog specification says, and by pyulog itself."""
+
+from pathlib import Path
+from struct import pack
+import sys
+
+from bags import read
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording
+from imu_allan.recordings.halves import choose_streams, Stream
+import numpy as np
+import pytest
+
+pyulog = pytest.importorskip('pyulog')
+
+COUNT = 400
+TIMES_US = 5_000_000 + 4_000 * np.arange(COUNT)
+SAMPLES = np.sin(np.arange(COUNT)[:, np.newaxis] * np.arange(1, 7)).astype(np.float32)
+COMBINED = ('sensor_combined', 'uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;'
+            'int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;')
+FIFO = ('uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float dt;float scale;'
+        'uint8_t samples;int16_t[4] x;int16_t[4] y;int16_t[4] z;')
+ONE = ('uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;')
+
+
+def framed(kind: bytes, body: bytes) -> bytes:
+    return pack('<H', len(body)) + kind + body
+
+
+def write(path: Path, topics: dict[str, tuple[str, list[bytes]]]) -> Path:
+    """Write topics: their format, and the bytes of each message."""
+    data = b'ULog\x01\x12\x35\x01' + pack('<Q', 0) + framed(b'B', bytes(40))
+    for name, (form, _) in topics.items():
+        data += framed(b'F', f'{name}:{form}'.encode())
+    for number, name in enumerate(topics):
+        data += framed(b'A', pack('<BH', 0, number) + name.encode())
+    for number, (_, messages) in enumerate(topics.values()):
+        for message in messages:
+            data += framed(b'D', pack('<H', number) + message)
+    path.write_bytes(data)
+    return path
+
+
+def combined(step: int = 1) -> tuple[str, list[bytes]]:
+    return COMBINED[1], [
+        pack('<Q3fIi3f', TIMES_US[n] * step, *SAMPLES[n, :3], 4000, 0, *SAMPLES[n, 3:])
+        for n in range(COUNT)]
+
+
+def one(columns: slice, step_us: int = 4_000) -> tuple[str, list[bytes]]:
+    return ONE, [pack('<QQI3f', 90 + n * step_us, n * step_us + 1, 7, *SAMPLES[n, columns])
+                 for n in range(COUNT)]
+
+
+def fifo() -> tuple[str, list[bytes]]:
+    return FIFO, [pack('<QQIffB12h', 9, 1_000_000 + 500 * n, 7, 125.0, 0.5, 4, *range(n, n + 12))
+                  for n in range(COUNT)]
+
+
+def test_every_bit_of_sensor_combined_is_read(tmp_path):
+    messages, _ = read(write(tmp_path / 'a.ulg', {'sensor_combined': combined()}))
+    assert messages.samples.tobytes() == SAMPLES.astype(np.float64).tobytes()
+    assert messages.header_ns.tolist() == (TIMES_US * 1000).tolist()
+
+
+def test_a_log_that_pyulog_writes_is_read_alike(tmp_path):
+    first = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
+    pyulog.ULog(str(first)).write_ulog(str(tmp_path / 'b.ulg'))
+    assert read(tmp_path / 'b.ulg')[0].samples.tobytes() == read(first)[0].samples.tobytes()
+
+
+def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
+    path = write(tmp_path / 'a.ulg', {
+        'sensor_combined': combined(), 'sensor_gyro': one(slice(0, 3), 1_000),
+        'sensor_accel': one(slice(3, 6), 2_000)})
+    with open_recording(path) as recording:
+        assert choose_streams(recording) == [
+            Stream('sensor_gyro', 'gyro'), Stream('sensor_accel', 'accel')]
+        assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
+
+
+def test_fifos_are_unrolled_to_true_sample_times(tmp_path):
+    messages, _ = read(write(tmp_path / 'a.ulg', {'sensor_gyro_fifo': fifo()}))
+    times = 1_000_000_000 + 125_000 * (np.arange(4 * COUNT) - 3)
+    assert messages.header_ns.tolist() == times.tolist()
+    assert messages.samples[:5, :3].tolist() == [
+        [n * 0.5, (n + 4) * 0.5, (n + 8) * 0.5] for n in (0, 1, 2, 3, 1)]
+    assert messages.absent.all(axis=0).tolist() == [False, True]
+
+
+def test_a_thin_log_says_what_to_set(tmp_path):
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': combined(step=250)})
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_streams(recording)
+    assert str(error.value) == (
+        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
+        '(px4_msgs/msg/SensorCombined); 1 Hz are too thin; set SDLOG_PROFILE in the autopilot '
+        '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
+
+
+def test_without_pyulog_the_package_is_named(tmp_path, monkeypatch):
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
+    monkeypatch.setitem(sys.modules, 'pyulog', None)
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == (
+        f"{path}: PX4 logs need the package pyulog; pip install 'imu_allan[px4]'")
+
+
+@pytest.mark.parametrize('size', [7, 20, 300, 3000])
+def test_a_log_cut_short_is_read_as_far_as_it_goes_or_refused(tmp_path, size):
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
+    path.write_bytes(path.read_bytes()[:size])
+    try:
+        messages, _ = read(path)
+    except ImuAllanError as error:
+        assert '\n' not in str(error)
+    else:
+        assert 0 < len(messages) < COUNT
+        assert messages.samples.tobytes() == (
+            SAMPLES[:len(messages)].astype(np.float64).tobytes())

@@ -1,0 +1,176 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Databases that somebody made to cost the reader time, memory or files."""
+
+import os
+from pathlib import Path
+import shutil
+import sqlite3
+
+from bags import assert_same, block, read, write_db3
+from hostile_databases import HOSTILE
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording
+from measured_command import run
+import pytest
+
+LONGEST_S = 10.0
+LARGEST_KB = 300_000
+MAGIC = bytes.fromhex('d9d505f920a163d7')
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+@pytest.mark.parametrize(('name', 'verb'), [
+    *((name, 'analyze') for name in HOSTILE), ('many topics', 'info'), ('many types', 'info'),
+    ('shared leaves', 'info')])
+def test_a_hostile_database_costs_the_process_little_time_and_memory(tmp_path, name, verb):
+    path = HOSTILE[name](tmp_path)
+    before = sorted(tmp_path.iterdir()), path.stat().st_mtime_ns
+    status, out, err, seconds, kilobytes = run(verb, path, '--no-progress')
+    assert status in (0, 1), err
+    assert err.count('\n') == status, err
+    assert len(err) + len(out) < 30_000
+    assert seconds < LONGEST_S
+    assert kilobytes < LARGEST_KB
+    assert (sorted(tmp_path.iterdir()), path.stat().st_mtime_ns) == before
+
+
+@pytest.mark.parametrize(('name', 'reason'), [
+    ('endless view of messages',
+     'messages is neither a table nor an index, and rosbag2 writes nothing else'),
+    ('virtual table', 'messages is neither a table nor an index, and rosbag2 writes nothing else'),
+    ('nested views', 'v0 is neither a table nor an index, and rosbag2 writes nothing else'),
+    ('computed column', 'column data of messages is computed'),
+    ('many tables', 'its schema has thousands of entries'),
+    ('no numbers', 'no such column: rowid')])
+def test_what_is_not_read_is_told(tmp_path, name, reason):
+    path = HOSTILE[name](tmp_path)
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == f'{path}: not a readable rosbag2 database ({reason})'
+
+
+def test_topics_whose_definitions_are_not_looked_into_are_told(tmp_path):
+    path = HOSTILE['many types'](tmp_path)
+    with open_recording(path) as recording:
+        assert len(recording.topics) == 1001
+        assert recording.reasons['/imu1002'] == 'not looked into, after 1000 others'
+        assert len(recording.reasons) == len(recording.other_topics) == 99_000
+
+
+def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
+    path = HOSTILE['large blobs'](tmp_path)
+    after, [remark] = read(path)
+    assert_same(block(2000), after)
+    assert remark.message == (
+        f'{path}: 64 messages of /imu are not valid sensor_msgs/Imu and were left out; the '
+        'first: not a blob of 1,048,576 bytes at most')
+
+
+def test_a_topic_entered_many_times_is_read(tmp_path):
+    path = HOSTILE['one topic of many numbers'](tmp_path)
+    after, [remark] = read(path)
+    assert_same(block(2000), after)
+    assert remark.message == (
+        f'{path}: /imu is entered 99999 times; the messages of the first 500 entries were read')
+
+
+def killed_in_a_transaction(folder: Path) -> Path:
+    """Return a database with the journal of an unfinished transaction beside it."""
+    (folder / 'written').mkdir()
+    path = write_db3(folder / 'written' / 'a.db3', block(5000))
+    database = sqlite3.connect(path)
+    database.execute('PRAGMA cache_size = 5')
+    database.execute('BEGIN')
+    database.execute('DELETE FROM messages WHERE id < 1000')
+    killed = folder / 'killed'
+    killed.mkdir()
+    for name in ('a.db3', 'a.db3-journal'):
+        shutil.copy(folder / 'written' / name, killed / name)
+    database.rollback()
+    database.close()
+    return killed / 'a.db3'
+
+
+def super_journal(named: Path) -> bytes:
+    """Return the end of a journal that names another file."""
+    name = os.fsencode(named)
+    checksum = sum(name) & 0xffffffff
+    return (name + len(name).to_bytes(4, 'big') + checksum.to_bytes(4, 'big') + MAGIC)
+
+
+@pytest.mark.parametrize('lines', [
+    # SQLite looks up the databases that the named file lists; without a name in it, none is left.
+    b'anything at all', b'', b'\0'])
+def test_no_file_that_a_journal_names_is_deleted(tmp_path, lines):
+    victim = tmp_path / 'precious'
+    victim.write_bytes(lines)
+    path = killed_in_a_transaction(tmp_path)
+    journal = path.with_name('a.db3-journal')
+    # The name of SQLite's lock page stands before it, as SQLite writes it.
+    journal.write_bytes(journal.read_bytes() + (1).to_bytes(4, 'big') + super_journal(victim))
+    before = files_in(path.parent)
+    status, _, err, _, _ = run('analyze', path, '--no-progress')
+    assert (status, err) == (0, '')
+    assert victim.read_bytes() == lines
+    assert files_in(path.parent) == before
+    _, remarks = read(path)
+    assert remarks[0].message == (
+        f'{path}: a.db3-journal beside it could not be used (it names another file, which rosbag2 '
+        'never does); the last messages before the recorder was killed are missing or damaged')
+    assert victim.read_bytes() == lines
+
+
+def test_the_attack_is_one_that_sqlite_itself_carries_out(tmp_path):
+    victim = tmp_path / 'precious'
+    victim.write_bytes(b'anything at all')
+    path = killed_in_a_transaction(tmp_path)
+    journal = path.with_name('a.db3-journal')
+    journal.write_bytes(journal.read_bytes() + (1).to_bytes(4, 'big') + super_journal(victim))
+    with sqlite3.connect(path) as database:
+        database.execute('SELECT count(*) FROM messages')
+    database.close()
+    assert not victim.exists()
+
+
+@pytest.mark.parametrize('kind', ['wal', 'journal', 'shm'])
+@pytest.mark.parametrize('what', ['link', 'pipe', 'folder'])
+def test_what_is_no_file_beside_a_database_is_not_used(tmp_path, kind, what):
+    path = write_db3(tmp_path / 'a.db3', block(2000))
+    victim = tmp_path / 'precious'
+    victim.write_bytes(b'anything at all')
+    beside = tmp_path / f'a.db3-{kind}'
+    {'link': lambda: beside.symlink_to(victim), 'pipe': lambda: os.mkfifo(beside),
+     'folder': beside.mkdir}[what]()
+    after, [remark] = read(path)
+    assert_same(block(2000), after)
+    assert remark.message == (
+        f'{path}: a.db3-{kind} beside it is not a regular file and was not used')
+    assert victim.read_bytes() == b'anything at all'
+
+
+def test_a_log_in_a_folder_that_cannot_be_written_is_used_in_a_copy(tmp_path):
+    (tmp_path / 'written').mkdir()
+    path = write_db3(tmp_path / 'written' / 'a.db3', block(2000))
+    database = sqlite3.connect(path)
+    database.execute('PRAGMA journal_mode = WAL')
+    database.execute('PRAGMA wal_autocheckpoint = 0')
+    database.execute('DELETE FROM messages WHERE id > 1000')
+    database.commit()
+    killed = tmp_path / 'killed'
+    killed.mkdir()
+    for name in ('a.db3', 'a.db3-wal'):
+        shutil.copy(tmp_path / 'written' / name, killed / name)
+    database.close()
+    before = files_in(killed)
+    killed.chmod(0o555)
+    try:
+        after, remarks = read(killed / 'a.db3')
+    finally:
+        killed.chmod(0o755)
+    assert_same(block(1000), after)
+    assert remarks == []
+    assert files_in(killed) == before

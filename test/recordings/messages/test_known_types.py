@@ -1,0 +1,232 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Types of drivers that are read by name, at the meaning of their own fields."""
+
+from bags import joined, read
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+import numpy as np
+from other_types import full_definition, samples, stamped, store_with, vector, write_mcap
+import pytest
+
+COUNT = 40
+GYRO = samples(COUNT)[:, :3].astype(np.float32)
+ACCEL = samples(COUNT)[:, 3:].astype(np.float32)
+BOTH = np.hstack([GYRO, ACCEL]).astype(np.float64)
+TIMES_US = 5_000_000_000 + 4_000 * np.arange(COUNT)
+
+PX4_COMBINED = (
+    'uint64 timestamp\nfloat32[3] gyro_rad\nuint32 gyro_integral_dt\n'
+    'int32 accelerometer_timestamp_relative\nfloat32[3] accelerometer_m_s2\n'
+    'uint32 accelerometer_integral_dt\nuint8 accelerometer_clipping\n')
+PX4_VEHICLE_IMU = (
+    'uint64 timestamp\nuint64 timestamp_sample\nuint32 accel_device_id\nuint32 gyro_device_id\n'
+    'float32[3] delta_angle\nfloat32[3] delta_velocity\nuint32 delta_angle_dt\n'
+    'uint32 delta_velocity_dt\nuint8 delta_angle_clipping\n')
+PX4_GYRO = ('uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 x\nfloat32 y\n'
+            'float32 z\nfloat32 temperature\nuint32 error_count\n')
+PX4_FIFO = ('uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 dt\n'
+            'float32 scale\nuint8 samples\nint16[32] x\nint16[32] y\nint16[32] z\n')
+UNITREE_IMU = ('float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\n'
+               'float32[3] rpy\nint8 temperature\n')
+
+
+def recorded(folder, kind, definitions, make):
+    """Write `COUNT` messages of a type, each made of the store and its number."""
+    store = store_with(definitions)
+    return write_mcap(
+        folder / 'a.mcap', kind, full_definition(store, kind),
+        [store.serialize_cdr(make(store, number), kind) for number in range(COUNT)])
+
+
+def test_px4_sensor_combined_has_microseconds_for_a_clock(tmp_path):
+    kind = 'px4_msgs/msg/SensorCombined'
+    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_COMBINED}, lambda store, n: (
+        store.types[kind](TIMES_US[n], GYRO[n], 4000, 0, ACCEL[n], 4000, 0))))
+    assert messages.samples.tobytes() == BOTH.tobytes()
+    assert messages.header_ns.tolist() == (TIMES_US * 1000).tolist()
+    assert messages.frame_id == ''
+
+
+def test_px4_vehicle_imu_is_increments_over_their_own_duration(tmp_path):
+    kind = 'px4_msgs/msg/VehicleImu'
+    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_VEHICLE_IMU}, lambda store, n: (
+        store.types[kind](TIMES_US[n] + 90, TIMES_US[n], 1, 2, GYRO[n], ACCEL[n], 4000, 5000, 0))))
+    expected = np.hstack([GYRO.astype(float) / 4e-3, ACCEL.astype(float) / 5e-3])
+    np.testing.assert_allclose(messages.samples, expected, rtol=1e-15)
+    assert messages.header_ns.tolist() == (TIMES_US * 1000).tolist()
+
+
+@pytest.mark.parametrize(('name', 'half'), [('SensorGyro', 0), ('SensorAccel', 1)])
+def test_px4_sensor_gyro_and_accel_are_halves(tmp_path, name, half):
+    kind = f'px4_msgs/msg/{name}'
+    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_GYRO}, lambda store, n: (
+        store.types[kind](TIMES_US[n], TIMES_US[n], 1, *GYRO[n], 20.0, 0))))
+    assert messages.samples[:, 3 * half:3 * half + 3].tobytes() == BOTH[:, :3].tobytes()
+    assert messages.absent.tolist() == [[half == 1, half == 0]] * COUNT
+
+
+def test_px4_fifos_are_unrolled_to_true_sample_times(tmp_path):
+    kind = 'px4_msgs/msg/SensorGyroFifo'
+    raw = np.arange(COUNT * 3 * 32).reshape(COUNT, 3, 32).astype(np.int16)
+    filled = 1 + np.arange(COUNT) % 32
+    messages, _ = read(recorded(tmp_path, kind, {kind: PX4_FIFO}, lambda store, n: (
+        store.types[kind](TIMES_US[n], TIMES_US[n], 1, 125.0, 0.25, int(filled[n]), *raw[n]))))
+    expected = np.concatenate([raw[n, :, :filled[n]].T * 0.25 for n in range(COUNT)])
+    assert messages.samples[:, :3].tolist() == expected.tolist()
+    times = np.concatenate([TIMES_US[n] * 1000 - 125_000 * np.arange(filled[n])[::-1]
+                            for n in range(COUNT)])
+    assert messages.header_ns.tolist() == times.tolist()
+    assert messages.absent.all(axis=0).tolist() == [False, True]
+
+
+def test_unitree_has_no_stamp_and_is_read_with_the_receive_time(tmp_path):
+    kind = 'unitree_go/msg/LowState'
+    definitions = {'unitree_go/msg/IMUState': UNITREE_IMU,
+                   kind: 'uint8[2] head\nIMUState imu_state\nuint32 tick\n'}
+    messages, _ = read(recorded(tmp_path, kind, definitions, lambda store, n: store.types[kind](
+        np.zeros(2, np.uint8), store.types['unitree_go/msg/IMUState'](
+            np.zeros(4, np.float32), GYRO[n], ACCEL[n], np.zeros(3, np.float32), 30), n)))
+    assert messages.samples.tobytes() == BOTH.tobytes()
+    assert not messages.header_ns.any()
+
+
+def vectors(names, more=''):
+    """Define a header, Vector3 fields, and what comes behind them."""
+    return 'std_msgs/Header header\n' + ''.join(
+        f'geometry_msgs/Vector3 {name}\n' for name in names) + more
+
+
+@pytest.mark.parametrize(('kind', 'names', 'gyro_at', 'factors'), [
+    ('vectornav_msgs/msg/ImuGroup', ['uncompaccel', 'uncompgyro'], 1, (1, 1)),
+    ('sbg_driver/msg/SbgImuData', ['accel', 'gyro'], 1, (1, 1)),
+    ('sbg_driver/msg/SbgImuShort', ['delta_velocity', 'delta_angle'], 1,
+     (1 / 67108864, 1 / 1048576)),
+    ('my_driver/msg/Any', ['linear_acceleration', 'angular_velocity'], 1, (1, 1)),
+])
+def test_types_of_vectors_are_read_at_their_native_scale(
+        tmp_path, kind, names, gyro_at, factors):
+    text = vectors(names, 'float32 temp\n')
+
+    def make(store, number):
+        halves = [vector(store, ACCEL[number]), vector(store, GYRO[number])]
+        return store.types[kind](stamped(store, number), *halves, 20.0)
+
+    messages, _ = read(recorded(tmp_path, kind, {kind: text}, make))
+    assert gyro_at == 1
+    np.testing.assert_array_equal(
+        messages.samples, BOTH * np.repeat(factors, 3))
+    assert messages.frame_id == 'imu_link'
+
+
+def test_vectornav_common_group_has_the_sensors_own_clock(tmp_path):
+    kind = 'vectornav_msgs/msg/CommonGroup'
+    text = ('std_msgs/Header header\nuint64 timestartup\ngeometry_msgs/Vector3 imu_rate\n'
+            'geometry_msgs/Vector3 imu_accel\n')
+    messages, _ = read(recorded(tmp_path, kind, {kind: text}, lambda store, n: store.types[kind](
+        stamped(store, n), 77 + 4_000_000 * n, vector(store, GYRO[n]), vector(store, ACCEL[n]))))
+    assert messages.header_ns.tolist() == (77 + 4_000_000 * np.arange(COUNT)).tolist()
+    np.testing.assert_array_equal(messages.samples, BOTH)
+
+
+def test_increments_without_a_duration_are_over_the_step_of_the_stamps(tmp_path):
+    kind = 'imu_ros2/msg/VelAngTempData'
+    text = vectors(['delta_velocity', 'delta_angle'], 'float64 temperature\n')
+    messages, _ = read(recorded(tmp_path, kind, {kind: text}, lambda store, n: store.types[kind](
+        stamped(store, n), vector(store, ACCEL[n]), vector(store, GYRO[n]), 20.0)))
+    np.testing.assert_allclose(messages.samples, BOTH / 4_999_873e-9, rtol=1e-12)
+
+
+def test_leo_imu_has_six_numbers(tmp_path):
+    kind = 'leo_msgs/msg/Imu'
+    text = ('builtin_interfaces/Time stamp\nfloat32 temperature\nfloat32 gyro_x\nfloat32 gyro_y\n'
+            'float32 gyro_z\nfloat32 accel_x\nfloat32 accel_y\nfloat32 accel_z\n')
+    messages, _ = read(recorded(tmp_path, kind, {kind: text}, lambda store, n: store.types[kind](
+        stamped(store, n).stamp, 20.0, *GYRO[n], *ACCEL[n])))
+    np.testing.assert_array_equal(messages.samples, BOTH)
+
+
+def test_a_version_of_a_type_without_the_fields_says_which_is_missing(tmp_path):
+    kind = 'px4_msgs/msg/SensorCombined'
+    path = recorded(tmp_path, kind, {kind: 'uint64 timestamp\nfloat32[3] gyro_rad\n'},
+                    lambda store, n: store.types[kind](TIMES_US[n], GYRO[n]))
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording, '/sensor')
+    assert str(error.value) == (
+        f'{path}: topic /sensor is of type px4_msgs/msg/SensorCombined, not sensor_msgs/msg/Imu; '
+        'px4_msgs/msg/SensorCombined has no field accelerometer_m_s2 in the definition that '
+        'comes with it; name the fields with --gyro and --accel')
+
+
+def test_what_holds_no_raw_data_is_refused_with_the_reason(tmp_path):
+    kind = 'geometry_msgs/msg/Vector3Stamped'
+    store = store_with({})
+    path = write_mcap(
+        tmp_path / 'a.mcap', kind, full_definition(store, kind),
+        [store.serialize_cdr(store.types[kind](stamped(store, n), vector(store, [1, 2, 3])), kind)
+         for n in range(3)], topic='/filter/free_acceleration')
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording, '/filter/free_acceleration')
+    assert str(error.value) == (
+        f'{path}: topic /filter/free_acceleration is of type {kind}, not sensor_msgs/msg/Imu; '
+        'no raw data (xsens_mti_driver: filtered, gravity removed)')
+
+
+OWN = 'my_driver/msg/Frame'
+OWN_TEXT = ('float64 t\nfloat32[6] raw\nInner inner\nint16 gx\nint16 gy\nint16 gz\nstring name\n')
+INNER = {'my_driver/msg/Inner': 'geometry_msgs/Point[2] points\nbuiltin_interfaces/Time when\n'}
+
+
+def own(folder):
+    def make(store, number):
+        point = store.types['geometry_msgs/msg/Point']
+        inner = store.types['my_driver/msg/Inner'](
+            [point(1., 2., 3.), point(*map(float, ACCEL[number]))],
+            stamped(store, number).stamp)
+        return store.types[OWN](
+            1.7e9 + number / 128, np.concatenate([ACCEL[number], GYRO[number]]), inner,
+            number, -number, 7, 'x' * (number % 3))
+
+    return recorded(folder, OWN, {**INNER, OWN: OWN_TEXT}, make)
+
+
+def read_with(path, **options):
+    with open_recording(path, options=RecordingOptions(**options)) as recording:
+        return joined(read_blocks(recording, choose_topic(recording)))
+
+
+def test_any_fields_can_be_named_with_unit_and_clock(tmp_path):
+    path = own(tmp_path)
+    messages = read_with(path, gyro='raw[3:6] deg/s', accel='inner.points[1] g', stamp='t s')
+    np.testing.assert_allclose(
+        messages.samples, BOTH * np.repeat([np.pi / 180, 9.80665], 3), rtol=1e-15)
+    assert messages.header_ns.tolist() == [
+        round((1.7e9 + n / 128) * 1e9) for n in range(COUNT)]
+    messages = read_with(path, gyro='gx,gy,gz', stamp='inner.when')
+    assert messages.samples[:, :3].tolist() == [[n, -n, 7] for n in range(COUNT)]
+    assert messages.absent.all(axis=0).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(('options', 'reason'), [
+    ({'gyro': 'rate'}, '--gyro rate: my_driver/msg/Frame has no field rate; it has t, raw, inner, '
+                       'gx, gy, gz, name'),
+    ({'gyro': 'inner.points[2]'}, '--gyro inner.points[2]: points has no such element'),
+    ({'gyro': 'raw'}, '--gyro raw: not three numbers in my_driver/msg/Frame; name a field with x, '
+                      'y, z, three elements such as gyro[0:3], or three fields such as gx,gy,gz'),
+    ({'gyro': 'name'}, '--gyro name: not three numbers in my_driver/msg/Frame; name a field with '
+                       'x, y, z, three elements such as gyro[0:3], or three fields such as '
+                       'gx,gy,gz'),
+    ({'gyro': 'raw[3:6] b c'}, '--gyro b c: '),
+    ({'accel': 'raw[0:3] furlong'}, '--accel furlong: '),
+    ({'gyro': 'raw[0:3]', 'stamp': 't'}, '--stamp t: name a number and its unit (s, ms, us or '
+                                         'ns), or a field with seconds and nanoseconds'),
+    ({'gyro': '..'}, '--gyro ..: not a field path such as imu.gyro[0:3]'),
+])
+def test_what_is_no_field_is_one_line(tmp_path, options, reason):
+    path = own(tmp_path)
+    with open_recording(path, options=RecordingOptions(**options)) as recording:
+        with pytest.raises(ImuAllanError) as error:
+            choose_topic(recording)
+        assert str(error.value).startswith(
+            f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /sensor '
+            f'(my_driver/msg/Frame); {reason}')

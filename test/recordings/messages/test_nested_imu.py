@@ -1,0 +1,280 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""An Imu inside a message of another type, found through its definition."""
+
+import os
+from pathlib import Path
+import sqlite3
+
+from bags import joined, read
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+import numpy as np
+from other_types import (
+    full_definition,
+    imu,
+    samples,
+    stamped,
+    START_NS,
+    STEP_NS,
+    store_with,
+    vector,
+    write_mcap,
+    write_ros1,
+)
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
+
+DRIVER = 'my_driver/msg/Vectornav'
+TEXT = ('std_msgs/Header header\nstring raw\nsensor_msgs/Imu imu\n'
+        'sensor_msgs/MagneticField mag\nfloat32[] extras\n')
+COUNT = 200
+STAMPS = START_NS + STEP_NS * np.arange(COUNT)
+
+
+def driver_messages(store, inner_ns=None, raw=lambda _: '$VNYMR', extras=lambda _: 2):
+    """Make messages whose nested Imu is stamped by `inner_ns`, by default like the outer."""
+    field = store.types['sensor_msgs/msg/MagneticField']
+    for number in range(COUNT):
+        header = stamped(store, number)
+        inner = header if inner_ns is None else stamped(
+            store, number, 'inner', int(inner_ns(number)))
+        yield store.types[DRIVER](
+            header, raw(number), imu(store, number, inner),
+            field(header, vector(store, [1, 2, 3]), np.zeros(9)),
+            np.arange(extras(number), dtype=np.float32))
+
+
+def cdr(store, messages, type_name=DRIVER):
+    return [store.serialize_cdr(message, type_name) for message in messages]
+
+
+def mcap_of(path: Path, **options) -> Path:
+    store = store_with({DRIVER: TEXT})
+    return write_mcap(path / 'a.mcap', DRIVER, full_definition(store, DRIVER),
+                      cdr(store, driver_messages(store, **options)))
+
+
+def test_every_bit_of_a_nested_imu_is_read(tmp_path):
+    path = mcap_of(tmp_path)
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/sensor', COUNT)]
+        assert recording.topics[0].messages.told() == (
+            'my_driver/msg/Vectornav, its field imu (sensor_msgs/msg/Imu)')
+        assert recording.other_topics == {}
+    messages, remarks = read(path)
+    assert remarks == []
+    assert messages.samples.tobytes() == samples(COUNT).tobytes()
+    assert messages.header_ns.tolist() == STAMPS.tolist()
+    assert messages.frame_id == 'imu_link'
+    assert not messages.absent.any()
+
+
+@pytest.mark.parametrize('raw', [lambda n: 'x' * (n % 7), lambda n: 'x' * (n * n % 23)])
+def test_strings_and_sequences_of_any_length_may_stand_before_and_after(tmp_path, raw):
+    messages, remarks = read(mcap_of(tmp_path, raw=raw, extras=lambda n: n % 5))
+    assert remarks == []
+    assert messages.samples.tobytes() == samples(COUNT).tobytes()
+    assert messages.header_ns.tolist() == STAMPS.tolist()
+
+
+@pytest.mark.parametrize(('inner_ns', 'uses_own'), [
+    (lambda n: START_NS + 7 + n * STEP_NS, True),
+    (lambda _: 0, False),
+    (lambda n: START_NS // 10**9 * 10**9 + n // 200 * 10**9, False),
+    (lambda _: START_NS, False),
+], ids=['fine', 'zero', 'whole seconds', 'constant'])
+def test_its_own_stamp_is_used_where_it_advances_finely(tmp_path, inner_ns, uses_own):
+    messages, _ = read(mcap_of(tmp_path, inner_ns=inner_ns))
+    expected = STAMPS + 7 if uses_own else STAMPS
+    assert messages.header_ns.tolist() == expected.tolist()
+    assert messages.frame_id == 'inner'
+
+
+def test_seconds_in_nanosec_are_no_stamp(tmp_path):
+    store = store_with({DRIVER: TEXT})
+    made = []
+    for message in driver_messages(store):
+        inner = message.imu.header
+        message.imu.header = type(inner)(
+            type(inner.stamp)(0, inner.stamp.sec), inner.frame_id)
+        message.header = stamped(store, len(made))
+        made.append(message)
+    path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER),
+                      cdr(store, made))
+    assert read(path)[0].header_ns.tolist() == STAMPS.tolist()
+
+
+def test_a_half_that_is_declared_absent_stays_so(tmp_path):
+    kind, text = 'a_msgs/msg/Pair', 'sensor_msgs/Imu inside\n'
+    store = store_with({kind: text})
+    path = write_mcap(
+        tmp_path / 'a.mcap', kind, full_definition(store, kind),
+        cdr(store, [store.types[kind](imu(store, number, absent=True)) for number in range(9)],
+            kind))
+    assert read(path)[0].absent.tolist() == [[True, False]] * 9
+
+
+def test_ros_1_bags_tell_their_definitions_too(tmp_path):
+    store = store_with({DRIVER: TEXT.replace('Header header\n', 'Header header\n')}, 'ros1')
+    path = write_ros1(tmp_path / 'a.bag', store, DRIVER,
+                      [store.serialize_ros1(message, DRIVER)
+                       for message in driver_messages(store, raw=lambda n: 'x' * (n % 3))])
+    messages, remarks = read(path)
+    assert remarks == []
+    assert messages.samples.tobytes() == samples(COUNT).tobytes()
+    assert messages.header_ns.tolist() == STAMPS.tolist()
+
+
+@pytest.mark.parametrize('storage', list(StoragePlugin))
+def test_bags_of_rosbags_are_read_as_folders(tmp_path, storage):
+    store = store_with({DRIVER: TEXT})
+    with Ros2Writer(tmp_path / 'bag', version=9, storage_plugin=storage) as writer:
+        connection = writer.add_connection('/sensor', DRIVER, typestore=store)
+        for number, message in enumerate(cdr(store, driver_messages(store))):
+            writer.write(connection, START_NS + number * STEP_NS, message)
+    messages, remarks = read(tmp_path / 'bag')
+    assert remarks == []
+    assert messages.samples.tobytes() == samples(COUNT).tobytes()
+
+
+IDL = """{line}
+IDL: my_driver/msg/Simple
+#include "sensor_msgs/msg/Imu.idl"
+module my_driver {{ module msg {{ struct Simple {{
+  string raw;
+  sensor_msgs::msg::Imu imu;
+}}; }}; }};
+"""
+
+
+def test_definitions_in_idl_are_understood(tmp_path):
+    kind = 'my_driver/msg/Simple'
+    store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
+    path = write_mcap(
+        tmp_path / 'a.mcap', kind, IDL.format(line='=' * 80),
+        cdr(store, [store.types[kind]('a', imu(store, n)) for n in range(20)], kind), 'ros2idl')
+    assert read(path)[0].samples.tobytes() == samples(20).tobytes()
+
+
+def test_several_imus_in_a_message_are_topics_of_their_own(tmp_path):
+    kind = 'my_driver/msg/Two'
+    store = store_with({kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu[2] others\n'})
+    path = write_mcap(
+        tmp_path / 'a.mcap', kind, full_definition(store, kind),
+        cdr(store, [store.types[kind](imu(store, n), [imu(store, n + 1), imu(store, n + 2)])
+                    for n in range(20)], kind))
+    with open_recording(path) as recording:
+        with pytest.raises(ImuAllanError) as error:
+            choose_topic(recording)
+        assert str(error.value) == (
+            f'{path}: 3 Imu topics; choose one with --topic: /sensor.left (20 messages), '
+            '/sensor.others[0] (20 messages), /sensor.others[1] (20 messages)')
+        for name, first in (('left', 0), ('others[0]', 1), ('others[1]', 2)):
+            blocks = joined(read_blocks(recording, choose_topic(recording, f'/sensor.{name}')))
+            assert blocks.samples.tobytes() == samples(22)[first:first + 20].tobytes()
+
+
+def test_a_flat_message_is_recognised_by_its_vectors(tmp_path):
+    kind = 'a_driver/msg/Motion'
+    store = store_with({kind: (
+        'builtin_interfaces/Time taken_at\nfloat32 heat\ngeometry_msgs/Vector3 '
+        'linear_acceleration\ngeometry_msgs/Vector3 angular_velocity\n')})
+    time = store.types['builtin_interfaces/msg/Time']
+    path = write_mcap(tmp_path / 'a.mcap', kind, full_definition(store, kind), cdr(store, [
+        store.types[kind](time(int(stamp) // 10**9, int(stamp) % 10**9), 20.5,
+                          vector(store, values[3:]), vector(store, values[:3]))
+        for stamp, values in zip(STAMPS, samples(COUNT), strict=True)], kind))
+    messages, _ = read(path)
+    assert messages.samples.tobytes() == samples(COUNT).tobytes()
+    assert messages.header_ns.tolist() == STAMPS.tolist()
+
+
+def without_definitions(folder: Path) -> Path:
+    """Write a database as ROS 2 Humble does, which holds no definitions."""
+    store = store_with({DRIVER: TEXT})
+    database = sqlite3.connect(folder / 'a.db3')
+    database.executescript(
+        'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, '
+        'serialization_format TEXT); CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id '
+        'INTEGER, timestamp INTEGER, data BLOB);')
+    database.execute("INSERT INTO topics VALUES (1, '/sensor', ?, 'cdr')", [DRIVER])
+    database.executemany(
+        'INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)',
+        [(START_NS + n * STEP_NS, bytes(data))
+         for n, data in enumerate(cdr(store, driver_messages(store)))])
+    database.commit()
+    database.close()
+    return folder / 'a.db3'
+
+
+def test_a_bag_without_definitions_says_what_it_needs(tmp_path):
+    path = without_definitions(tmp_path)
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_topic(recording)
+    assert str(error.value) == (
+        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /sensor '
+        '(my_driver/msg/Vectornav); the definition of my_driver/msg/Vectornav is not in the '
+        'recording (sqlite3 bags before ROS 2 Iron carry none); name its .msg files with '
+        '--definitions')
+
+
+@pytest.mark.parametrize('named', ['src', 'src/my_driver', 'src/my_driver/msg',
+                                   'src/my_driver/msg/Vectornav.msg'])
+def test_definitions_are_found_in_files_packages_and_workspaces(tmp_path, named):
+    path = without_definitions(tmp_path)
+    folder = tmp_path / 'src' / 'my_driver' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / 'Vectornav.msg').write_text(TEXT)
+    with open_recording(path, options=RecordingOptions(
+            definitions=(tmp_path / named,))) as recording:
+        blocks = joined(read_blocks(recording, choose_topic(recording)))
+    assert blocks.samples.tobytes() == samples(COUNT).tobytes()
+
+
+def test_packages_that_are_sourced_need_not_be_named(tmp_path, monkeypatch):
+    path = without_definitions(tmp_path)
+    folder = tmp_path / 'install' / 'share' / 'my_driver' / 'msg'
+    folder.mkdir(parents=True)
+    (folder / 'Vectornav.msg').write_text(TEXT)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'install'))
+    assert read(path)[0].samples.tobytes() == samples(COUNT).tobytes()
+
+
+def test_a_place_without_definitions_is_refused(tmp_path):
+    path = without_definitions(tmp_path)
+    (tmp_path / 'empty').mkdir()
+    for name, reason in (('none', 'no such file or directory'), ('empty', 'no .msg file in it')):
+        with pytest.raises(ImuAllanError) as error:
+            open_recording(path, options=RecordingOptions(definitions=(tmp_path / name,)))
+        assert str(error.value) == f'--definitions {tmp_path / name}: {reason}'
+
+
+def test_messages_that_do_not_fit_their_definition_are_told(tmp_path):
+    store = store_with({DRIVER: TEXT})
+    made = cdr(store, driver_messages(store))
+    made[5] = bytes(made[5])[:300]
+    made[9] = b'\0\1\0\0'
+    path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER), made)
+    messages, [remark] = read(path)
+    assert len(messages) == COUNT - 2
+    assert remark.message == (
+        f'{path}: 2 messages of /sensor are not valid my_driver/msg/Vectornav and were left out; '
+        'the first: 300 bytes are too few for its type, which takes 364 or more')
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
+def test_a_real_nested_recording_agrees_with_rosbags():
+    path = Path(os.environ['IMU_ALLAN_DATA'], 'nested_imu_mcap')
+    messages, remarks = read(path)
+    assert remarks == []
+    with AnyReader([path]) as reader:
+        theirs = [reader.deserialize(raw, connection.msgtype).imu
+                  for connection, _, raw in reader.messages() if connection.topic == '/imu']
+    assert len(messages) == len(theirs) == 2983
+    assert messages.frame_id == theirs[0].header.frame_id
+    for ours, stamp, their in zip(messages.samples, messages.header_ns, theirs, strict=True):
+        gyro, accel = their.angular_velocity, their.linear_acceleration
+        assert ours.tolist() == [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z]
+        assert stamp == their.header.stamp.sec * 10**9 + their.header.stamp.nanosec

@@ -1,0 +1,155 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors in halves: two topics, one IMU; united by copying or interpolating."""
+
+from pathlib import Path
+
+from bags import IMU, START_NS
+from imu_allan import analyze
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording, RecordingOptions
+from imu_allan.recordings.halves import choose_streams, Stream
+from mcap.writer import Writer
+import numpy as np
+import pytest
+
+NOISE = np.random.default_rng(5)
+GRAVITY = np.array([0, 0, 9.8])
+
+
+def block(rate_hz: float, count: int, gyro: bool, accel: bool) -> ImuBlock:
+    """Return white noise of the halves that are there; the other is exactly zero."""
+    stamps = START_NS + np.rint(np.arange(count) / rate_hz * 1e9).astype(np.int64)
+    samples = np.zeros((count, 6))
+    if gyro:
+        samples[:, :3] = NOISE.normal(0, 0.01, (count, 3))
+    if accel:
+        samples[:, 3:] = NOISE.normal(0, 0.1, (count, 3)) + GRAVITY
+    return ImuBlock(stamps, stamps + 1000, samples, np.zeros((count, 2), np.bool_), 'imu')
+
+
+def write(path: Path, topics: dict[str, ImuBlock]) -> Path:
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema(IMU, 'ros2msg', b'float64 x')
+        for topic, messages in topics.items():
+            channel = writer.register_channel(topic, 'cdr', schema)
+            for row, stamp in zip(encode_imu_rows(messages), messages.receive_ns.tolist(),
+                                  strict=True):
+                writer.add_message(channel, stamp, row.tobytes(), stamp)
+        writer.finish()
+    return path
+
+
+def streams(path: Path, topic: str | None = None, **options: str) -> list[Stream]:
+    with open_recording(path, options=RecordingOptions(**options)) as recording:
+        return choose_streams(recording, topic)
+
+
+def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp_path):
+    path = write(tmp_path / 'a.mcap', {
+        '/camera/accel/sample': block(250, 5_000, False, True),
+        '/camera/gyro/sample': block(400, 8_000, True, False)})
+    result = analyze(path)
+    assert list(result.axes) == ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
+    for name, axis in result.axes.items():
+        assert axis.sample_rate_hz == pytest.approx(400 if name[0] == 'g' else 250, rel=1e-4)
+        expected = 0.01 / 20 if name[0] == 'g' else 0.1 / np.sqrt(250)
+        assert axis.coefficients['noise_density'].value == pytest.approx(expected, rel=0.1)
+    assert result.source.topic == '/camera/gyro/sample, /camera/accel/sample'
+    [remark] = [remark for remark in result.warnings if remark.code == 'two_rates']
+    assert remark.message == (
+        'the gyroscope from /camera/gyro/sample at 400 Hz and the accelerometer from '
+        '/camera/accel/sample at 250 Hz; rate, gaps and faults are those of the gyroscope')
+
+
+def test_what_cannot_be_told_is_asked_for(tmp_path):
+    path = write(tmp_path / 'a.mcap', {
+        '/a': block(250, 200, False, True), '/b': block(400, 200, True, False),
+        '/c': block(400, 200, True, True)})
+    with pytest.raises(ImuAllanError, match='3 Imu topics; choose one with --topic: /a'):
+        streams(path)
+    assert streams(path, '/c') == [Stream('/c')]
+    assert streams(path, gyro_topic='/b', accel_topic='/c') == [
+        Stream('/b', 'gyro'), Stream('/c', 'accel')]
+    with pytest.raises(ImuAllanError) as error:
+        streams(path, gyro_topic='/b')
+    assert str(error.value) == (
+        '--gyro-topic needs the other one, too: an IMU on two topics has both')
+    with pytest.raises(ImuAllanError) as error:
+        streams(path, '/c', gyro_topic='/b', accel_topic='/c')
+    assert str(error.value) == (
+        '--topic is one topic; --gyro-topic and --accel-topic are two')
+
+
+@pytest.mark.parametrize('rate_hz', [200, 250, 63])
+def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
+    both = block(400, 8_000, True, False)
+    slow = block(rate_hz, 8_000, False, True)
+    held = np.searchsorted(slow.header_ns, both.header_ns, 'right') - 1
+    both.samples[:, 3:] = slow.samples[held, 3:]
+    path = write(tmp_path / 'a.mcap', {'/imu': both})
+    assert streams(path) == [Stream('/imu', 'gyro'), Stream('/imu', 'accel', only_new=True)]
+    result = analyze(path)
+    assert 'repeated_half' in {remark.code for remark in result.warnings}
+    assert result.axes['gyro_x'].sample_rate_hz == pytest.approx(400, rel=1e-4)
+    if rate_hz == 200:
+        assert result.axes['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
+        assert result.axes['accel_x'].coefficients['noise_density'].value == pytest.approx(
+            0.1 / np.sqrt(200), rel=0.1)
+
+
+@pytest.mark.parametrize('rate_hz', [63, 100])
+def test_a_half_that_is_interpolated_is_told(tmp_path, rate_hz):
+    both = block(400, 8_000, True, False)
+    slow = block(rate_hz, 8_000, False, True)
+    for column in range(3, 6):
+        both.samples[:, column] = np.interp(
+            both.header_ns, slow.header_ns, slow.samples[:, column])
+    with open_recording(write(tmp_path / 'a.mcap', {'/imu': both})) as recording:
+        assert choose_streams(recording) == [Stream('/imu')]
+        [remark] = recording.remarks
+    assert remark.code == 'interpolated'
+    assert remark.message.endswith(
+        'the accelerometer samples of topic /imu are interpolated between fewer: their white '
+        "noise is two thirds of the sensor's and coloured at short times; record without "
+        'uniting (RealSense: unite_imu_method 0)')
+
+
+@pytest.mark.parametrize('step', [0.05, 0.02, 0.005, 0.0])
+def test_coarse_samples_at_rest_are_neither_copied_nor_interpolated(tmp_path, step):
+    messages = block(400, 5_000, True, True)
+    if step:
+        messages.samples[:, 3:] = np.round(messages.samples[:, 3:] / step) * step
+        messages.samples[:, :3] = np.round(messages.samples[:, :3] / step) * step
+    path = write(tmp_path / 'a.mcap', {'/imu': messages})
+    with open_recording(path) as recording:
+        assert choose_streams(recording) == [Stream('/imu')]
+        assert recording.remarks == []
+
+
+def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
+    messages = block(100, 3_000, True, True)
+    messages.samples[:, 3:] /= 9.80665
+    path = write(tmp_path / 'a.mcap', {'/imu': messages})
+    result = analyze(path)
+    assert result.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)
+    [remark] = [remark for remark in result.warnings if remark.code == 'unit_g']
+    assert remark.message == (
+        'the magnitude of the acceleration is near 1: taken as g, not m/s^2; --accel-unit g says '
+        'so, --accel-unit m/s^2 takes the numbers as they are')
+    said = analyze(path, reading=RecordingOptions(accel_unit='g', gyro_unit='deg/s'))
+    assert 'unit_g' not in {remark.code for remark in said.warnings}
+    assert said.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)
+    assert said.axes['gyro_x'].coefficients['noise_density'].value == pytest.approx(
+        result.axes['gyro_x'].coefficients['noise_density'].value * np.pi / 180, rel=1e-6)
+    plain = analyze(path, reading=RecordingOptions(accel_unit='m/s^2'))
+    assert plain.axes['accel_z'].mean == pytest.approx(0.9993, abs=0.01)
+
+
+def test_a_unit_of_something_else_is_refused():
+    with pytest.raises(ImuAllanError, match='--accel-unit deg/s: '):
+        RecordingOptions(accel_unit='deg/s')
