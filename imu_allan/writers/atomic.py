@@ -2,21 +2,41 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writing a file so that a reader sees the old content or the new, never a part."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 from pathlib import Path
-import tempfile
+import re
+import secrets
+import stat
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.writers.output_path import followed
+
+_STANDARD = {'/dev/stdout': 1, '/dev/stderr': 2}
+_OPEN_ALREADY = re.compile(r'/(?:dev|proc/self)/fd/(\d{1,4})')
+"""What a shell puts in the place of ``>(command)``."""
 
 
-def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
+def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
     """
     Replace the content of `path` by `data`, all of it or nothing.
 
     The bytes reach the disk under another name in the same folder before the name changes hands,
     so that a crash or a power cut leaves the old file. Folders that are missing are made; a
-    symbolic link is followed; the permissions of a file that is replaced are kept.
+    symbolic link is followed, but for one that somebody else put into a folder that everybody may
+    write to; the permissions of a file that is replaced are kept. What is no regular file, such as
+    ``/dev/stdout`` or a pipe, is written to and stays what it is.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    data : bytes
+        Its new content.
+    private : bool, optional
+        Whether nobody else may read the file; otherwise that is for the umask to say.
 
     Raises
     ------
@@ -24,23 +44,15 @@ def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
         If the file cannot be written; the message names it and the reason.
 
     """
-    target = Path(os.path.realpath(path))
     try:
+        if _is_stream(path):
+            _write_through(path, data)
+            return
+        target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.is_dir():
             raise IsADirectoryError(None, 'is a directory')
-        handle, temporary = tempfile.mkstemp(prefix=f'.{target.name[:100]}.', dir=target.parent)
-        try:
-            with os.fdopen(handle, 'wb') as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            Path(temporary).chmod(_mode(target))
-            Path(temporary).replace(target)
-        except BaseException:
-            with contextlib.suppress(FileNotFoundError):
-                Path(temporary).unlink()
-            raise
+        _replace(target, data, private)
         _sync_folder(target.parent)
     except OSError as error:
         raise ImuAllanError(
@@ -48,13 +60,57 @@ def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
             'choose a folder that exists on a disk with room and may be written to') from error
 
 
-def _mode(target: Path) -> int:
+def _is_stream(path: str | os.PathLike[str]) -> bool:
+    """Whether `path` is there and is neither a regular file nor a folder."""
+    if _descriptor(path) is not None:
+        # Even where it leads to a file, others write to that as well.
+        return True
     try:
-        return target.stat().st_mode & 0o777
-    except FileNotFoundError:
-        mask = os.umask(0)
-        os.umask(mask)
-        return 0o666 & ~mask
+        mode = os.stat(path).st_mode  # noqa: PTH116
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _descriptor(path: str | os.PathLike[str]) -> int | None:
+    """Return what this process has open under the name, such as its standard output."""
+    text = os.fspath(path)
+    named = _OPEN_ALREADY.fullmatch(text)
+    return int(named[1]) if named else _STANDARD.get(text)
+
+
+def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write to a device or a pipe; a disk is none, and a pipe must have a reader."""
+    descriptor = _descriptor(path)
+    if descriptor is not None:
+        handle = os.dup(descriptor)
+    else:
+        handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        os.set_blocking(handle, True)
+    with os.fdopen(handle, 'wb') as stream:
+        if stat.S_ISBLK(os.fstat(handle).st_mode):
+            raise OSError(None, 'is a disk, not a file')
+        stream.write(data)
+
+
+def _replace(target: Path, data: bytes, private: bool) -> None:
+    temporary = target.with_name(f'.{target.name[:100]}.{secrets.token_hex(4)}')
+    # The system applies the umask, which a process cannot even ask for without changing it.
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL,
+                     0o600 if private else 0o666)
+    try:
+        with os.fdopen(handle, 'wb') as file:
+            if not private:
+                with contextlib.suppress(FileNotFoundError):
+                    os.fchmod(handle, target.stat().st_mode & 0o777)
+            file.write(data)
+            file.flush()
+            os.fsync(handle)
+        temporary.replace(target)
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            temporary.unlink()
+        raise
 
 
 def _sync_folder(folder: Path) -> None:

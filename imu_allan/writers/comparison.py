@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.noise.units import engineering
 from imu_allan.result import Coefficient, Result
+from imu_allan.sensor.units import engineering
+from imu_allan.wording import duration, measured, number
 from imu_allan.writers.panels import (
     COLOURS,
     draw_curve,
@@ -28,7 +29,6 @@ from imu_allan.writers.panels import (
     Theme,
     write_in_a_row,
 )
-from imu_allan.writers.table import duration, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -166,11 +166,12 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
 def shown(coefficient: Coefficient) -> str:
     """Return the coefficient in its engineering unit, or its bound."""
-    if coefficient.value is not None:
-        return number(engineering(coefficient.value, coefficient.unit)[0])
+    if coefficient.value is not None and coefficient.ci95 is not None:
+        return measured(*(engineering(value, coefficient.unit)[0]
+                          for value in (coefficient.value, *coefficient.ci95)))[0]
     if coefficient.upper95 is None:
         return 'not observable'
-    return f'< {number(engineering(coefficient.upper95, coefficient.unit)[0])}'
+    return f'< {number(engineering(coefficient.upper95, coefficient.unit)[0], 3)}'
 
 
 def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 'Figure':

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.filters import export
 from imu_allan.writers.panels import sensors_of
 from imu_allan.writers.plot import FORMATS, overview_figure, render, sensor_figure
 from imu_allan.writers.result_file import save_curves, save_result
@@ -16,10 +17,17 @@ from imu_allan.writers.result_file import save_curves, save_result
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MOST_COMPARED = 7
+"""Results that are drawn in a colour each; there are no more that can be told apart."""
 
-def save_folder(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
+
+def save_folder(result: Result, folder: str | os.PathLike[str],
+                exports: Sequence[str] = ()) -> list[Path]:
     """
-    Write ``result.json``, ``curve.csv``, ``allan_deviation.png`` and ``report.html``.
+    Write everything about one result.
+
+    That is ``result.json``, ``curve.csv``, the configurations of `exports`,
+    ``allan_deviation.png`` and ``report.html``.
 
     Parameters
     ----------
@@ -27,6 +35,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
         What to write.
     folder : path
         Made where it is missing.
+    exports : sequence of str, optional
+        Consumers whose configurations are written, too.
 
     Returns
     -------
@@ -36,13 +46,18 @@ def save_folder(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
     Raises
     ------
     ImuAllanError
-        If a file cannot be written.
+        If a file cannot be written, or a filter cannot be configured from this result; what comes
+        before it in the list above is written.
 
     """
     # The result first: it is what cannot be made again.
     paths = [Path(folder) / 'result.json', Path(folder) / 'curve.csv']
     save_result(result, paths[0])
     save_curves(result, paths[1])
+    for consumer in exports:
+        config = export(result, consumer)
+        paths.append(Path(folder) / config.name)
+        write_atomically(paths[-1], config.text.encode())
     return paths + save_report(result, folder, (), overview_formats=('png',))
 
 
@@ -88,6 +103,36 @@ def save_report(result: Result, folder: str | os.PathLike[str],
     return paths
 
 
+def save_latex(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
+    """
+    Write ``imu_noise.tex`` and ``imu_noise.bib``.
+
+    Parameters
+    ----------
+    result : Result
+        What to write.
+    folder : path
+        Made where it is missing.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    ImuAllanError
+        If a file cannot be written.
+
+    """
+    from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table
+
+    paths = [Path(folder) / 'imu_noise.tex', Path(folder) / 'imu_noise.bib']
+    for path, text in zip(paths, (noise_table(result), BIBLIOGRAPHY), strict=True):
+        write_atomically(path, text.encode())
+    return paths
+
+
 def _save_plot(figure: 'Figure', path: Path, formats: Sequence[str]) -> list[Path]:
     paths = []
     for name in formats:
@@ -100,6 +145,9 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
                     formats: Sequence[str] = FORMATS) -> list[Path]:
     """
     Write ``comparison.html`` and ``comparison.FORMAT`` of several results.
+
+    More than seven, which is how many colours there are, are shown as a population: grey curves,
+    median and band, and in colour what sticks out.
 
     Parameters
     ----------
@@ -126,5 +174,14 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
 
     folder = Path(folder)
     paths = [folder / 'comparison.html']
+    if len(results) > MOST_COMPARED:
+        from imu_allan.writers.fleet import Fleet
+        from imu_allan.writers.fleet.figure import curves_figure
+        from imu_allan.writers.fleet.page import fleet_html
+
+        fleet = Fleet(results)
+        page = fleet_html(fleet, f'{len(results)} results compared')
+        write_atomically(paths[0], page.encode())
+        return paths + _save_plot(curves_figure(fleet), folder / 'comparison', formats)
     write_atomically(paths[0], comparison_html(results).encode())
     return paths + _save_plot(comparison_figure(results), folder / 'comparison', formats)

@@ -1,23 +1,27 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The parts of a figure: an Allan deviation, a spectrum, a timeline, and their style.
+The parts of a figure, in one module because all figures are made of the same.
+
+An Allan deviation, a spectrum, a timeline, and their style.
 
 Drawn with matplotlib's object interface, without pyplot and without a display. The three axes have
 colours that stay apart in colour-blind vision and markers that stay apart in print; every curve
 is labelled where it ends.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf
 from typing import Any, Literal, TYPE_CHECKING
 
-from imu_allan.noise import spectrum
+from imu_allan.noise import chi_square
+from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, Term, TERMS
-from imu_allan.noise.units import engineering, typeset
-from imu_allan.result import AxisResult, GaussMarkov, Result, Timeline
-from imu_allan.writers.table import duration, number
+from imu_allan.result import AxisResult, Coefficient, GaussMarkov, Result, Spectrum, Timeline
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS
+from imu_allan.writers.own_style import matplotlib_alone, own_style
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,13 +42,16 @@ COLOURS: dict[Theme, dict[str, str]] = {
              'grid': '#333840', 'paper': '#16181c', 'gap': '#8c8c8c', 'motion': '#e69f00',
              'good': '#232a33'},
 }
+FEWEST_DEGREES = 3.0
+"""Below, the 95 % interval of a deviation reaches over more than a factor of five."""
+_FINE, _BETWEEN = 161, 8
+_LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
+_BAND = 0.25
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
 _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
                            'bias_instability': (0, (8, 2, 1, 2)),
                            'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
 _SLOPES = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
-SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
-_SAMPLE_NAMES = {'gyro': 'angular rate', 'accel': 'acceleration'}
 READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
            'rate_ramp': '√2 s'}
 _LABEL_PLACES = {'quantization_noise': (-12, -22), 'noise_density': (18, 26),
@@ -52,8 +59,24 @@ _LABEL_PLACES = {'quantization_noise': (-12, -22), 'noise_density': (18, 26),
                  'rate_ramp': (14, -10)}
 
 
-def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o') -> None:
-    """Draw the Allan deviation with its 68 % and 95 % bands and the fitted model."""
+def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
+               timeline: Timeline | None = None) -> None:
+    """
+    Draw the Allan deviation and the fitted model.
+
+    Parameters
+    ----------
+    panel : matplotlib.axes.Axes
+        Where to draw.
+    axis : AxisResult
+        Whose deviation. Points of few degrees of freedom are hollow.
+    colour, marker : str
+        Of the axis.
+    timeline : Timeline, optional
+        With the sample rate: the model is drawn on a fine grid, and shaded where 95 % of the
+        points should fall if it is right. Without, with the intervals of the points.
+
+    """
     curve = axis.curve
     tau, adev = np.array(curve.tau_s), np.array(curve.adev)
     seen = adev > 0
@@ -61,15 +84,24 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o') 
         panel.text(0.5, 0.5, 'constant signal:\nAllan deviation 0', ha='center', va='center',
                    transform=panel.transAxes, color=colour)
         return
-    for band, strength in ((curve.ci95, 0.16), (curve.ci68, 0.3)):
-        low, high = np.array(band).T
+    fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
+    if timeline is not None and model.any():
+        fine, model = model_curve(axis, timeline)
+        dof = np.exp(np.interp(np.log(fine), np.log(tau), np.log(np.maximum(curve.edf, 1e-3))))
+        panel.fill_between(fine, np.sqrt(chi_square.lower(0.025, dof) / dof) * model,
+                           np.sqrt(chi_square.upper(0.025, dof) / dof) * model, color=colour,
+                           alpha=0.17, linewidth=0, zorder=2)
+    else:
+        low, high = np.array(curve.ci95).T
         panel.fill_between(tau[seen], np.maximum(low, adev * 1e-3)[seen], high[seen],
-                           color=colour, alpha=strength, linewidth=0, zorder=2)
-    model = np.array(curve.model_adev)
+                           color=colour, alpha=0.17, linewidth=0, zorder=2)
     fitted = model > 0
-    panel.plot(tau[fitted], model[fitted], color=colour, linewidth=1.3, zorder=3)
-    panel.plot(tau[seen], adev[seen], marker, color=colour, markersize=4.2, zorder=4,
-               markeredgecolor=panel.get_facecolor(), markeredgewidth=0.5)
+    panel.plot(fine[fitted], model[fitted], color=colour, linewidth=1.3, zorder=3)
+    few = np.array(few_degrees(axis))
+    for chosen, face in ((seen & ~few, colour), (seen & few, panel.get_facecolor())):
+        panel.plot(tau[chosen], adev[chosen], marker, color=colour, markersize=4.4, zorder=4,
+                   markerfacecolor=face, markeredgewidth=0.8,
+                   markeredgecolor=colour if face != colour else panel.get_facecolor())
 
 
 def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
@@ -110,9 +142,8 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
             continue
         panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
-        converted, unit = engineering(abs(value), axis.coefficients[key].unit)
-        label = f'{term.symbol} = {number(converted)} {typeset(unit)}\n'
-        at = _reading_point(term, shown, tau)
+        label = f'{term.symbol} = {written(axis.coefficients[key], abs(value))}\n'
+        at = reading_point(term, shown, tau)
         height = float(term.adev(value, at))
         ringed = tau[0] <= at <= tau[-1] and low < height < high
         if ringed:
@@ -137,6 +168,15 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
                         'shrinkB': 4})
 
 
+def written(coefficient: Coefficient, value: float) -> str:
+    """Return a value of `coefficient` with the digits of its interval, and its unit."""
+    shown, unit = engineering(value, coefficient.unit)
+    if coefficient.ci95 is None:
+        return f'{number(shown)} {typeset(unit)}'
+    bounds = (engineering(abs(bound), coefficient.unit)[0] for bound in coefficient.ci95)
+    return f'{measured(shown, *bounds)[0]} {typeset(unit)}'
+
+
 def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, tau: Array,
                        theme: Theme) -> None:
     """Draw the bump of a correlated process and name it at its top."""
@@ -152,7 +192,8 @@ def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, ta
     panel.annotate(
         f'Gauss-Markov, {number(sigma)} {typeset(unit)}\n'
         f'correlated over {duration(process.correlation_time_s)}', (tau[top], line[top]),
-        xytext=(-14, 24), textcoords='offset points', fontsize=7.5, ha='right', va='center',
+        # Above the curve: the labels of the terms stand below it.
+        xytext=(-14, 44), textcoords='offset points', fontsize=7.5, ha='right', va='center',
         color=COLOURS[theme]['ink'], zorder=7,
         bbox={'boxstyle': 'round,pad=0.15', 'edgecolor': 'none', 'alpha': 0.85,
               'facecolor': COLOURS[theme]['paper']},
@@ -183,7 +224,7 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     if rate is None or timeline.duration_s <= 0:
         return
     if axis.spectrum is not None:
-        frequency, power = np.array(axis.spectrum.frequency_hz), np.array(axis.spectrum.psd)
+        frequency, power = in_bands(axis.spectrum)
         seen = power > 0
         panel.plot(frequency[seen], power[seen], color=colour, linewidth=1.0, alpha=0.75,
                    drawstyle='steps-mid', zorder=2)
@@ -199,11 +240,15 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
         inside = own > model[fitted].min(initial=inf) * 0.3
         panel.plot(frequency[inside], own[inside], color=soft, linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
-    for place, tone in enumerate(axis.tones[:8]):
+    named: list[float] = []
+    for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:8]:
         panel.axvline(tone.frequency_hz, color=soft, linewidth=0.8, alpha=0.7, zorder=1)
-        if place < 3:
+        # Names of neighbours would be printed over one another: the strongest has it.
+        if len(named) < 3 and all(abs(np.log(tone.frequency_hz / other)) > 0.35
+                                  for other in named):
+            named.append(tone.frequency_hz)
             panel.annotate(f'tone {tone.frequency_hz:.4g} Hz', (tone.frequency_hz, 1),
-                           xycoords=('data', 'axes fraction'), xytext=(-2, -3 - 38 * place),
+                           xycoords=('data', 'axes fraction'), xytext=(-2, -3),
                            textcoords='offset points', rotation=90, ha='right', va='top',
                            fontsize=7, color=soft)
 
@@ -230,20 +275,90 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
         In squared sample units per Hz. The ramp is deterministic and has no spectrum.
 
     """
-    dt = 1 / sample_rate_hz
-    nu = np.asarray(frequency_hz) * dt
-    shapes: dict[str, Callable[[Array, float], Array]] = {
-        'quantization_noise': spectrum.quantization, 'noise_density': spectrum.white,
-        'bias_instability': spectrum.flicker, 'rate_random_walk': spectrum.random_walk}
-    shown = coefficients_of(axis) if coefficients is None else coefficients
-    total = np.zeros(nu.shape)
-    for key, value in shown.items():
-        if key in shapes:
-            total += value**2 * shapes[key](nu, dt) * dt
-    if axis.gauss_markov is not None and coefficients is None:
-        process = axis.gauss_markov
-        total += process.sigma**2 * dt * spectrum.gauss_markov(nu, dt, process.correlation_time_s)
-    return total
+    model = describe(axis) if coefficients is None else FittedModel(coefficients)
+    return model.density(frequency_hz, 1 / sample_rate_hz)
+
+
+def describe(axis: AxisResult) -> FittedModel:
+    """Return the model of an axis: the drift model where there is one, low-pass and lines."""
+    values = coefficients_of(axis)
+    process, drift = axis.gauss_markov, axis.drift_model
+    processes: tuple[tuple[float, float], ...] = ()
+    if process is not None:
+        processes = ((process.sigma, process.correlation_time_s),)
+    if drift is not None:
+        values = {'quantization_noise': values.get('quantization_noise', 0.0),
+                  'noise_density': drift.noise_density,
+                  'rate_random_walk': drift.rate_random_walk}
+        processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
+    return FittedModel(values, axis.band_limit_s, processes,
+                       tuple((tone.frequency_hz, tone.amplitude) for tone in axis.tones))
+
+
+def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
+    """
+    Return the Allan deviation of the model between the averaging times, too.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose model it is.
+    timeline : Timeline
+        Gives the sample rate; without one the averaging times of the curve have to do.
+
+    Returns
+    -------
+    tau, adev : ndarray, shape (n,)
+        In seconds, and in the unit of a sample.
+
+    """
+    rate = axis.sample_rate_hz or timeline.sample_rate_hz
+    tau = np.array(axis.curve.tau_s)
+    if (rate is None or len(tau) < 2 or not any(axis.curve.model_adev)
+            or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER):
+        return tau, np.array(axis.curve.model_adev)
+    model = describe(axis)
+    # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
+    size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
+    avar = model.allan_variance(size, 1 / rate)
+    if axis.tones:
+        window = min(_BETWEEN, len(avar))
+        smooth = np.convolve(avar, np.ones(window) / window, 'same')
+        avar = np.where(size > size[0] * 64, smooth, avar)
+        avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
+    keep = np.unique(np.linspace(0, len(size) - 1, _FINE).astype(int))
+    return size[keep] / rate, np.sqrt(avar[keep])
+
+
+def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
+    """
+    Return the mean density of a spectrum in equal bands of a logarithmic axis.
+
+    The lowest frequencies come one by one, where a single bin may be a hundred times too high or
+    too low; a band is no wider than `_BAND` octaves, and a bin that is wider stays by itself.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of one axis.
+
+    Returns
+    -------
+    frequency_hz, psd : ndarray, shape (n,)
+
+    """
+    frequency, power = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
+    if not len(frequency):
+        return frequency, power
+    bands = np.floor(np.log2(frequency) / _BAND)
+    _, starts, counts = np.unique(bands, return_index=True, return_counts=True)
+    return (np.exp(np.add.reduceat(np.log(frequency), starts) / counts),
+            np.add.reduceat(power, starts) / counts)
+
+
+def few_degrees(axis: AxisResult) -> list[bool]:
+    """Say of each point of the curve whether too little stands behind it to trust its place."""
+    return [dof < FEWEST_DEGREES for dof in axis.curve.edf]
 
 
 def coefficients_of(axis: AxisResult) -> dict[str, float]:
@@ -294,7 +409,8 @@ def write_in_a_row(panel: 'Axes', parts: Sequence[tuple[str, str]]) -> None:
         borderpad=0.2, bbox_to_anchor=(0, 1), bbox_transform=panel.transAxes))
 
 
-def _reading_point(term: Term, shown: Mapping[str, float], tau: Array) -> float:
+def reading_point(term: Term, shown: Mapping[str, float], tau: Array) -> float:
+    """Return the averaging time at which a coefficient is read off its line."""
     if term.read_at is not None:
         return term.read_at
     total = sum((TERMS[key].adev(value, tau) ** 2 for key, value in shown.items()),
@@ -308,23 +424,29 @@ def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float
     """
     Lowest and highest Allan deviation to show.
 
-    The curves and their bands as far as they are not absurd; with `rings` also the points where
-    the coefficients are read, unless that would make the curve a small thing at the top.
+    Points that stand on few degrees of freedom may lie anywhere: where there are better ones they
+    have no say, and the model has one. With `rings` also the points where the coefficients are
+    read, unless that would make the curve a small thing at the top.
     """
     low, high = inf, 0.0
     reading = []
     for axis in axes:
-        for value, band in zip(axis.curve.adev, axis.curve.ci95, strict=True):
-            if value > 0:
-                low = min(low, max(band[0], value / 3))
-                high = max(high, min(band[1], value * 3))
+        few = few_degrees(axis)
+        sure = not all(few)
+        for value, model, band, unsure in zip(axis.curve.adev, axis.curve.model_adev,
+                                              axis.curve.ci95, few, strict=True):
+            if value > 0 and not (sure and unsure):
+                low = min(low, max(band[0], value / 2))
+                high = max(high, min(band[1], value * 2))
+            if model > 0:
+                low, high = min(low, model / 1.3), max(high, model * 1.3)
         reading += [abs(value) for key, value in coefficients_of(axis).items()
                     if TERMS[key].read_at and value]
     if high == 0:
         return 0.1, 10.0
     if rings:
         low = min([low, *(value / 1.8 for value in reading if value > low / 60)])
-    return low / 1.6, high * 1.6
+    return low / 1.3, high * 1.3
 
 
 def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
@@ -336,25 +458,25 @@ def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
     panel.grid(True, which='major')
     panel.set_xlabel('averaging time τ [s]')
     unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
-    _two_units(panel, unit, 1, f'Allan deviation of {_SAMPLE_NAMES[sensor]}', left, right)
+    _two_units(panel, unit, 1, f'Allan deviation of {SAMPLES[sensor]}', left, right)
 
 
 def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:
-    """Lowest and highest density to show: not every dip of a single bin of a periodogram."""
+    """Lowest and highest density to show: a decade about the model, lines cut off above it."""
     low, high = inf, 0.0
     for axis in axes:
-        if timeline.sample_rate_hz is not None and timeline.duration_s > 0:
-            rate = timeline.sample_rate_hz
-            ends = np.array([min(1 / timeline.duration_s, rate / 4), rate / 2])
-            model = model_density(axis, ends, rate)
+        rate = axis.sample_rate_hz or timeline.sample_rate_hz
+        if rate is not None and timeline.duration_s > 0:
+            frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 60)
+            model = model_density(axis, frequency, rate)
             if (model > 0).all():
                 low, high = min(low, float(model.min())), max(high, float(model.max()))
         if axis.spectrum is not None:
             measured = np.array([value for value in axis.spectrum.psd if value > 0])
             if len(measured):
                 low = min(low, float(np.quantile(measured, 0.1)))
-                high = max(high, float(measured.max()))
-    return (low / 6, high * 3) if high > 0 else (0.1, 10.0)
+                high = max(high, float(np.quantile(measured, 0.95)))
+    return (low / 4, high * 8) if high > 0 else (0.1, 10.0)
 
 
 def frame_density(panel: 'Axes', sensor: str, *, left: bool, right: bool) -> None:
@@ -387,21 +509,26 @@ def _two_units(panel: 'Axes', unit: str, power: int, title: str, left: bool, rig
 
 def label_ends(panel: 'Axes', axes: Mapping[str, AxisResult], theme: Theme) -> None:
     """Name each curve at its right end, moved apart where two would overlap."""
+    # A point beyond the limits is not drawn: the last one that is carries the name.
+    bottom, top = panel.get_ylim()
     ends = []
     for name, axis in axes.items():
-        seen = [(t, v) for t, v in zip(axis.curve.tau_s, axis.curve.adev, strict=True) if v > 0]
+        seen = [(t, v) for t, v in zip(axis.curve.tau_s, axis.curve.adev, strict=True)
+                if bottom < v < top]
         if seen:
             ends.append((*seen[-1], name))
     if not ends:
         return
-    low, high = np.log(panel.get_ylim())
+    low, high = np.log((bottom, top))
     apart = 0.055 * (high - low)
     heights = _spread([float(np.log(value)) for _, value, _ in ends], apart)
-    edge = max(tau for tau, _, _ in ends)
+    # The outermost stay clear of the frame, all by the same shift.
+    shift = max(0.0, low + apart - min(heights)) - max(0.0, max(heights) - (high - apart))
+    edge = max(axis.curve.tau_s[-1] for axis in axes.values())
     start = min(axis.curve.tau_s[0] for axis in axes.values())
     panel.set_xlim(start / 1.6, edge * 4.0)
     for (tau, value, name), height in zip(ends, heights, strict=True):
-        panel.annotate(name[-1], (tau, value), xytext=(edge * 2.1, float(np.exp(height))),
+        panel.annotate(name[-1], (tau, value), xytext=(edge * 2.1, float(np.exp(height + shift))),
                        color=COLOURS[theme][name[-1]], fontweight='bold', va='center', zorder=8,
                        arrowprops={'arrowstyle': '-', 'color': COLOURS[theme][name[-1]],
                                    'linewidth': 0.7, 'shrinkA': 1, 'shrinkB': 3})
@@ -436,6 +563,7 @@ def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
 
 def empty_figure(width: float, height: float) -> 'Figure':
     """Return a figure of this size in inches that needs no display."""
+    matplotlib_alone()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -447,10 +575,8 @@ def empty_figure(width: float, height: float) -> 'Figure':
 @contextmanager
 def plot_style(theme: Theme = 'light') -> Iterator[None]:
     """Fonts, lines and colours of every figure, for as long as the context lasts."""
-    import matplotlib
-
     colours = COLOURS[theme]
-    with matplotlib.rc_context({
+    with own_style({
             'font.family': 'DejaVu Sans', 'font.size': 9, 'axes.labelsize': 9,
             'axes.titlesize': 10, 'axes.titleweight': 'bold', 'xtick.labelsize': 8,
             'ytick.labelsize': 8, 'figure.facecolor': colours['paper'],
@@ -458,6 +584,6 @@ def plot_style(theme: Theme = 'light') -> Iterator[None]:
             'axes.labelcolor': colours['ink'], 'xtick.color': colours['soft'],
             'ytick.color': colours['soft'], 'axes.edgecolor': colours['soft'],
             'axes.linewidth': 0.7, 'grid.color': colours['grid'], 'grid.linewidth': 0.7,
-            'axes.axisbelow': True, 'pdf.fonttype': 42, 'svg.fonttype': 'path',
+            'axes.axisbelow': True, 'pdf.fonttype': 42, 'svg.fonttype': 'none',
             'svg.hashsalt': 'imu_allan', 'path.simplify': True}):
         yield

@@ -13,8 +13,9 @@ import warnings
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.noise.units import engineering, typeset
 from imu_allan.result import AxisResult, Result
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.wording import amount_of, measured, names_of, number, origin_of, SENSORS
 from imu_allan.writers.panels import (
     axes_of,
     COLOURS,
@@ -30,11 +31,9 @@ from imu_allan.writers.panels import (
     limits_of,
     MARKERS,
     plot_style,
-    SENSORS,
     sensors_of,
     Theme,
 )
-from imu_allan.writers.table import duration, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +71,8 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
                         sensor, axes, theme)
             panel = figure.add_axes((left + 0.135 * width, 0.205, 0.735 * width, 0.495))
             for name, axis in axes.items():
-                draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]])
+                draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
+                           result.timeline)
             frame_allan(panel, sensor, limits_of(axes.values()))
             label_ends(panel, axes, theme)
         draw_timeline(figure.add_axes((0.02, 0.072, 0.96, 0.03)), result.timeline, theme)
@@ -116,7 +116,7 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
             ends = {'left': column == 0, 'right': column == len(axes) - 1}
             allan = figure.add_subplot(grid[0, column], sharey=first[0])
             frame_allan(allan, sensor, limits, **ends)
-            draw_curve(allan, axis, colour, marker)
+            draw_curve(allan, axis, colour, marker, result.timeline)
             draw_terms(allan, axis, theme)
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
@@ -173,14 +173,14 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
             coefficient = axis.coefficients[term.key]
             height = 2.3 - 0.9 * row
             if coefficient.value is not None and coefficient.ci95 is not None:
-                value, *bounds = (number(engineering(v, coefficient.unit)[0])
-                                  for v in (coefficient.value, *coefficient.ci95))
-                panel.text(right - 0.17, height, value, ha='right', va='center', fontsize=9.5,
+                value, *bounds = measured(*(engineering(v, coefficient.unit)[0] for v in (
+                    coefficient.value, *coefficient.ci95)))
+                panel.text(right - 0.178, height, value, ha='right', va='center', fontsize=9.5,
                            color=ink)
                 panel.text(right, height, f'{bounds[0]} – {bounds[1]}', ha='right', va='center',
-                           fontsize=7, color=soft)
+                           fontsize=6.5, color=soft)
             elif coefficient.upper95 is not None:
-                bound = number(engineering(coefficient.upper95, coefficient.unit)[0])
+                bound = number(engineering(coefficient.upper95, coefficient.unit)[0], 3)
                 panel.text(right, height, f'not observable, < {bound}', ha='right', va='center',
                            fontsize=7, color=soft)
             else:
@@ -194,17 +194,11 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
 
 
 def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '') -> None:
-    source, timeline = result.source, result.timeline
-    names = [printable(name) for name in (source.path, source.topic) if name]
-    title = '   '.join(shorten(name, 60) for name in names) or 'samples'
-    rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
-    facts = [f'{timeline.samples:,} samples{rate}, {duration(timeline.duration_s)}']
-    if source.frame_id:
-        facts.append(f'frame {shorten(printable(source.frame_id), 40)}')
-    if source.start_time:
-        facts.append(f'from {shorten(printable(source.start_time), 32)}')
-    facts.append(f'imu_allan {shorten(printable(result.imu_allan_version), 20)}')
-    key = 'points: measured, with 68 % and 95 % intervals;  line: fitted model'
+    title = '   '.join(shorten(name, 60) for name in names_of(result))
+    facts = [amount_of(result.timeline), *(shorten(fact, 40) for fact in origin_of(result)),
+             f'imu_allan {shorten(printable(result.imu_allan_version), 20)}']
+    key = ('points: measured, hollow where fewer than 3 degrees of freedom;  line: fitted model, '
+           'shaded where 95 % of the points should fall')
     if what:
         title = f'{what}   {title}'
         key += ';  dashed: its terms;  ring: where the coefficient is read'

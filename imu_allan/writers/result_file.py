@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result file: JSON of the schema ``imu_allan.result/1`` and the curves as CSV."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 import csv
 import io
 import json
@@ -12,7 +12,22 @@ from typing import Any, NoReturn
 
 from imu_allan.errors import ImuAllanError, shorten
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import (
+    AxisResult,
+    Backtest,
+    Coast,
+    Coefficient,
+    Curve,
+    DriftModel,
+    GaussMarkov,
+    Innovations,
+    Result,
+    Segment,
+    Signal,
+    Spectrum,
+    Tone,
+    WarmUp,
+)
 from imu_allan.writers.atomic import write_atomically
 
 _LARGEST_BYTES = 200_000_000
@@ -55,7 +70,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     if len(data) > _LARGEST_BYTES:
         raise ImuAllanError(f'{path}: too large for a result file')
     try:
-        document = json.loads(data.decode(), parse_constant=_no_constant)
+        document = json.loads(data.decode(), parse_constant=_no_constant, parse_int=_whole)
     except (ValueError, RecursionError) as error:
         raise ImuAllanError(f'{path}: not JSON; give a result file, '
                             'written by: imu_allan analyze RECORDING --json FILE') from error
@@ -106,6 +121,11 @@ def save_curves(result: Result, path: str | os.PathLike[str]) -> None:
     write_atomically(path, curves_csv(result).encode())
 
 
+def _whole(digits: str) -> int | float:
+    # Further digits than 64 bits hold are no count and no stamp; as a float they are checked.
+    return int(digits) if len(digits) < 20 else float(digits)
+
+
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f'{name} is not JSON')
 
@@ -139,15 +159,52 @@ def _check_axis(axis: AxisResult, name: str, where: str) -> None:
             raise ImuAllanError(f'{here}: not observable, but with a value')
     if any(abs(value) >= _LARGEST for value in _numbers(axis.to_dict())):
         raise ImuAllanError(f'{where}: holds a number beyond {_LARGEST:g}')
-    if axis.gauss_markov is not None and axis.gauss_markov.correlation_time_s <= 0:
-        raise ImuAllanError(f'{where}.gauss_markov.correlation_time_s: expected above zero')
     curve = axis.curve
     for field in ('adev', 'edf', 'ci68', 'ci95', 'model_adev'):
         if len(getattr(curve, field)) != len(curve.tau_s):
             raise ImuAllanError(f'{where}.curve.{field}: not as long as tau_s')
-    if axis.spectrum is not None and (
-            len(axis.spectrum.psd) != len(axis.spectrum.frequency_hz)
-            or any(frequency <= 0 for frequency in axis.spectrum.frequency_hz)):
-        raise ImuAllanError(f'{where}.spectrum: expected frequencies above zero and as many psd')
-    if any(tau <= 0 for tau in curve.tau_s) or any(value < 0 for value in curve.adev):
-        raise ImuAllanError(f'{where}.curve: expected tau_s above zero and adev of zero or above')
+    if axis.spectrum is not None and len(axis.spectrum.psd) != len(axis.spectrum.frequency_hz):
+        raise ImuAllanError(f'{where}.spectrum.psd: not as long as frequency_hz')
+    if axis.signal is not None and not (
+            len(axis.signal.low) == len(axis.signal.mean) == len(axis.signal.high)):
+        raise ImuAllanError(f'{where}.signal: low, mean and high differ in length')
+    model = axis.drift_model
+    if model is not None and model.from_s > model.to_s:
+        raise ImuAllanError(f'{where}.drift_model.from_s: beyond to_s')
+    _check_signs(axis, where)
+
+
+_ABOVE_ZERO = {
+    Backtest: ('trained_s', 'tested_s'), Coast: ('horizon_s', 'predicted_sigma'),
+    Curve: ('tau_s', 'edf'), DriftModel: ('from_s', 'to_s'),
+    GaussMarkov: ('correlation_time_s',), Innovations: ('interval_s', 'steps'),
+    Segment: ('duration_s', 'noise_density'), Signal: ('step_s',), Spectrum: ('frequency_hz',),
+    Tone: ('frequency_hz',), WarmUp: ('time_constant_s',), AxisResult: ('sample_rate_hz',),
+}
+_NOT_NEGATIVE = {
+    Coast: ('observed_rms',), Coefficient: ('between', 'observable_in_s', 'ci_halves_in_s'),
+    Curve: ('adev', 'model_adev'), DriftModel: ('noise_density', 'rate_random_walk'),
+    GaussMarkov: ('sigma',), Innovations: ('nis',), Segment: ('start_s', 'drift_sigma'),
+    Spectrum: ('psd',), Tone: ('amplitude',), AxisResult: ('band_limit_s',),
+}
+
+
+def _check_signs(value: Any, where: str) -> None:
+    """Refuse times, frequencies and deviations that no logarithm or root can be taken of."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _check_signs(item, f'{where}.{key}')
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            _check_signs(item, f'{where}[{i}]')
+    elif hasattr(value, '__dataclass_fields__'):
+        for name in value.__dataclass_fields__:
+            item, here = getattr(value, name), f'{where}.{name}'
+            numbers = list(_numbers(list(item) if isinstance(item, tuple) else [item]))
+            if name in _ABOVE_ZERO.get(type(value), ()) and not all(
+                    number > 1 / _LARGEST for number in numbers):
+                raise ImuAllanError(f'{here}: expected above zero')
+            if name in _NOT_NEGATIVE.get(type(value), ()) and not all(
+                    number == 0 or number > 1 / _LARGEST for number in numbers):
+                raise ImuAllanError(f'{here}: expected zero or above')
+            _check_signs(item, here)

@@ -1,53 +1,91 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The result as a table on a terminal.
+The result on a terminal: the answer, the coefficients, the remarks; one screen at 80 columns.
 
 Units are spelled as model and datasheet files spell them, so that a value can be copied from the
 screen into such a file. Text that comes from a recording never reaches the terminal as markup or
 as a control sequence.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES, Term, TERMS
-from imu_allan.noise.units import convert, engineering
 from imu_allan.result import AxisResult, Coefficient, Result
+from imu_allan.sensor.units import convert, engineering
+from imu_allan.wording import (
+    amount_of,
+    duration,
+    faults_of,
+    measured,
+    names_of,
+    number,
+)
+from imu_allan.writers.answer import (
+    AIDING_S,
+    Answer,
+    answers,
+    COAST_S,
+    CONSTANT,
+    GOOD,
+    is_constant,
+)
+from imu_allan.writers.remarks import grouped, outlook_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
-    from rich.table import Table
     from rich.text import Text
 
-_SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
-_PIPE_WIDTH = 110
+Units = Literal['datasheet', 'si']
+
+PIPE_WIDTH = 100
+"""Where nobody says how wide the paper is: every line of an ordinary result fits."""
+_LONGEST_HEAD = 28
+"""Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
+_MEAN_UNITS = {'rad/s': 'deg/s', 'm/s^2': 'm/s^2'}
 
 
-def print_result(result: Result, console: 'Console | None' = None) -> None:
+def print_result(result: Result, console: 'Console | None' = None, *,
+                 to: TextIO | None = None, units: Units = 'datasheet') -> None:
     """
-    Print the coefficients, what was seen of the recording, and the warnings.
+    Print the answer, the coefficients with their intervals, and the remarks.
 
     Parameters
     ----------
     result : Result
         What to print.
     console : rich.console.Console, optional
-        Where to; standard output by default.
+        Where to; one for `to` by default.
+    to : file, optional
+        Standard output by default.
+    units : 'datasheet' or 'si', optional
+        Of the table; the numbers for a filter are SI in any case.
 
     """
     from rich.console import Console
 
     if console is None:
-        console = Console()
+        console = Console(file=to, highlight=False)
         if not console.is_terminal:
-            console.width = _PIPE_WIDTH
-    console.print(result_table(result))
+            console.width = PIPE_WIDTH
+    console.print(result_table(result, console.width, units))
 
 
-def result_table(result: Result) -> 'RenderableType':
+def result_table(result: Result, width: int = 80, units: Units = 'datasheet') -> 'RenderableType':
     """
     Lay the result out for a terminal.
+
+    Parameters
+    ----------
+    result : Result
+        What is laid out.
+    width : int, optional
+        Columns of the terminal.
+    units : 'datasheet' or 'si', optional
+        Of the numbers in the rows.
 
     Returns
     -------
@@ -56,152 +94,189 @@ def result_table(result: Result) -> 'RenderableType':
 
     """
     from rich.console import Group
+    from rich.text import Text
 
     parts: list[RenderableType] = [_heading(result)]
-    for sensor, title in _SENSORS.items():
+    found = answers(result)
+    for answer in found:
         axes = {name: result.axes[name] for name in AXES
-                if name.startswith(sensor) and name in result.axes}
-        if axes:
-            parts.append(_sensor_table(title, axes))
-    parts.extend(_notes(result))
+                if name.startswith(answer.sensor) and name in result.axes}
+        rows = list(_rows(axes, units))
+        columns = _column_widths(rows)
+        parts += [Text(), *answer_lines(answer)]
+        parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)
+    parts += [Text(), *_notes(result, tuned=any(answer.tuned for answer in found))]
     return Group(*parts)
+
+
+def answer_lines(answer: Answer) -> 'list[RenderableType]':
+    """
+    Return the answer for one sensor: its word, the numbers for a filter, the drift.
+
+    Parameters
+    ----------
+    answer : Answer
+        From `imu_allan.writers.answer.answers`.
+
+    """
+    from rich.text import Text
+
+    head = Text(answer.title, style='bold')
+    head.append(': ', style='not bold')
+    head.append(answer.word, style='green' if answer.word in GOOD else 'yellow')
+    rows: list[tuple[str, str]] = []
+    if answer.tuned is not None:
+        tuned = answer.tuned
+        rows += [('for a filter', f'N {tuned.noise_density} {tuned.units[0]}'),
+                 ('', f'K {tuned.random_walk} {tuned.units[1]}')]
+    elif answer.word != CONSTANT and answer.noise is not None:
+        rows += [(f'worst axis {figure.axis}',
+                  f'{figure.symbol} {figure.si_value} {figure.si_unit}')
+                 for figure in (answer.noise, answer.drift) if figure is not None]
+    if answer.forecast:
+        doubt = ', beyond what was recorded' if answer.extrapolated else ''
+        rows.append((f'alone {duration(COAST_S)}', f'off by {answer.forecast}{doubt}'))
+    return [head, *(Text(f'  {name:<14}{text}') for name, text in rows)]
 
 
 def _heading(result: Result) -> 'Text':
     from rich.text import Text
 
-    source, timeline = result.source, result.timeline
+    name, *rest = names_of(result)
     text = Text()
-    text.append(printable(source.path or source.topic or 'samples'), style='bold')
-    if source.path and source.topic:
-        text.append(f'  {printable(source.topic)}')
-    if source.frame_id:
-        text.append(f'  frame {printable(source.frame_id)}')
-    rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
-    text.append(f'\n{timeline.samples:,} samples{rate}, {duration(timeline.duration_s)}')
-    counts = {'missing': timeline.missing, 'duplicate': timeline.duplicates,
-              'out of order': timeline.out_of_order, 'rejected': timeline.rejected}
-    faults = [f'{count:,} {name}' for name, count in counts.items() if count]
-    for spans, name in ((timeline.gaps, 'gap'), (timeline.motion, 'stretch of motion')):
-        if spans:
-            total = sum(span.duration_s for span in spans)
-            plural = name if len(spans) == 1 else name.replace('gap', 'gaps').replace(
-                'stretch', 'stretches')
-            faults.append(f'{len(spans):,} {plural} ({duration(total)})')
-    if faults:
+    text.append(name, style='bold')
+    if rest:
+        text.append(f'  {rest[0]}')
+    if result.source.frame_id:
+        text.append(f'  frame {printable(result.source.frame_id)}')
+    text.append(f'\n{amount_of(result.timeline)}')
+    if faults := faults_of(result.timeline):
         text.append('; ' + ', '.join(faults), style='yellow')
     return text
 
 
-def duration(seconds: float) -> str:
-    """`seconds` as a person says it: ``2 h 46 min``, ``93 s``, ``40 ms``."""
-    if seconds >= 172_800:
-        return f'{seconds / 86_400:.3g} days'
-    if seconds >= 7200:
-        hours, minutes = divmod(round(seconds / 60), 60)
-        return f'{hours} h {minutes} min' if minutes else f'{hours} h'
-    if seconds >= 120:
-        minutes, rest = divmod(round(seconds), 60)
-        return f'{minutes} min {rest} s' if rest else f'{minutes} min'
-    return f'{seconds:.3g} s' if seconds >= 1 or seconds == 0 else f'{seconds * 1e3:.3g} ms'
+@dataclass(frozen=True)
+class _Row:
+    """One line of the table: a term or the mean, and what each axis has."""
+
+    label: str
+    unit: str
+    cells: 'dict[str, Text]'
+    dim: bool
+
+    @property
+    def head(self) -> str:
+        """Label and unit, under one another where the axes have two lines, too."""
+        tall = any('\n' in cell.plain for cell in self.cells.values())
+        beside = f'{self.label}  {self.unit}'
+        return f'{self.label}\n  {self.unit}' if tall or len(beside) > _LONGEST_HEAD else beside
 
 
-def _sensor_table(title: str, axes: dict[str, AxisResult]) -> 'Table':
-    from rich import box
-    from rich.table import Table
+def _rows(axes: Mapping[str, AxisResult], units: Units) -> Iterator[_Row]:
     from rich.text import Text
 
-    table = Table(title=title, title_justify='left', title_style='bold', box=box.SIMPLE_HEAD,
-                  padding=0)
-    table.add_column('term', overflow='fold')
-    table.add_column('unit', style='dim', overflow='fold')
-    for name in axes:
-        # Folding keeps every digit on a narrow terminal; cropping would lose some.
-        table.add_column(name[-1], justify='right', overflow='fold')
+    quantity = AXES[next(iter(axes))]
     for term in TERMS.values():
-        quantity = AXES[next(iter(axes))]
+        cells = {name: axis.coefficients[term.key] for name, axis in axes.items()}
+        if all(c.value is None and c.upper95 is None for c in cells.values()) \
+                and all(is_constant(axis) for axis in axes.values()):
+            continue
         unit = term.unit(quantity)
-        _, shown_unit = engineering(1.0, unit)
-        known = any(axis.coefficients[term.key].observable for axis in axes.values())
-        label = Text(f'{term.symbol} {term.name(quantity)}', style='' if known else 'dim')
-        units = Text(f'{shown_unit}\n95 % interval\n{unit}' if known else shown_unit)
-        table.add_row(label, units, *(_cell(axis.coefficients[term.key], term, tall=known)
-                                      for axis in axes.values()))
+        yield _Row(f'{term.symbol} {term.name(quantity)}',
+                   unit if units == 'si' else engineering(1.0, unit)[1],
+                   {name: _cell(cell, units, term) for name, cell in cells.items()},
+                   not any(cell.observable for cell in cells.values()))
     if any(axis.mean is not None for axis in axes.values()):
-        quantity = AXES[next(iter(axes))]
-        unit = 'deg/s' if quantity.unit == 'rad/s' else quantity.unit
-        table.add_row(Text('mean', style='dim'), Text(unit), *(
-            Text('' if axis.mean is None else f'{convert(axis.mean, axis.unit, unit):.4g}',
-                 style='dim') for axis in axes.values()))
-    return table
+        unit = quantity.unit if units == 'si' else _MEAN_UNITS[quantity.unit]
+        yield _Row('mean', unit, {
+            name: Text('' if axis.mean is None else number(convert(axis.mean, axis.unit, unit)),
+                       style='dim') for name, axis in axes.items()}, dim=True)
 
 
-def _cell(coefficient: Coefficient, term: Term, *, tall: bool) -> 'Text':
+def _column_widths(rows: Sequence[_Row]) -> list[int]:
+    """Columns that the head and each axis need beside one another."""
+    def longest(texts: Iterable[str]) -> int:
+        return max((len(line) for text in texts for line in text.split('\n')), default=0)
+
+    return [longest(row.head for row in rows),
+            *(2 + longest(row.cells[name].plain for row in rows)
+              for name in (rows[0].cells if rows else ()))]
+
+
+def _columns(rows: Sequence[_Row], widths: Sequence[int]) -> 'list[Text]':
+    """Lay the axes out side by side, value above interval."""
     from rich.text import Text
 
-    unit = coefficient.unit
-    if coefficient.observable and coefficient.value is not None and coefficient.ci95 is not None:
-        value, _ = engineering(coefficient.value, unit)
-        low, high = (engineering(bound, unit)[0] for bound in coefficient.ci95)
-        text = Text(number(value), style='bold')
-        text.append(f'\n{number(low)} .. {number(high)}', style='dim not bold')
-        text.append(f'\n{coefficient.value:.4g}', style='dim not bold')
+    lines = []
+    if rows:
+        lines.append(Text(' ' * widths[0] + ''.join(
+            f'{name[-1]:>{width}}'
+            for name, width in zip(rows[0].cells, widths[1:], strict=True)), style='bold'))
+    for row in rows:
+        head = row.head.split('\n')
+        cells = [cell.split('\n') for cell in row.cells.values()]
+        for place in range(max(len(head), *map(len, cells))):
+            line = Text(f'{head[place] if place < len(head) else "":<{widths[0]}}',
+                        style='dim' if row.dim or place else '')
+            for cell, width in zip(cells, widths[1:], strict=True):
+                text = cell[place].copy() if place < len(cell) else Text()
+                text.align('right', width)
+                line.append_text(text)
+            line.rstrip()
+            lines.append(line)
+    return lines
+
+
+def _stacked(rows: Sequence[_Row]) -> 'list[Text]':
+    """Lay the axes out under one another, for a narrow terminal."""
+    from rich.text import Text
+
+    lines = []
+    for row in rows:
+        lines.append(Text(f'{row.label}  {row.unit}', style='dim' if row.dim else ''))
+        for name, cell in row.cells.items():
+            line = Text(f'  {name[-1]}  ')
+            for place, part in enumerate(cell.split('\n')):
+                line.append_text(Text(f'{"  " if place else ""}')).append_text(part)
+            lines.append(line)
+    return lines
+
+
+def _cell(coefficient: Coefficient, units: Units, term: Term) -> 'Text':
+    from rich.text import Text
+
+    def shown(value: float) -> float:
+        return value if units == 'si' else engineering(value, coefficient.unit)[0]
+
+    if coefficient.value is not None and coefficient.ci95 is not None:
+        value, low, high = measured(*map(shown, (coefficient.value, *coefficient.ci95)))
+        text = Text(value, style='bold')
+        text.append(f'\n{low} .. {high}', style='dim not bold')
         return text
     if coefficient.upper95 is None:
-        return Text('not observable', style='dim')
-    bound = f'< {number(engineering(coefficient.upper95, unit)[0])}'
-    sign = '|' if term.key == 'rate_ramp' else ''
-    return Text(f'{sign}{term.symbol}{sign} {bound}\nnot observable' if tall
-                else f'{sign}{term.symbol}{sign} {bound}', style='dim')
+        return Text('-', style='dim')
+    sign = f'|{term.symbol}| ' if term.key == 'rate_ramp' else ''
+    return Text(f'{sign}< {number(shown(coefficient.upper95), 3)}', style='dim')
 
 
-def _longer(result: Result) -> str:
-    """Say what a longer recording would bring, by the Fisher information of the fitted model."""
-    halves = [c.ci_halves_in_s for axis in result.axes.values()
-              for c in axis.coefficients.values() if c.ci_halves_in_s is not None]
-    waiting = [f'{c.symbol} of {name} after {duration(c.observable_in_s)}'
-               for name, axis in result.axes.items() for c in axis.coefficients.values()
-               if c.observable_in_s is not None]
-    parts = [f'all intervals half as wide after another {duration(max(halves))}'] if halves else []
-    if waiting:
-        parts.append('to be expected: ' + ', '.join(waiting))
-    return 'Recording on: ' + '; '.join(parts) + '.' if parts else ''
-
-
-def number(value: float) -> str:
-    """Return four significant digits, without an exponent up to a million."""
-    return f'{value:.0f}' if 1e4 <= abs(value) < 1e6 else f'{value:.4g}'
-
-
-def _notes(result: Result) -> 'list[RenderableType]':
+def _notes(result: Result, *, tuned: bool) -> 'Iterator[Text]':
     from rich.text import Text
 
-    notes: list[RenderableType] = []
-    if any(not c.observable for axis in result.axes.values() for c in axis.coefficients.values()):
-        notes.append(Text('"<" stands where this data cannot show the term: it is below this '
-                          'bound with 95 % confidence.', style='dim'))
-    if longer := _longer(result):
-        notes.append(Text(longer, style='dim'))
-    windows = [f'{name} {duration(axis.band_limit_s)}' for name, axis in result.axes.items()
-               if axis.band_limit_s is not None]
-    if windows:
-        notes.append(Text('band-limited before sampling, effective window: '
-                          + ', '.join(windows)))
-    for name, axis in result.axes.items():
-        if axis.tones:
-            named = ', '.join(f'{tone.frequency_hz:.4g} Hz' for tone in axis.tones[:6])
-            more = f' and {len(axis.tones) - 6} more' if len(axis.tones) > 6 else ''
-            notes.append(Text(f'{name}: tones left out of the fit at {named}{more}'))
-        if axis.gauss_markov is not None:
-            sigma, unit = engineering(axis.gauss_markov.sigma, axis.unit)
-            notes.append(Text(f'{name}: a Gauss-Markov process of {number(sigma)} {unit} with a '
-                              'correlation time of '
-                              f'{duration(axis.gauss_markov.correlation_time_s)}'))
-        if not axis.goodness_of_fit.acceptable:
-            notes.append(Text(f'{name}: no model of the five terms fits this axis well; '
-                              'take its coefficients with care', style='yellow'))
-    for warning in result.warnings:
-        text = Text('warning: ', style='bold yellow')
-        text.append(printable(warning.message), style='not bold')
-        notes.append(text)
-    return notes
+    cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
+    words = []
+    if tuned:
+        words.append(f'"for a filter": corrected every {AIDING_S:g} s, alone for up to '
+                     f'{duration(COAST_S)}; other times: imu_allan tune.')
+    if any(not c.observable and c.upper95 is not None for c in cells):
+        words.append('"<": below this bound with 95 % confidence.')
+    if longer := outlook_of(result):
+        words.append(longer)
+    if words:
+        yield Text(' '.join(words), style='dim')
+    for group in grouped(result, tones=1):
+        # The stretches of motion stand in the heading.
+        if group.code != 'motion' or not result.timeline.motion:
+            for sentence in group.sentences:
+                text = Text(f'{group.title}: ', style='yellow')
+                text.append(sentence, style='default')
+                yield text

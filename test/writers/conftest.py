@@ -3,20 +3,30 @@
 """Results whose every number is known: exact model curves with intervals of a realistic width."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
 from imu_allan.result import (
     AxisResult,
+    Backtest,
+    Coast,
     Coefficient,
     Curve,
+    DriftModel,
+    GaussMarkov,
     GoodnessOfFit,
+    Innovations,
     Remark,
     Result,
+    Segment,
+    Signal,
     Source,
     Span,
+    Stationarity,
     Timeline,
     Tone,
+    Trend,
 )
 import numpy as np
 import pytest
@@ -80,8 +90,10 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
         upper = {}
         if name.endswith('z'):
             upper = {'rate_random_walk': values.pop('rate_random_walk') * 0.5}
+        drift = DriftModel(values['noise_density'], values.get('rate_random_walk', 0.0), (
+            GaussMarkov(values['bias_instability'], 30.0),), 0.1, DURATION_S / 3)
         tones = (Tone(23.4, 2e-4), Tone(46.8, 1e-4)) if name == 'gyro_z' else ()
-        axes[name] = axis_result(name, values, upper, tones=tones)
+        axes[name] = axis_result(name, values, upper, tones=tones, drift_model=drift)
     settings: dict[str, Any] = {
         'imu_allan_version': '0.1.0',
         'source': Source('recording', 'rec/imu_2026', '/imu/data_raw', 'imu_link',
@@ -112,3 +124,47 @@ def make_result() -> Callable[..., Result]:
 def result() -> Result:
     """Return a three-hour recording at 200 Hz of six axes with N, B and K (z without K)."""
     return build_result()
+
+
+def segments(axis: AxisResult) -> Stationarity:
+    """Eight parts of a record whose noise is the same throughout."""
+    value = axis.coefficients['noise_density'].value or 1.0
+    length = DURATION_S / 8
+    return Stationarity(True, 0.4, tuple(
+        Segment(place * length, length, 0.01 * (1 + 1e-3 * place), value * (1 + 0.002 * wobble),
+                (value * 0.99, value * 1.012), value * 0.05 * (1.2 + wobble))
+        for place, wobble in enumerate((0, 1, -1, .5, -.5, .2, -.8, .9))))
+
+
+def signal_of(axis: AxisResult) -> Signal:
+    """Columns of a record with a hole, whose mean wanders."""
+    columns = 400
+    noise = (axis.coefficients['noise_density'].value or 1.0) * RATE_HZ**0.5
+    middle = [None if 120 <= i < 130 else (axis.mean or 0) + 0.05 * noise * float(np.sin(i / 40))
+              for i in range(columns)]
+    return Signal(DURATION_S / columns,
+                  *(tuple(None if m is None else m + side * 4 * noise for m in middle)
+                    for side in (-1, 0, 1)))
+
+
+def fill(result: Result) -> Result:
+    """Give every axis of a result what a whole characterization has."""
+    axes = {}
+    for name, axis in result.axes.items():
+        n = axis.coefficients['noise_density'].value or 0.0
+        k = axis.coefficients['rate_random_walk'].value or 0.0
+        horizons = (0.1, 1.0, 10.0, 60.0, 600.0)
+        axes[name] = replace(
+            axis, signal=signal_of(axis), stationarity=segments(axis), trend=Trend(),
+            drift_model=DriftModel(n, k, (GaussMarkov(n * 0.1, 100.0),), 0.01, 4000.0),
+            backtest=Backtest(
+                DURATION_S / 2, DURATION_S / 2,
+                tuple(Innovations(h, 1 + 0.02 * i, int(5000 / h)) for i, h in enumerate(horizons)),
+                tuple(Coast(h, n * (h**-0.5), n * (h**-0.5) * 1.1) for h in horizons)))
+    return replace(result, axes=axes)
+
+
+@pytest.fixture
+def filtered() -> Result:
+    """Return the same recording with drift models, segments, signal and backtest."""
+    return fill(build_result())

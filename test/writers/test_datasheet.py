@@ -4,10 +4,28 @@ from dataclasses import replace
 import json
 import xml.etree.ElementTree as ElementTree
 
+from imu_allan import characterize
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.model import parse_model
-from imu_allan.result import Coefficient, GoodnessOfFit
-from imu_allan.writers.datasheet import check, overall, to_json, to_junit, verdict_table
+from imu_allan.result import (
+    Coefficient,
+    GoodnessOfFit,
+    Inspection,
+    Segment,
+    Stationarity,
+    TemperatureDependence,
+    Trend,
+    TurnOnBias,
+)
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.datasheet import (
+    check,
+    overall,
+    summary,
+    to_json,
+    to_junit,
+    verdict_table,
+)
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -59,17 +77,133 @@ def test_what_is_not_observable_cannot_be_told(result):
     assert verdict.upper95 == pytest.approx(1.9e-6)
 
 
-def test_a_bound_below_the_limit_is_said(result):
+def test_a_bound_below_the_limit_passes(result):
     verdict = only(result, 'gyro: {z: {rate_random_walk: 1 rad/s^2/sqrt(Hz)}}')
-    assert verdict.verdict == 'cannot tell'
-    assert 'below the limit with 95 % confidence' in verdict.reason
+    assert verdict.verdict == 'pass'
+    assert verdict.reason == ('gyro_z K: not observable, and with 95 % confidence below '
+                              '1 rad/s^2/sqrt(Hz)')
+    assert only(result, 'gyro: {z: {rate_random_walk: 1.8e-6 rad/s^2/sqrt(Hz)}}').verdict == \
+        'cannot tell'
 
 
-def test_a_missing_axis_cannot_be_told(result):
+def test_a_missing_axis_fails(result):
     axes = {name: axis for name, axis in result.axes.items() if name != 'gyro_y'}
     verdict = only(replace(result, axes=axes), 'gyro: {y: {noise_density: 1 deg/sqrt(h)}}')
-    assert verdict.verdict == 'cannot tell'
-    assert verdict.reason == 'gyro_y N: this axis is not in the result'
+    assert verdict.verdict == 'fail'
+    assert verdict.reason == 'gyro_y N: the axis is missing: the result does not hold it'
+
+
+def test_a_constant_axis_fails(result):
+    flat = characterize(np.full(1000, 0.125), 100.0)
+    constant = replace(result, axes={**result.axes, 'gyro_x': flat})
+    verdict = only(constant, 'gyro: {x: {bias_instability: 10 deg/h}}')
+    assert verdict.verdict == 'fail'
+    assert verdict.reason == 'gyro_x B: the axis is constant: every sample is 0.125 rad/s'
+
+
+def test_an_axis_whose_noise_is_only_rounding_is_dead(result):
+    quiet = with_coefficient(result, 'gyro_x', 'noise_density', value=1e-12,
+                             ci95=(0.9e-12, 1.1e-12))
+    verdict = only(quiet, 'gyro: {x: {noise_density: 7e-4 rad/s/sqrt(Hz)}}')
+    assert verdict.verdict == 'fail'
+    assert verdict.reason == ('gyro_x N: the axis is dead: its noise density is 1.1e-12 '
+                              'rad/s/sqrt(Hz) at most, less than a thousandth of the limit')
+
+
+def test_an_axis_that_falls_silent_during_the_record_is_dead(result):
+    segments = tuple(Segment(900.0 * place, 900.0, 0.0, density, (density, density), 1e-6)
+                     for place, density in enumerate((7e-4, 7e-4, 7e-4, 1e-9)))
+    axis = replace(result.axes['gyro_x'], stationarity=Stationarity(False, 0.0, segments))
+    died = replace(result, axes={**result.axes, 'gyro_x': axis})
+    verdict = only(died, 'gyro: {x: {noise_density: 1e-3 rad/s/sqrt(Hz)}}')
+    assert verdict.verdict == 'fail'
+    assert verdict.reason == 'gyro_x N: the axis is dead from 45 min on: no noise is left there'
+
+
+def test_too_short_a_record_lets_nothing_pass_but_fails_what_fails(result):
+    specification = parse_model('gyro: {noise_density: 2.5 deg/sqrt(h)}')
+    verdicts = check(result, specification, shortest_s=4 * 3600.0)
+    assert [v.verdict for v in verdicts] == ['cannot tell', 'fail', 'cannot tell']
+    assert verdicts[0].reason == 'gyro_x N: 3 h of data, and no less than 4 h may pass'
+    assert check(result, specification, shortest_s=3 * 3600.0)[0].verdict == 'pass'
+
+
+# Means of the fixture: 0.01 but on accel z, which measures exactly 1 g.
+@pytest.mark.parametrize(('text', 'outcome', 'reason'), [
+    ('gyro: {x: {zero_bias: 1 deg/s}}', 'pass',
+     'gyro_x zero bias: the 95 % interval is below 1 deg/s'),
+    ('gyro: {x: {zero_bias: 0.5 deg/s}}', 'fail',
+     'gyro_x zero bias: the 95 % interval is above 0.5 deg/s'),
+    ('gyro: {x: {zero_bias: 0.01 rad/s}}', 'cannot tell', 'gyro_x zero bias: the 95 % interval '
+     'reaches across 0.01 rad/s; record for longer'),
+    ('gyro: {x: {zero_bias: 0.1 deg/s, mean: 0.57 deg/s}}', 'pass',
+     'gyro_x zero bias: the 95 % interval is below 0.1 deg/s'),
+    ('accel: {z: {zero_bias: 5 mg}}', 'fail',
+     'accel_z zero bias: the 95 % interval is above 5 mg'),
+    ('accel: {z: {zero_bias: 5 mg, mean: 1 g}}', 'pass',
+     'accel_z zero bias: the 95 % interval is below 5 mg'),
+    ('accel: {gravity_error: 2 mg}', 'pass',
+     'accel gravity error: the 95 % interval is below 2 mg'),
+    ('gyro: {z: {lines: 1e-4 rad/s}}', 'fail', 'gyro_z lines: above 1e-4 rad/s'),
+    ('gyro: {x: {lines: 1e-4 rad/s}}', 'pass', 'gyro_x lines: below 1e-4 rad/s'),
+    ('gyro: {x: {band_limit: 10 ms}}', 'pass', 'gyro_x band limit: below 10 ms'),
+    ('gyro: {x: {temperature_drift: 36 deg/h/K}}', 'cannot tell', 'gyro_x temperature drift: the '
+     'result knows no dependence on temperature; record the temperature while it changes'),
+    ('gyro: {x: {turn_on_bias: 36 deg/h}}', 'cannot tell', 'gyro_x turn-on bias: one power-on '
+     'does not show it; analyze several recordings with --together'),
+])
+def test_what_is_no_noise_is_limited_as_well(result, text, outcome, reason):
+    verdict = only(result, text)
+    assert (verdict.verdict, verdict.reason) == (outcome, reason)
+
+
+def test_gravity_is_the_length_of_the_three_means(result):
+    tilted = {name: replace(axis, mean=9.9 / 3 ** 0.5) if name.startswith('accel') else axis
+              for name, axis in result.axes.items()}
+    verdict = only(replace(result, axes=tilted), 'accel: {gravity_error: 5 mg}')
+    assert (verdict.axis, verdict.verdict) == ('accel', 'fail')
+    assert verdict.value == pytest.approx(9.9 - 9.80665)
+    assert verdict.ci95[0] < verdict.value < verdict.ci95[1]
+
+
+def test_gravity_fails_with_an_axis_that_is_missing(result):
+    axes = {name: axis for name, axis in result.axes.items() if name != 'accel_y'}
+    verdict = only(replace(result, axes=axes), 'accel: {gravity_error: 5 mg}')
+    assert verdict.reason == ('accel gravity error: accel_y: the axis is missing: '
+                              'the result does not hold it')
+
+
+def test_band_temperature_and_turn_on_bias_are_compared_where_they_are_known(result):
+    axis = replace(result.axes['gyro_x'], band_limit_s=0.02, trend=Trend(
+        temperature=TemperatureDependence(-3e-5, (-4e-5, -2e-5), 20.0, 40.0)))
+    result = replace(result, axes={**result.axes, 'gyro_x': axis},
+                     turn_on_bias={'gyro_x': TurnOnBias(1e-4, (0.5e-4, 3e-4))})
+    specification = parse_model('gyro: {x: {band_limit: 10 ms, temperature_drift: 5e-5 rad/s/K, '
+                                'turn_on_bias: 2e-4 rad/s}}')
+    verdicts = {v.key: v for v in check(result, specification)}
+    assert {key: v.verdict for key, v in verdicts.items()} == {
+        'band_limit': 'fail', 'temperature_drift': 'pass', 'turn_on_bias': 'cannot tell'}
+    assert verdicts['temperature_drift'].ci95 == (2e-5, 4e-5)
+
+
+def test_the_summary_says_what_speaks_against_the_sensor(result):
+    outcome, sentences = summary(check(result, parse_model(
+        'gyro: {noise_density: 2.5 deg/sqrt(h), zero_bias: 1 deg/s}')))
+    assert outcome == 'fail'
+    assert sentences == ['gyro_y N: the 95 % interval is above 2.5 deg/sqrt(h) (measured 2.647)']
+    assert summary(check(result, parse_model('gyro: {noise_density: 9 deg/sqrt(h)}'))) == (
+        'pass', [])
+
+
+def test_inspection_goes_into_json_and_junit(result):
+    result = replace(result, inspection=Inspection('A-0017', 'mk', None))
+    specification = parse_model('gyro: {noise_density: 2.5 deg/sqrt(h)}')
+    verdicts = check(result, specification)
+    assert json.loads(to_json(verdicts, result, specification))['inspection'] == {
+        'serial': 'A-0017', 'operator': 'mk', 'station': None}
+    suite = ElementTree.fromstring(to_junit(verdicts, result, specification)).find('testsuite')
+    assert {p.get('name'): p.get('value') for p in suite.find('properties')} == {
+        'serial': 'A-0017', 'operator': 'mk'}
 
 
 def test_an_axis_that_no_model_fits_cannot_be_told(result):
@@ -95,7 +229,7 @@ def test_one_failure_fails_the_sensor_and_one_doubt_keeps_it_from_passing(result
         'gyro: {noise_density: 3 deg/sqrt(h), rate_random_walk: 70 deg/h/sqrt(h)}')
     verdicts = check(result, specification)
     assert [v.verdict for v in verdicts] == ['pass', 'pass', 'pass', 'cannot tell', 'pass',
-                                             'cannot tell']
+                                             'pass']
     assert overall(verdicts) == 'cannot tell'
     assert overall(verdicts[:3]) == 'pass'
     failing = check(result, parse_model('gyro: {noise_density: 2.5 deg/sqrt(h)}'))
@@ -112,6 +246,21 @@ def test_a_limit_of_zero_has_no_ratio(result):
     verdict = only(result, 'gyro: {x: {noise_density: 0 deg/sqrt(h)}}')
     assert verdict.ratio is None
     assert verdict.verdict == 'fail'
+
+
+@pytest.mark.parametrize(('high', 'shown'), [
+    (2.55, '2.50 2.45 .. 2.55'),
+    # To the digits of the interval 2.576 would be the limit itself.
+    (2.576, '2.5 2.424 .. 2.576')])
+def test_the_digits_are_those_of_the_interval_unless_they_hide_the_verdict(
+        result, tmp_path, high, shown):
+    ci95 = ((5.0 - high) * DEG_PER_ROOT_H, high * DEG_PER_ROOT_H)
+    changed = with_coefficient(result, 'gyro_x', 'noise_density', value=2.5 * DEG_PER_ROOT_H,
+                               ci95=ci95)
+    specification = parse_model('gyro: {x: {noise_density: 2.58 deg/sqrt(h)}}')
+    with (tmp_path / 'out').open('w') as file:
+        Console(file=file, width=120).print(verdict_table(check(changed, specification)))
+    assert f'N {shown} ' in ' '.join((tmp_path / 'out').read_text().split())
 
 
 def test_the_table_shows_every_number_in_the_unit_of_the_specification(result, tmp_path):

@@ -50,6 +50,23 @@ def test_both_units_stand_beside_the_curve(result):
         assert label in texts
 
 
+@pytest.mark.parametrize('last', [1e-9, 1e-5, 1e-4, 1.0])
+def test_the_names_of_the_curves_stay_inside_the_frame(result, last):
+    axes = {name: replace(axis, curve=replace(axis.curve, adev=(*axis.curve.adev[:-1], last)))
+            for name, axis in result.axes.items()}
+    figure = plot.overview_figure(replace(result, axes=axes))
+    plot.render(figure, 'png', 30)
+    panel = next(panel for panel in figure.axes if 'angular' in panel.get_ylabel())
+    frame = panel.get_window_extent()
+    names = [text for text in panel.texts if text.get_text() in ('x', 'y', 'z')]
+    assert len(names) == 3
+    for text in names:
+        # The box of an annotation takes in its arrow; the letter alone is at its own place.
+        height = panel.transData.transform(text.xyann)[1]
+        assert frame.y0 < height < frame.y1
+        assert panel.get_ylim()[0] < text.xy[1] < panel.get_ylim()[1]
+
+
 def test_the_engineering_axis_is_the_si_axis_converted(result):
     figure = plot.overview_figure(result)
     plot.render(figure, 'png', 30)
@@ -72,8 +89,8 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     assert any(height == floor for _, height in rings)
     texts = texts_of(figure)
     assert 'N = 2.406 °/√h\nslope −½, read at 1 s' in texts
-    assert 'K = 49.5 °/h/√h\nslope +½, read at 3 s' in texts
-    assert 'B = 24.75 °/h\nslope 0, at 0.664 B' in texts
+    assert 'K = 50 °/h/√h\nslope +½, read at 3 s' in texts
+    assert 'B = 24.8 °/h\nslope 0, at 0.664 B' in texts
 
 
 def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):

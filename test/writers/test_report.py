@@ -2,16 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reports as files and as pages: the latter in a real browser, where there is one."""
 
-from base64 import b64encode
+from base64 import b64decode, b64encode
 from dataclasses import replace
 from hashlib import sha256
 from html.parser import HTMLParser
-import json
 import re
 import time
 
 from browser import CHROMIUM, DRIVER, running_browser
-from imu_allan.result import GaussMarkov, GoodnessOfFit, Remark, Source, Spectrum, Timeline
+from imu_allan.result import (
+    Curve,
+    GoodnessOfFit,
+    Remark,
+    Source,
+    Spectrum,
+    Timeline,
+    Trend,
+    WarmUp,
+)
+from imu_allan.sensor.units import engineering
+from imu_allan.wording import measured
 from imu_allan.writers.filters import export
 from imu_allan.writers.report import comparison_html, report_html
 import pytest
@@ -62,24 +72,58 @@ def written(tmp_path, text):
     return tmp_path / 'report.html'
 
 
+def test_the_report_shows_the_answer_before_it_explains_it(filtered):
+    text = Outline(report_html(filtered)).text
+    for part in ('Gyroscope steady N angle random walk, worst axis: y 2.647 °/√h '
+                 '95 %: 2.642 .. 2.652 0.0007700 rad/s/√Hz',
+                 'K rate random walk, worst axis: y 54 °/h/√h 95 %: 38 .. 71',
+                 'tuned for corrections every 0.1 s and up to 60 s without',
+                 'Left alone for 60 s, this gyroscope is off by 0.53° .',
+                 '2,160,000 samples at 200 Hz, 3 h', 'frame imu_link'):
+        assert part in text
+    assert text.index('Left alone') < text.index('Pictures') < text.index('How it was computed')
+
+
+def test_a_forecast_longer_than_the_recording_says_so(filtered):
+    short = replace(filtered, timeline=replace(filtered.timeline, duration_s=30.0))
+    sentence = "the recording is shorter, so this is the model's word alone."
+    assert Outline(report_html(short)).text.count(sentence) == 2
+    assert sentence not in Outline(report_html(filtered)).text
+
+
 def test_the_report_shows_values_intervals_bounds_and_warnings(result):
     text = Outline(report_html(result)).text
-    for part in ('2.406 2.402 – 2.411', '°/√h', 'not observable, below 23.51',
-                 'The IMU moved twice, 345 s in all', 'Tones: gyro z 23.4 Hz (41.25 °/h), 46.8 Hz',
-                 '2,160,000 samples at 200 Hz',
+    for part in ('2.406 2.402 – 2.411', '°/√h', '< 23.5', 'The IMU moved twice, 345 s in all',
+                 'gyro z 23.4 Hz (41.3 °/h) and 46.8 Hz (20.6 °/h): vibration',
                  '2 × motion or knocks, left out, 5 min 45 s in all',
-                 '2 × gaps without samples, 6 s in all', 'frame imu_link'):
+                 '2 × gaps without samples, 6 s in all'):
         assert part in text
 
 
-def test_findings_of_an_axis_are_told_in_words(result):
-    axis = replace(result.axes['gyro_x'], band_limit_s=0.04,
-                   goodness_of_fit=GoodnessOfFit(None, None, False),
-                   gauss_markov=GaussMarkov(1e-3, 300.0))
+def test_remarks_are_one_line_until_they_are_opened(result):
+    html = report_html(replace(result, warnings=(
+        *(Remark('poor_fit', f'{name}: off by {3 + place} %')
+          for place, name in enumerate(result.axes)), *result.warnings)))
+    assert '<summary>3 remarks: poor fit, motion, tones</summary>' in html
+    assert 'all axes: off by 3 to 8 %' in Outline(html).text
+
+
+def test_findings_of_an_axis_are_told_in_a_word(result):
+    axis = replace(result.axes['gyro_x'], goodness_of_fit=GoodnessOfFit(None, None, False))
     text = Outline(report_html(replace(result, axes={'gyro_x': axis}))).text
-    assert 'Low-passed before it is sampled, with an effective window of: gyro x 40 ms.' in text
-    assert 'No model of the five terms describes gyro x well' in text
-    assert 'with a correlation time of 5 min' in text
+    assert 'Gyroscope does not fit' in text
+    warm = replace(result.axes['gyro_x'], trend=Trend(warm_up=WarmUp(1e-3, 300.0, (5e-4, 2e-3))))
+    text = Outline(report_html(replace(result, axes={'gyro_x': warm}))).text
+    assert 'Gyroscope still warming up' in text
+
+
+def test_a_constant_sensor_says_so_instead_of_blank_charts(result, make_axis):
+    flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
+                 (0.0, 0.0))
+    axes = {f'gyro_{letter}': make_axis(f'gyro_{letter}', {}, curve=flat) for letter in 'xyz'}
+    html = report_html(replace(result, axes=axes, warnings=()))
+    assert 'Constant: gyro x, y and z. Every sample is the same' in Outline(html).text
+    assert '<svg' not in html
 
 
 def test_every_filter_config_can_be_copied_from_the_report(result):
@@ -100,27 +144,25 @@ def test_the_report_names_no_address_to_load_from(result):
     assert '@import' not in style
 
 
-def test_the_security_policy_allows_the_scripts_it_has_and_no_other(result):
+def test_the_security_policy_allows_the_script_it_has_and_no_other(result):
     outline = Outline(report_html(result))
     policy = next(attributes['content'] for tag, attributes in outline.tags
                   if attributes.get('http-equiv') == 'Content-Security-Policy')
     assert "default-src 'none'" in policy
     allowed = re.search('script-src ([^;]*)', policy)[1].split()
-    programs = [script for script in outline.scripts if not script.startswith('[')]
     assert allowed == [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'"
-                       for script in programs]
+                       for script in outline.scripts]
 
 
-def test_the_numbers_of_the_charts_are_those_of_the_result(result):
-    outline = Outline(report_html(result))
-    charts = {chart['id']: chart for chart in json.loads(outline.scripts[0])}
-    assert set(charts) == {'gyro-allan', 'gyro-psd', 'accel-allan', 'accel-psd'}
-    points = next(trace for trace in charts['gyro-allan']['traces']
-                  if trace['kind'] == 'points' and trace['group'] == 'y')
-    curve = result.axes['gyro_y'].curve
-    assert tuple(points['x']) == curve.tau_s
-    assert tuple(points['y']) == curve.adev
-    assert tuple(map(tuple, zip(points['low'], points['high'], strict=True))) == curve.ci95
+def test_every_picture_is_there_without_a_script_and_tells_its_numbers(filtered):
+    outline = Outline(report_html(filtered))
+    names = [attributes['id'] for tag, attributes in outline.tags if tag == 'figure']
+    assert names == [f'{sensor}-{what}' for sensor in ('gyro', 'accel')
+                     for what in ('signal', 'allan', 'psd', 'drift', 'segments')]
+    value, low, high = (engineering(v, 'rad/s')[0] for v in (
+        filtered.axes['gyro_y'].curve.adev[0], *filtered.axes['gyro_y'].curve.ci95[0]))
+    shown, *bounds = measured(value, low, high)
+    assert f'y axis, τ = 0.005 s: {shown} °/h, 95 % {" – ".join(bounds)}' in outline.text
 
 
 def test_text_from_a_recording_stays_text(result):
@@ -144,44 +186,24 @@ def test_the_page_asks_for_nothing_and_complains_of_nothing(result, tmp_path, br
     asked = [url for url in browser.requests() if not url.startswith(('chrome:', 'data:'))]
     assert asked == [page.as_uri()]
     assert browser.console() == []
-    assert browser.run('return document.querySelectorAll(".plot .main-svg").length') >= 4
+    assert browser.run('return document.querySelectorAll("svg.chart").length') >= 8
 
 
 @needs_browser
-def test_axes_components_and_units_can_be_switched(result, tmp_path, browser):
-    browser.show(written(tmp_path, report_html(result)))
-    shown = ('return document.querySelector("#gyro-allan .plot").data'
-             '.filter(trace => trace.visible).length')
-    before = browser.run(shown)
-    click = ('[...document.querySelectorAll("#gyro-allan label")]'
-             '.find(item => item.textContent.trim() === "{}").click();')
-    browser.run(click.format('its terms'))
-    # N, B, K of x and y, N and B of z
-    assert browser.run(shown) == before + 8
-    browser.run(click.format('y axis'))
-    # gone: its points, model, two bands and three terms
-    assert browser.run(shown) == before + 8 - 7
-    value = 'return document.querySelector("#gyro-allan .plot").data[3].y[0]'
-    engineering = browser.run(value)
+def test_one_axis_is_brought_forward_and_units_are_switched(filtered, tmp_path, browser):
+    browser.show(written(tmp_path, report_html(filtered)))
+    seen = ('return [...document.querySelectorAll("#gyro-allan .at-desk .detail")]'
+            '.filter(item => getComputedStyle(item).display !== "none")'
+            '.map(item => item.dataset.group).join("")')
+    assert browser.run(seen) == 'yy'
+    browser.run('document.querySelector("#gyro-allan button[data-group=x]").click()')
+    assert browser.run(seen) == 'xx'
     browser.run('const choice = document.getElementById("units"); choice.value = "si";'
                 'choice.dispatchEvent(new Event("change"))')
-    assert browser.run(value) == pytest.approx(engineering / 206264.806247, rel=1e-9)
     assert browser.run('return document.querySelector("span.si b").offsetParent !== null')
     assert browser.run('return document.querySelector("span.engineering b").offsetParent === null')
+    assert '0.0007700' in browser.run('return document.querySelector(".coefficients").innerText')
     assert browser.console() == []
-
-
-@needs_browser
-def test_a_point_tells_its_value_and_interval_under_the_pointer(result, tmp_path, browser):
-    browser.show(written(tmp_path, report_html(result)), height=1800)
-    text = browser.run("""
-        const place = document.querySelector('#gyro-allan .plot');
-        const number = place.data.findIndex(trace => trace.customdata);
-        Plotly.Fx.hover(place, [{curveNumber: number, pointNumber: 0}]);
-        return place.querySelector('.hoverlayer').textContent;""")
-    assert 'x axis' in text
-    assert 'τ = 0.005 s' in text
-    assert '95 %: 2040 – 2044' in text
 
 
 @needs_browser
@@ -200,18 +222,99 @@ def test_a_config_is_copied_by_its_button(result, tmp_path, browser):
 
 
 @needs_browser
+def test_the_first_screen_has_both_answers(filtered, tmp_path, browser):
+    browser.show(written(tmp_path, report_html(filtered)), width=1400, height=900)
+    ends = browser.run('return [...document.querySelectorAll(".forecast, .copy-for, .remarks")]'
+                       '.map(item => item.getBoundingClientRect().bottom)')
+    assert len(ends) == 4
+    assert max(ends) < 900
+
+
+@needs_browser
+def test_the_chosen_consumer_is_copied_from_the_first_screen(filtered, tmp_path, browser):
+    browser.show(written(tmp_path, report_html(filtered)))
+    browser.run("""
+        navigator.clipboard.writeText = async text => { window.copied = text; };
+        document.getElementById('consumer').value = 'px4';
+        document.getElementById('copy-for').click();""")
+    time.sleep(0.2)
+    assert browser.run('return window.copied') == export(filtered, 'px4').text
+
+
+# Two boxes of text that overlap by more than a pixel; what is not shown has no box.
+OVERLAPS = """
+    const found = [];
+    for (const svg of document.querySelectorAll('svg.chart')) {
+      if (!svg.getBoundingClientRect().width) continue;
+      const place = svg.getBoundingClientRect();
+      const texts = [...svg.querySelectorAll('text')].map(item =>
+        [item.textContent, item.getBoundingClientRect()]).filter(([, box]) => box.width);
+      texts.forEach(([text, box], i) => {
+        if (box.left < place.left - 1 || box.right > place.right + 1 ||
+            box.top < place.top - 1 || box.bottom > place.bottom + 1)
+          found.push('outside: ' + text);
+        for (const [other, next] of texts.slice(i + 1)) {
+          if (Math.min(box.right, next.right) - Math.max(box.left, next.left) > 1 &&
+              Math.min(box.bottom, next.bottom) - Math.max(box.top, next.top) > 3)
+            found.push(text + ' | ' + other);
+        }
+      });
+    }
+    return found;"""
+# Text whose colour is less than 4.5 to 1 from the nearest paper behind it (WCAG 2.1, AA).
+FAINT = """
+    const parts = colour => colour.match(/[\\d.]+/g).map(Number);
+    const light = colour => parts(colour).slice(0, 3).map(c => c / 255).map(c =>
+      c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4).reduce((sum, c, i) =>
+      sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+    const paper = item => {
+      for (let at = item; at; at = at.parentElement) {
+        const colour = getComputedStyle(at).backgroundColor;
+        if (parts(colour).length === 3 || parts(colour)[3] > 0.5) return colour;
+      }
+      return 'rgb(255, 255, 255)';
+    };
+    const found = [];
+    for (const item of document.querySelectorAll('main *')) {
+      const own = [...item.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
+      if (!own || !item.getBoundingClientRect().width || item.tagName === 'title') continue;
+      const style = getComputedStyle(item);
+      const ink = light(item instanceof SVGElement ? style.fill : style.color);
+      const back = light(paper(item));
+      const ratio = (Math.max(ink, back) + 0.05) / (Math.min(ink, back) + 0.05);
+      if (ratio < 4.5) found.push([item.textContent.slice(0, 40), ratio]);
+    }
+    return found;"""
+
+
+@needs_browser
 @pytest.mark.parametrize('dark', [False, True])
-def test_the_page_fits_a_phone_and_follows_dark_mode(result, tmp_path, browser, dark):
-    browser.show(written(tmp_path, report_html(result)), width=390, height=844, phone=True,
+@pytest.mark.parametrize('width', [400, 1400])
+def test_nothing_overlaps_overflows_or_is_too_faint(filtered, tmp_path, browser, width, dark):
+    browser.show(written(tmp_path, report_html(filtered)), width=width, phone=width < 600,
                  dark=dark)
-    assert browser.run('return document.documentElement.scrollWidth') <= 390
+    browser.run('for (const item of document.querySelectorAll("details")) item.open = true;')
+    assert browser.run('return document.documentElement.scrollWidth') <= width
     assert browser.run('return getComputedStyle(document.body).backgroundColor') == (
         'rgb(22, 24, 28)' if dark else 'rgb(255, 255, 255)')
-    paper = browser.run('return document.querySelector("#gyro-allan .plot")'
-                        '._fullLayout.paper_bgcolor')
-    assert paper == ('#16181c' if dark else '#ffffff')
-    width = browser.run('return document.querySelector("#gyro-allan .main-svg").clientWidth')
-    assert 300 < width <= 390
+    assert browser.run(OVERLAPS) == []
+    assert browser.run(FAINT) == []
+    shown = browser.run('return [...document.querySelectorAll("#gyro-allan svg")]'
+                        '.filter(item => item.clientWidth).map(item => item.classList[1])')
+    assert shown == ['on-phone' if width < 600 else 'at-desk']
+
+
+@needs_browser
+def test_print_is_two_light_pages_whatever_the_scheme(filtered, tmp_path, browser):
+    browser.show(written(tmp_path, report_html(filtered)), dark=True)
+    data = b64decode(browser.cdp('Page.printToPDF', preferCSSPageSize=True)['data'])
+    assert len(re.findall(rb'/Type\s*/Page\b', data)) == 2
+    browser.cdp('Emulation.setEmulatedMedia', media='print', features=[
+        {'name': 'prefers-color-scheme', 'value': 'dark'}])
+    assert browser.run('return getComputedStyle(document.body).backgroundColor') == (
+        'rgb(255, 255, 255)')
+    assert browser.run('return document.querySelector(".configs").offsetParent === null')
+    browser.cdp('Emulation.setEmulatedMedia', media='')
 
 
 @needs_browser
@@ -230,10 +333,10 @@ def test_no_script_from_a_recording_runs(result, tmp_path, browser):
 def test_the_comparison_page_overlays_the_results(result, make_result, tmp_path, browser):
     page = written(tmp_path, comparison_html({'monday': result, 'friday': make_result(1.5)}))
     browser.show(page)
-    labels = browser.run('return [...document.querySelectorAll("#gyro_x .group")]'
+    labels = browser.run('return [...document.querySelectorAll("#gyro_x .legend button")]'
                          '.map(item => item.textContent.trim())')
     assert labels == ['monday', 'friday']
-    assert browser.run('return document.querySelectorAll(".chart").length') == 6
+    assert browser.run('return document.querySelectorAll("figure").length') == 6
     assert '+138.68' in browser.run('return document.body.innerText')
 
 

@@ -63,6 +63,10 @@ def changed(document, path, value):
     (('axes', 'gyro_x', 'coefficients', 'noise_density', 'value'), '1', 'expected float'),
     (('axes', 'gyro_x', 'curve', 'adev'), [1.0], 'adev: not as long as tau_s'),
     (('axes', 'gyro_x', 'curve', 'tau_s', 0), -1.0, 'above zero'),
+    (('axes', 'gyro_x', 'curve', 'adev', 0), -1.0, 'curve.adev: expected zero or above'),
+    (('axes', 'gyro_x', 'curve', 'edf', 0), 0, 'curve.edf: expected above zero'),
+    (('axes', 'gyro_x', 'drift_model', 'to_s'), 1e-9, 'drift_model.from_s: beyond to_s'),
+    (('axes', 'gyro_x', 'drift_model', 'rate_random_walk'), -1.0, 'zero or above'),
     (('axes', 'wheel'), {}, 'axes.wheel'),
     (('source', 'kind'), 'dream', 'dream'),
     (('timeline', 'sample_rate_hz'), 0.0, 'sample_rate_hz: expected a number above zero'),
@@ -87,7 +91,7 @@ def paths_of(document, before=()):
           suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_damaged_result_is_read_or_refused_but_never_crashes_a_writer(result, tmp_path, data):
-    from imu_allan.noise.model import parse_model
+    from imu_allan.sensor.noise_model import parse_model
     from imu_allan.writers import datasheet, filters, report, table
     from rich.console import Console
 

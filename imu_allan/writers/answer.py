@@ -1,0 +1,248 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The answer: what somebody who configures a filter wants to know of a sensor, before anything else.
+
+The worst axis counts. What report, terminal and demo say first is made here, so that they say the
+same.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import AxisResult, Coefficient, Result
+from imu_allan.sensor.units import convert, engineering
+from imu_allan.tuning.forecast import predicted_drift
+from imu_allan.tuning.tune import FilterTuning, tune
+from imu_allan.wording import measured, number, SENSORS
+
+AIDING_S = 0.1
+COAST_S = 60.0
+CALIBRATION_S = 60.0
+
+STEADY, UNSTEADY, WARMING = 'steady', 'not steady', 'still warming up'
+MISFIT, UNKNOWN, CONSTANT = 'does not fit', 'cannot tell', 'constant'
+FITS = 'fits'
+"""Where the record is too short to be cut into parts: all that is known is that the model fits."""
+GOOD = (STEADY, FITS)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """
+    One coefficient of the worst axis, ready to be read.
+
+    Attributes
+    ----------
+    symbol, axis : str
+    word : str
+        One of the words above.
+    value, interval, unit : str
+        As in datasheets; a value that is only bounded begins with ``<`` and has no interval.
+    si_value, si_interval, si_unit : str
+
+    """
+
+    symbol: str
+    axis: str
+    word: str
+    value: str
+    interval: str
+    unit: str
+    si_value: str
+    si_interval: str
+    si_unit: str
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """
+    The numbers for a filter of one bias state, SI, of the axis where each is largest.
+
+    Attributes
+    ----------
+    noise_density, random_walk : str
+    units : (str, str)
+    tunings : mapping of axis name to FilterTuning
+
+    """
+
+    noise_density: str
+    random_walk: str
+    units: tuple[str, str]
+    tunings: Mapping[str, FilterTuning]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """
+    What is said of one sensor.
+
+    Attributes
+    ----------
+    sensor, title : str
+    word : str
+        The worst that is to be said of its noise and its drift.
+    noise, drift : Figure or None
+        N and K of the worst axis.
+    tuned : Tuned or None
+        For a filter that is corrected every `AIDING_S` and alone for `COAST_S` at most.
+    forecast : str
+        How far off it is after `COAST_S` without correction, its bias averaged over
+        `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
+    extrapolated : bool
+        Whether the recording is shorter than the two together: the model goes further than it saw.
+
+    """
+
+    sensor: str
+    title: str
+    word: str
+    noise: Figure | None
+    drift: Figure | None
+    tuned: Tuned | None
+    forecast: str
+    extrapolated: bool = False
+
+
+def answers(result: Result) -> list[Answer]:
+    """
+    Return the answer for each sensor of a result.
+
+    Parameters
+    ----------
+    result : Result
+        Of one recording.
+
+    """
+    found = []
+    extrapolated = result.timeline.duration_s < CALIBRATION_S + COAST_S
+    for sensor, title in SENSORS.items():
+        axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
+        if axes:
+            noise, drift = (_figure(axes, key) for key in ('noise_density', 'rate_random_walk'))
+            found.append(Answer(sensor, title, _overall(axes, noise), noise, drift,
+                                _tuned(axes), _forecast(sensor, axes), extrapolated))
+    return found
+
+
+def is_constant(axis: AxisResult) -> bool:
+    """Whether every sample of the axis was the same."""
+    return bool(axis.curve.adev) and not any(axis.curve.adev)
+
+
+def word_of(axis: AxisResult) -> str:
+    """
+    Say in a word how far the noise density of an axis is to be trusted.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        What was found of it.
+
+    """
+    if is_constant(axis):
+        return CONSTANT
+    if not axis.coefficients['noise_density'].observable:
+        return UNKNOWN
+    if not axis.goodness_of_fit.acceptable:
+        return MISFIT
+    if axis.trend is not None and axis.trend.warm_up is not None:
+        return WARMING
+    if axis.stationarity is None:
+        return FITS
+    return STEADY if axis.stationarity.steady else UNSTEADY
+
+
+def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
+    words = {word_of(axis) for axis in axes.values()}
+    if words == {CONSTANT} or noise is None:
+        return CONSTANT if words == {CONSTANT} else UNKNOWN
+    return next(word for word in (UNKNOWN, MISFIT, WARMING, UNSTEADY, CONSTANT, FITS, STEADY)
+                if word in words)
+
+
+def _figure(axes: Mapping[str, AxisResult], key: str) -> Figure | None:
+    """Return the largest value, or where no axis shows one the largest bound."""
+    seen = {name: axis.coefficients[key] for name, axis in axes.items()}
+    values = {name: c.value for name, c in seen.items() if c.value is not None}
+    if not values:
+        values = {name: c.upper95 for name, c in seen.items() if c.upper95 is not None}
+    if not values:
+        return None
+    worst = max(values, key=values.__getitem__)
+    word = word_of(axes[worst]) if seen[worst].observable else UNKNOWN
+    return _written(worst[-1], seen[worst], word)
+
+
+def _written(axis: str, coefficient: Coefficient, word: str) -> Figure:
+    unit = engineering(1.0, coefficient.unit)[1]
+    if coefficient.value is None or coefficient.ci95 is None:
+        bound = coefficient.upper95 or 0.0
+        return Figure(coefficient.symbol, axis, word,
+                      f'< {number(convert(bound, coefficient.unit, unit), 3)}', '', unit,
+                      f'< {number(bound, 3)}', '', coefficient.unit)
+    numbers = (coefficient.value, *coefficient.ci95)
+    value, *bounds = measured(*(convert(n, coefficient.unit, unit) for n in numbers))
+    si_value, *si_bounds = measured(*numbers)
+    return Figure(coefficient.symbol, axis, word, value, ' .. '.join(bounds), unit,
+                  si_value, ' .. '.join(si_bounds), coefficient.unit)
+
+
+def tunings_of(axes: Mapping[str, AxisResult]) -> dict[str, FilterTuning]:
+    """
+    Return the tuning of every axis that has one.
+
+    Parameters
+    ----------
+    axes : mapping of name to AxisResult
+        Of one result.
+
+    """
+    found = {}
+    for name, axis in axes.items():
+        if axis.drift_model is not None and not is_constant(axis):
+            try:
+                found[name] = tune(axis, AIDING_S, COAST_S)
+            except ImuAllanError:
+                # The reasons are those for which it cannot be tuned at all: nothing to show.
+                continue
+    return found
+
+
+def _tuned(axes: Mapping[str, AxisResult]) -> Tuned | None:
+    tunings = tunings_of(axes)
+    if not tunings:
+        return None
+    axis = next(iter(axes.values()))
+    units = (axis.coefficients['noise_density'].unit, axis.coefficients['rate_random_walk'].unit)
+    return Tuned(f'{max(t.noise_density for t in tunings.values()):#.3g}',
+                 f'{max(t.random_walk or 0.0 for t in tunings.values()):#.3g}', units, tunings)
+
+
+def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> str:
+    """Write what integrating the worst axis comes to."""
+    angles, positions = [], []
+    for axis in axes.values():
+        if axis.drift_model is None or is_constant(axis):
+            continue
+        try:
+            drift = predicted_drift(axis, (COAST_S,), CALIBRATION_S)
+        except ImuAllanError:
+            continue
+        angles.append(drift.integral[0])
+        positions += list(drift.position or ())
+    if not angles:
+        return ''
+    if sensor == 'gyro':
+        return _with_unit(convert(max(angles), 'rad', 'deg'), (('deg', 1.0),))
+    speed = _with_unit(max(angles), (('m/s', 1.0), ('cm/s', 100.0), ('mm/s', 1000.0)))
+    place = _with_unit(max(positions), (('km', 1e-3), ('m', 1.0), ('cm', 100.0), ('mm', 1000.0)))
+    return f'{place} ({speed})'
+
+
+def _with_unit(value: float, units: tuple[tuple[str, float], ...]) -> str:
+    """Write a standard deviation in the largest unit in which it is one at least."""
+    unit, factor = next((pair for pair in units if value * pair[1] >= 1), units[-1])
+    return f'{number(value * factor, 2)} {unit}'

@@ -1,0 +1,587 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The charts of the report, in one module because each is a function that nobody else needs.
+
+Signal, Allan deviation, spectrum, drift, segments; wide and narrow.
+
+Three axes share a panel; the band in which the points should fall, the terms and their names are
+shown for one of them at a time, the worst one until the reader chooses another.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from imu_allan.noise import chi_square
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
+from imu_allan.result import AxisResult, Result, Span, Timeline
+from imu_allan.sensor.units import convert, engineering, typeset
+from imu_allan.tuning.tune import FilterTuning
+from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
+from imu_allan.writers.answer import is_constant
+from imu_allan.writers.panels import (
+    coefficients_of,
+    density_limits,
+    describe,
+    few_degrees,
+    in_bands,
+    limits_of,
+    model_curve,
+    reading_point,
+    written,
+)
+from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+WIDE, NARROW = 1080.0, 380.0
+"""Widths of the two drawings: the page at a desk and in print, and on a phone."""
+_SHOWN_SPANS = 400
+_SHOWN_TONES = 12
+
+
+@dataclass(frozen=True)
+class Chart:
+    """
+    One chart of the page.
+
+    Attributes
+    ----------
+    name : str
+        Unique in the page.
+    title, caption : str
+    svg : str
+        The two drawings.
+    groups : tuple of (str, str, str)
+        Name, class and label of what can be looked at by itself.
+    focus : str
+        The group that is looked at in the beginning.
+
+    """
+
+    name: str
+    title: str
+    caption: str
+    svg: str
+    groups: tuple[tuple[str, str, str], ...] = ()
+    focus: str = ''
+
+
+def _both(name: str, label: str, height: float, draw: Callable[[Drawing, bool], None],
+          narrow_height: float | None = None) -> str:
+    """Draw for the desk and for the phone."""
+    drawings = []
+    for size, width, tall in (('at-desk', WIDE, height),
+                              ('on-phone', NARROW, narrow_height or height * 0.85)):
+        drawing = Drawing(width, tall, f'{name}-{size}', label)
+        draw(drawing, size == 'on-phone')
+        drawings.append(drawing.svg(size))
+    return ''.join(drawings)
+
+
+def _box(drawing: Drawing, narrow: bool, top: float = 26, bottom: float = 46) -> Box:
+    return (56.0 if narrow else 64.0, top, drawing.width - (14 if narrow else 68),
+            drawing.height - bottom)
+
+
+def _groups(axes: Mapping[str, AxisResult]) -> tuple[tuple[str, str, str], ...]:
+    return tuple((name[-1], f'axis-{name[-1]}', f'{name[-1]} axis') for name in axes)
+
+
+def _shape(letter: str) -> str:
+    return SHAPES['xyz'.index(letter)]
+
+
+def worst_axis(axes: Mapping[str, AxisResult]) -> str:
+    """Return the letter of the axis with the largest noise density."""
+    return max(axes, key=lambda name: axes[name].coefficients['noise_density'].value or 0.0)[-1]
+
+
+# The signal over time.
+
+def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
+    """
+    Draw the wandering of the mean of every axis, and below it lowest and highest samples.
+
+    Parameters
+    ----------
+    result : Result
+        What the axes are from.
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+
+    Returns
+    -------
+    Chart or None
+        None where the result does not have the signal.
+
+    """
+    known = {name: axis for name, axis in axes.items()
+             if axis.signal is not None and axis.signal.mean and not is_constant(axis)}
+    if not known:
+        return None
+    shown = 'deg/s' if sensor == 'gyro' else 'm/s^2'
+    factor = convert(1.0, next(iter(known.values())).unit, shown)
+    length = max(result.timeline.duration_s, 1e-9)
+    scale, time_unit = _time_unit(length)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        left, top, right, _ = _box(drawing, narrow)
+        strip = 44.0
+        split = drawing.height - 46 - strip * len(known) - 26
+        main = drawing.panel((left, top, right, split), (0, length / scale, False),
+                             _wander(known, factor))
+        _shade(main, result.timeline, scale, known)
+        main.frame('', f'mean of each stretch less the mean of all [{typeset(shown)}]',
+                   x_labels=False, most_y=6)
+        drawing.add(main, [group(name[-1], f'axis-{name[-1]}', [
+            main.line(*_columns(axis, scale, factor), 'curve')]) for name, axis in known.items()])
+        drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
+                     'title')
+        for place, (name, axis) in enumerate(known.items()):
+            y0 = split + 26 + place * strip
+            low, high = (np.array([np.nan if v is None else v for v in values]) * factor
+                         for values in (axis.signal.low, axis.signal.high)) \
+                if axis.signal is not None else (np.zeros(0), np.zeros(0))
+            ends = float(np.nanmin(low)), float(np.nanmax(high))
+            part = drawing.panel((left, y0 + 2, right, y0 + strip - 4),
+                                 (0, length / scale, False), _padded(*ends))
+            _shade(part, result.timeline, scale, known)
+            last = place == len(known) - 1
+            part.frame(f'time [{time_unit}]' if last else '', '', x_labels=last, most_y=3)
+            time = (np.arange(len(low)) + 0.5) * (axis.signal.step_s if axis.signal else 1) / scale
+            drawing.add(part, [group(name[-1], f'axis-{name[-1]}',
+                                     [part.band(time, low, high, 'extent')])])
+            drawing.text(right - 4, y0 + 14, name[-1], f'tag axis-{name[-1]}', 'end')
+
+    name = f'{sensor}-signal'
+    text = ('Mean and extremes of equal stretches of the recording. A drift, a warm-up or a knock '
+            'shows here before any fit.')
+    shades = [label for label, spans in (('Grey: gap.', result.timeline.gaps),
+                                         ('Yellow: motion, left out.', result.timeline.motion))
+              if spans]
+    return Chart(name, f'{SENSORS[sensor]}: the signal', ' '.join([text, *shades]),
+                 _both(name, f'{SENSORS[sensor]}: mean and extremes over time', 330,
+                       draw, 330), _groups(known))
+
+
+def _time_unit(length_s: float) -> tuple[float, str]:
+    return next(((size, name) for size, name in ((86_400.0, 'days'), (3600.0, 'h'), (60.0, 'min'))
+                 if length_s >= 2 * size), (1.0, 's'))
+
+
+def _columns(axis: AxisResult, scale: float, factor: float) -> tuple[Array, Array]:
+    """Time and wandering of the mean."""
+    if axis.signal is None:
+        return np.zeros(0), np.zeros(0)
+    mean: Array = np.array([np.nan if v is None else v for v in axis.signal.mean])
+    time = np.asarray((np.arange(len(mean)) + 0.5) * (axis.signal.step_s / scale), np.float64)
+    return time, np.asarray((mean - np.nanmean(mean)) * factor, np.float64)
+
+
+def _wander(axes: Mapping[str, AxisResult], factor: float) -> tuple[float, float, bool]:
+    values = np.concatenate([_columns(axis, 1.0, factor)[1] for axis in axes.values()])
+    return _padded(float(np.nanmin(values)), float(np.nanmax(values)))
+
+
+def _padded(low: float, high: float) -> tuple[float, float, bool]:
+    room = 0.06 * (high - low) or max(abs(high), 1e-9) * 0.01
+    return low - room, high + room, False
+
+
+def _shade(panel: Panel, timeline: Timeline, scale: float,
+           axes: Mapping[str, AxisResult]) -> None:
+    """Shade what was left out, and mark where the parts begin that were fitted by themselves."""
+    for spans, kind, what in ((timeline.motion, 'motion', 'motion, left out'),
+                              (timeline.gaps, 'gap', 'gap')):
+        for span in spans[:_SHOWN_SPANS]:
+            panel.span(span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
+                       _told(what, span))
+    steady = next((axis.stationarity for axis in axes.values()
+                   if axis.stationarity is not None), None)
+    for segment in steady.segments[1:] if steady else ():
+        panel.parts.append(panel.upright(segment.start_s / scale, 'segment', 'next segment'))
+
+
+def _told(what: str, span: Span) -> str:
+    return f'{what}: {duration(span.duration_s)} from {duration(span.start_s)} on'
+
+
+# The Allan deviation.
+
+def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
+    """
+    Draw the Allan deviation with the model, where its points should fall, and its terms.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+    timeline : Timeline
+        Of the same result.
+
+    Returns
+    -------
+    Chart or None
+        None where no axis has a curve above zero.
+
+    """
+    known = {name: axis for name, axis in axes.items() if any(axis.curve.adev)}
+    if not known:
+        return None
+    unit = AXES[next(iter(known))].unit
+    factor, shown = engineering(1.0, unit)
+    low, high = limits_of(known.values(), rings=True)
+    ends = (min(axis.curve.tau_s[0] for axis in known.values()) / 1.5,
+            max(axis.curve.tau_s[-1] for axis in known.values()) * 1.9)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(_box(drawing, narrow), (*ends, True),
+                              (low * factor, high * factor, True))
+        panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
+                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+        inside = []
+        for name, axis in known.items():
+            inside.append(group(name[-1], f'detail axis-{name[-1]}',
+                                _expected(panel, axis, timeline, factor)))
+        for name, axis in known.items():
+            tau, adev = model_curve(axis, timeline)
+            inside.append(group(name[-1], f'axis-{name[-1]}', [
+                panel.line(tau, adev * factor, 'curve'),
+                _measured_points(panel, axis, factor, shown, f'{name[-1]} axis',
+                                 _shape(name[-1]))]))
+        for name, axis in known.items():
+            inside.append(group(name[-1], 'detail', _term_labels(
+                panel, axis, factor, timeline, brief=narrow)))
+        drawing.add(panel, inside)
+
+    name = f'{sensor}-allan'
+    return Chart(name, f'{SENSORS[sensor]}: Allan deviation',
+                 'Points: measured, hollow where fewer than 3 degrees of freedom stand behind '
+                 'one. Line: fitted model. Shaded: where 95 % of the points should fall if it '
+                 'is right. Ring: where the coefficient is read.',
+                 _both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
+                       draw, 330), _groups(known), worst_axis(known))
+
+
+def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float) -> list[str]:
+    """Return the area in which 95 % of the points should fall."""
+    tau, adev = model_curve(axis, timeline)
+    if not len(tau) or not (adev > 0).any():
+        return []
+    dof = np.exp(np.interp(np.log(tau), np.log(axis.curve.tau_s),
+                           np.log(np.maximum(axis.curve.edf, 1e-3))))
+    low, high = (np.sqrt(quantile / dof) * adev * factor
+                 for quantile in (chi_square.lower(0.025, dof), chi_square.upper(0.025, dof)))
+    return [panel.band(tau, low, high, 'expected')]
+
+
+def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, label: str,
+                     shape: str) -> str:
+    curve = axis.curve
+    titles = []
+    for tau, value, band in zip(curve.tau_s, curve.adev, curve.ci95, strict=True):
+        shown, *bounds = measured(*(v * factor for v in (value, *band)))
+        titles.append(f'{label}, τ = {tau:.4g} s: {shown} {typeset(unit)}, '
+                      f'95 % {" – ".join(bounds)}')
+    seen = [value > 0 for value in curve.adev]
+    return panel.points(np.array(curve.tau_s)[seen], np.array(curve.adev)[seen] * factor, shape,
+                        [t for t, there in zip(titles, seen, strict=True) if there],
+                        [few for few, there in zip(few_degrees(axis), seen, strict=True)
+                         if there])
+
+
+def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeline, *,
+                 brief: bool) -> list[str]:
+    """Return each term's own line, a ring where its coefficient is read, and its value."""
+    parts: list[str] = []
+    taken: list[Box] = []
+    tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
+    smooth = model_curve(axis, timeline)
+    avoid = np.vstack([panel.pixels(axis.curve.tau_s, np.array(axis.curve.adev) * factor),
+                       panel.pixels(smooth[0], smooth[1] * factor)])
+    values = {key: value for key, value in coefficients_of(axis).items() if value}
+    for key, value in values.items():
+        parts.append(panel.line(tau, TERMS[key].adev(value, tau) * factor, 'term'))
+    for key, value in values.items():
+        term = TERMS[key]
+        at = reading_point(term, values, tau)
+        name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
+        lines = [f'{term.symbol} = {written(axis.coefficients[key], abs(value))}',
+                 name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
+        height = float(term.adev(value, at)) * factor
+        parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
+    return parts
+
+
+# The spectrum.
+
+def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
+    """
+    Draw the power spectral density, measured and fitted, and the lines left out.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+    timeline : Timeline
+        Of the same result.
+
+    Returns
+    -------
+    Chart or None
+        None where neither a spectrum nor a model is known.
+
+    """
+    known = {name: axis for name, axis in axes.items()
+             if axis.spectrum is not None or coefficients_of(axis)}
+    rate = timeline.sample_rate_hz
+    if not known or rate is None or timeline.duration_s <= 0:
+        return None
+    unit = AXES[next(iter(known))].unit
+    factor, shown = engineering(1.0, unit)
+    low, high = density_limits(known.values(), timeline)
+    lowest = min(1 / timeline.duration_s, rate / 4)
+    frequency = np.geomspace(lowest, rate / 2, 160)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(_box(drawing, narrow), (lowest / 1.2, rate / 2 * 1.2, True),
+                              (low * factor**2, high * factor**2, True))
+        for name, axis in known.items():
+            for tone in axis.tones[:_SHOWN_TONES]:
+                amount = number(tone.amplitude * factor, 3)
+                panel.parts.append(group(name[-1], 'detail', [panel.upright(
+                    tone.frequency_hz, 'tone',
+                    f'{name[-1]} axis: line at {tone.frequency_hz:.4g} Hz, {amount} '
+                    f'{typeset(shown)}, left out of the fit')]))
+        panel.frame('frequency [Hz]',
+                    f'power spectral density, two-sided [({typeset(shown)})²/Hz]',
+                    None if narrow else (factor**-2, f'[({typeset(unit)})²/Hz]'))
+        inside = []
+        for name, axis in known.items():
+            if axis.spectrum is not None:
+                at, power = in_bands(axis.spectrum)
+                inside.append(group(name[-1], f'axis-{name[-1]}', [
+                    panel.line(at, power * factor**2, 'measured')]))
+        for name, axis in known.items():
+            model = describe(axis).density(frequency, 1 / rate) * factor**2
+            inside.append(group(name[-1], f'axis-{name[-1]}', [
+                panel.line(frequency, np.where(model > 0, model, np.nan), 'curve')]))
+        drawing.add(panel, inside)
+
+    name = f'{sensor}-psd'
+    return Chart(name, f'{SENSORS[sensor]}: power spectral density',
+                 'Thin: measured, in bands of a quarter of an octave. Thick: fitted model, '
+                 'low-pass included; white noise of density N stands at N². Upright: lines that '
+                 'were left out of the fit.',
+                 _both(name, f'{SENSORS[sensor]}: power spectral density against frequency', 400,
+                       draw, 320), _groups(known), worst_axis(known))
+
+
+# What the sensor does on its own.
+
+def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
+                tunings: Mapping[str, FilterTuning]) -> Chart | None:
+    """
+    Draw how far the mean is off after a time without correction: predicted, claimed and observed.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+    tunings : mapping of name to FilterTuning
+        What a filter expects and claims.
+
+    Returns
+    -------
+    Chart or None
+        None where nothing is known.
+
+    """
+    known = {name: axis for name, axis in axes.items()
+             if name in tunings or (axis.backtest is not None and axis.backtest.coast)}
+    if not known:
+        return None
+    unit = AXES[next(iter(known))].unit
+    factor, shown = engineering(1.0, unit)
+    horizons, values = [], []
+    for name, axis in known.items():
+        if name in tunings:
+            horizons += [row[0] for row in tunings[name].consistency]
+            values += [v for row in tunings[name].consistency for v in row[1:]]
+        for row in axis.backtest.coast if axis.backtest else ():
+            horizons.append(row.horizon_s)
+            values += [row.predicted_sigma, row.observed_rms]
+    values = [value for value in values if value > 0]
+    if not values:
+        return None
+    ends = min(horizons) / 1.4, max(horizons) * 1.4
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(_box(drawing, narrow), (*ends, True),
+                              (min(values) * factor / 1.7, max(values) * factor * 1.7, True))
+        panel.frame('time without correction [s]', f'error of the mean {SAMPLES[sensor]} over it '
+                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+        inside = []
+        for name, axis in known.items():
+            parts = []
+            if name in tunings:
+                h, expected, claimed = np.array(tunings[name].consistency).T
+                parts += [panel.line(h, expected * factor, 'curve'),
+                          panel.line(h, claimed * factor, 'claimed')]
+            if axis.backtest is not None:
+                coast = axis.backtest.coast
+                parts.append(panel.line([c.horizon_s for c in coast],
+                                        [c.predicted_sigma * factor for c in coast], 'predicted'))
+                parts.append(panel.points(
+                    [c.horizon_s for c in coast], [c.observed_rms * factor for c in coast],
+                    _shape(name[-1]), [
+                        f'{name[-1]} axis, after {duration(c.horizon_s)}: predicted '
+                        f'{number(c.predicted_sigma * factor, 3)}, observed '
+                        f'{number(c.observed_rms * factor, 3)} {typeset(shown)}'
+                        for c in coast], [False] * len(coast)))
+            inside.append(group(name[-1], f'axis-{name[-1]}', parts))
+        drawing.add(panel, inside)
+
+    name = f'{sensor}-drift'
+    tested = any(axis.backtest is not None for axis in known.values())
+    return Chart(name, f'{SENSORS[sensor]}: left without correction',
+                 'Line: what a filter with the tuned numbers gets wrong, as the drift model has '
+                 'it. Dashed: what that filter claims.' + (
+                     ' Points: what happened in the part of the recording that the model was not '
+                     'fitted to; dotted: what it predicted for them.' if tested else ''),
+                 _both(name, f'{SENSORS[sensor]}: predicted and observed drift', 340, draw, 300),
+                 _groups(known))
+
+
+# Is it the same sensor all the time.
+
+def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
+    """
+    Draw the noise density of every part of the record with its interval.
+
+    Parameters
+    ----------
+    sensor : str
+        'gyro' or 'accel'.
+    axes : mapping of name to AxisResult
+        Of the sensor.
+
+    Returns
+    -------
+    Chart or None
+        None where no part is known.
+
+    """
+    known = {name: axis for name, axis in axes.items() if axis.stationarity is not None and any(
+        segment.noise_density for segment in axis.stationarity.segments)}
+    if not known:
+        return None
+    unit = next(iter(known.values())).coefficients['noise_density'].unit
+    factor, shown = engineering(1.0, unit)
+    rows = {name: [(s.start_s + s.duration_s / 2, s.noise_density * factor,
+                    s.ci95[0] * factor, s.ci95[1] * factor)
+                   for s in axis.stationarity.segments
+                   if s.noise_density is not None and s.ci95 is not None]
+            if axis.stationarity is not None else [] for name, axis in known.items()}
+    scale, time_unit = _time_unit(max(
+        s.start_s + s.duration_s for axis in known.values()
+        for s in (axis.stationarity.segments if axis.stationarity else ())))
+    ends = max(s.start_s + s.duration_s for axis in known.values()
+               for s in (axis.stationarity.segments if axis.stationarity else ())) / scale
+    values = [v for points in rows.values() for point in points for v in point[1:]]
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(_box(drawing, narrow), (0, ends, False),
+                              _padded(min(values), max(values)))
+        panel.frame(f'time [{time_unit}]', f'N of each part [{typeset(shown)}]',
+                    None if narrow else (1 / factor, f'[{typeset(unit)}]'), most_y=6)
+        inside = []
+        for place, (name, points) in enumerate(rows.items()):
+            apart = (place - 1) * ends * 0.008
+            parts = [_whisker(panel, at / scale + apart, low, high)
+                     for at, _, low, high in points]
+            parts.append(panel.points(
+                [p[0] / scale + apart for p in points], [p[1] for p in points], _shape(name[-1]),
+                [f'{name[-1]} axis, part {number_}: N {measured(*p[1:])[0]} {typeset(shown)}'
+                 for number_, p in enumerate(points, 1)], [False] * len(points)))
+            inside.append(group(name[-1], f'axis-{name[-1]}', parts))
+        drawing.add(panel, inside)
+
+    name = f'{sensor}-segments'
+    return Chart(name, f'{SENSORS[sensor]}: part by part',
+                 'The noise density of equal parts of the recording, each by itself, with its '
+                 '95 % interval.',
+                 _both(name, f'{SENSORS[sensor]}: noise density of each part', 260, draw, 260),
+                 _groups(known))
+
+
+def _whisker(panel: Panel, x: float, low: float, high: float) -> str:
+    return panel.line([x, x], [low, high], 'whisker')
+
+
+# Several results.
+
+def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
+    """
+    Draw the Allan deviation of one axis of every result.
+
+    Parameters
+    ----------
+    results : mapping of name to Result
+        What is compared.
+    axis : str
+        Its name, as in `Result.axes`.
+
+    Returns
+    -------
+    Chart or None
+        None where no result has the axis.
+
+    """
+    known = {str(place): (name, result.axes[axis], result.timeline)
+             for place, (name, result) in enumerate(results.items())
+             if axis in result.axes and any(result.axes[axis].curve.adev)}
+    if not known:
+        return None
+    sensor = axis.partition('_')[0]
+    unit = AXES[axis].unit
+    factor, shown = engineering(1.0, unit)
+    found = [item for _, item, _ in known.values()]
+    low, high = limits_of(found)
+    ends = (min(item.curve.tau_s[0] for item in found) / 1.5,
+            max(item.curve.tau_s[-1] for item in found) * 1.6)
+
+    def draw(drawing: Drawing, narrow: bool) -> None:
+        panel = drawing.panel(_box(drawing, narrow), (*ends, True),
+                              (low * factor, high * factor, True))
+        panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
+                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+        inside = []
+        for place, (name, item, timeline) in known.items():
+            tau, adev = model_curve(item, timeline)
+            seen = np.array(item.curve.adev) > 0
+            bands = np.array(item.curve.ci95)[seen].T * factor
+            kind = f'result-{int(place) % 7}'
+            inside.append(group(place, f'detail {kind}', [
+                panel.band(np.array(item.curve.tau_s)[seen], bands[0], bands[1], 'expected')]))
+            inside.append(group(place, kind, [
+                panel.line(tau, adev * factor, 'curve'),
+                _measured_points(panel, item, factor, shown, name,
+                                 SHAPES[int(place) % len(SHAPES)])]))
+        drawing.add(panel, inside)
+
+    return Chart(axis, spoken(axis), '',
+                 _both(axis, f'Allan deviation of {spoken(axis)} of every result', 400, draw, 340),
+                 tuple((place, f'result-{int(place) % 7}', name)
+                       for place, (name, _, _) in known.items()), next(iter(known)))

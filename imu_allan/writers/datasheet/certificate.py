@@ -1,0 +1,112 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The certificate: one sheet of A4 with every verdict on a unit, printed by the browser."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+from imu_allan.errors import printable, shorten
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import Result
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.sensor.units import typeset
+from imu_allan.version import __version__
+from imu_allan.wording import duration
+from imu_allan.writers.datasheet.table import figures
+from imu_allan.writers.datasheet.verdicts import Outcome, summary, Verdict
+
+_TITLES = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
+_MARKS: dict[Outcome, tuple[str, str]] = {
+    'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'doubt')}
+_MOST_SENTENCES = 8
+"""More would push the signature off the sheet; the table holds every verdict anyway."""
+_LONGEST = 110
+_LONGEST_LIMIT = 40
+
+
+def certificate_html(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel
+                     ) -> str:
+    """
+    Return the certificate of a unit.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        From `check`.
+    result, specification
+        What was compared.
+
+    Returns
+    -------
+    str
+        An HTML document without script, which prints on one sheet of A4.
+
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    template = (files('imu_allan.writers') / 'templates' / 'certificate.html.j2').read_text(
+        encoding='utf-8')
+    outcome, sentences = summary(verdicts)
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+                              lstrip_blocks=True)
+    return environment.from_string(template).render(
+        version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
+        title=_title(result, specification), facts=_facts(result, specification),
+        tables=[_table(verdicts, sensor) for sensor in _TITLES
+                if any(verdict.axis.startswith(sensor) for verdict in verdicts)],
+        sentences=[shorten(typeset(sentence)) for sentence in sentences[:_MOST_SENTENCES]],
+        more=len(sentences) - _MOST_SENTENCES if len(sentences) > _MOST_SENTENCES else 0)
+
+
+def _title(result: Result, specification: NoiseModel) -> str:
+    name = specification.name or 'specification'
+    serial = result.inspection.serial if result.inspection is not None else None
+    return shorten(printable(name if serial is None else f'{name}, {serial}'), _LONGEST)
+
+
+def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:
+    source, timeline, inspection = result.source, result.timeline, result.inspection
+    rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
+    facts = [('serial number', inspection.serial if inspection else None),
+             ('specification', specification.name),
+             ('operator', inspection.operator if inspection else None),
+             ('recording', source.path), ('station', inspection.station if inspection else None),
+             ('topic', source.topic), ('recorded', source.start_time),
+             ('samples', f'{timeline.samples:,}{rate}, {duration(timeline.duration_s)}')]
+    return [(name, shorten(printable(value), _LONGEST)) for name, value in facts
+            if value is not None]
+
+
+def _table(verdicts: Sequence[Verdict], sensor: str) -> dict[str, Any]:
+    own = [verdict for verdict in verdicts if verdict.axis.startswith(sensor)]
+    axes = [axis for axis in AXES if axis.startswith(sensor)]
+    return {'title': _TITLES[sensor], 'axes': [axis[-1] for axis in axes],
+            'rows': [_row([verdict for verdict in own if verdict.key == key], axes)
+                     for key in dict.fromkeys(verdict.key for verdict in own)]}
+
+
+def _row(verdicts: Sequence[Verdict], axes: Sequence[str]) -> dict[str, Any]:
+    key = verdicts[0].key
+    limits = {verdict.specified for verdict in verdicts}
+    by_axis = {verdict.axis: verdict for verdict in verdicts}
+    if not set(by_axis) <= set(axes):
+        cells = [_cell(verdicts[0], limit=False, wide=True)]
+    else:
+        cells = [_cell(by_axis[axis], limit=len(limits) > 1) if axis in by_axis
+                 else {'mark': '', 'wide': False} for axis in axes]
+    name = TERMS[key].name(AXES[axes[0]]) if key in TERMS else verdicts[0].symbol
+    return {'name': name, 'cells': cells,
+            'limit': _shown(limits.pop()) if len(limits) == 1 else 'by axis'}
+
+
+def _cell(verdict: Verdict, *, limit: bool, wide: bool = False) -> dict[str, Any]:
+    value, interval, _ = figures(verdict)
+    mark, style = _MARKS[verdict.verdict]
+    return {'mark': mark, 'class': style, 'verdict': verdict.verdict, 'wide': wide,
+            'limit': _shown(verdict.specified) if limit else '',
+            'value': value, 'interval': interval.replace(' .. ', ' – ')}
+
+
+def _shown(specified: str) -> str:
+    return shorten(printable(typeset(specified)), _LONGEST_LIMIT)

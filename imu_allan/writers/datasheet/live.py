@@ -1,0 +1,140 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The check of a unit on the bench, over as soon as the verdict is certain."""
+
+from dataclasses import dataclass, replace
+
+from imu_allan.characterization import Characterization
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.fit import COLUMNS
+from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.wording import duration
+from imu_allan.writers.datasheet.verdicts import check, overall, Verdict
+
+MARGIN = 0.1
+"""A unit within a tenth of its limit is told neither to keep nor to break it."""
+ERROR = 0.05
+"""Probability of either wrong word, of a whole unit."""
+GROWTH = 1.15
+"""How much longer the record is at each look: on average half of that is waited too long."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """
+    Where a unit stands.
+
+    Attributes
+    ----------
+    decided : bool
+        Whether more data would change nothing.
+    verdicts : tuple of Verdict
+        As of now; while nothing is decided what is open cannot be told.
+    recorded_s : float
+        How long the record is.
+
+    """
+
+    decided: bool
+    verdicts: tuple[Verdict, ...]
+    recorded_s: float
+
+
+def standing(stream: Characterization, specification: NoiseModel, *, margin: float = MARGIN,
+             error: float = ERROR, shortest_s: float = 0.0) -> Standing:
+    """
+    Look how a unit stands against its datasheet.
+
+    To be called as the record grows, for instance each time it is 15 % longer, until it says that
+    the verdict is certain. Noise coefficients are decided by the sequential test, everything else
+    as `check` does.
+
+    Parameters
+    ----------
+    stream : Characterization
+        What came so far; left as it is.
+    specification : NoiseModel
+        The limits.
+    margin : float, optional
+        How near to a limit a unit may lie for the test to tell on which side.
+    error : float, optional
+        Probability that a unit that keeps every limit fails, and that one that does not passes,
+        each at most.
+    shortest_s : float, optional
+        From a shorter record nothing passes.
+
+    Returns
+    -------
+    Standing
+
+    Raises
+    ------
+    ImuAllanError
+        If the specification limits nothing.
+
+    """
+    result = stream.result()
+    verdicts = check(result, specification, shortest_s=shortest_s)
+    record = stream.record()
+    if record is None or record.estimator.samples < SMALLEST_RECORD:
+        return Standing(False, tuple(_open(verdict) for verdict in verdicts), 0.0)
+    recorded = record.estimator.samples / record.rate_hz
+    fits = dict(zip(record.names, fit_axes(record.estimator, 1 / record.rate_hz), strict=True))
+    limited = sum(verdict.key in COLUMNS for verdict in verdicts)
+    settled = [_settled(verdict, fits.get(verdict.axis), margin, error, max(limited, 1), recorded)
+               if verdict.key in COLUMNS else (verdict, verdict.verdict != 'cannot tell')
+               for verdict in verdicts]
+    found = [verdict for verdict, _ in settled]
+    if recorded < shortest_s:
+        found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
+        return Standing(overall(found) == 'fail', tuple(found), recorded)
+    certain = overall(found) == 'fail' or all(done for _, done in settled)
+    return Standing(certain, tuple(found), recorded)
+
+
+def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float, limited: int,
+             recorded_s: float) -> tuple[Verdict, bool]:
+    """One coefficient by the sequential test, and whether it is done with."""
+    trial = None if fitted is None else fitted.fit.trial
+    if trial is None or fitted is None:
+        # A missing, constant or dead axis has failed already.
+        return verdict, verdict.verdict == 'fail'
+    if verdict.value is None and verdict.ci95 is None and verdict.verdict == 'fail':
+        return verdict, True
+    column = COLUMNS[verdict.key]
+    if not fitted.fit.acceptable or (trial.bent and verdict.key == 'quantization_noise') \
+            or verdict.limit <= 0:
+        return _open(verdict), False
+    # Any of the limits may fail by chance; a bad unit passes only if its one bad term does.
+    decision = decide(trial, column, verdict.limit, margin=margin, pass_error=error,
+                      fail_error=error / limited)
+    return _worded(verdict, decision, margin, recorded_s), decision != 'open'
+
+
+def _worded(verdict: Verdict, decision: Decision, margin: float, recorded_s: float) -> Verdict:
+    what = f'{verdict.axis} {verdict.symbol}'
+    after = f'after {duration(recorded_s)}'
+    if decision == 'below':
+        return replace(verdict, verdict='pass', reason=f'{what}: below {verdict.specified}, '
+                       f'certain {after}')
+    if decision == 'above':
+        return replace(verdict, verdict='fail', reason=f'{what}: above {verdict.specified}, '
+                       f'certain {after}')
+    if decision == 'near':
+        return replace(verdict, verdict='cannot tell', reason=f'{what}: within '
+                       f'{100 * margin:.0f} % of {verdict.specified} {after}')
+    return _open(verdict)
+
+
+def _open(verdict: Verdict) -> Verdict:
+    if verdict.verdict == 'fail' and verdict.value is None:
+        return verdict
+    return replace(verdict, verdict='cannot tell',
+                   reason=f'{verdict.axis} {verdict.symbol}: nothing is certain yet; '
+                          'record for longer')
+
+
+def next_look(samples: int) -> int:
+    """Return at how many samples to look again."""
+    return max(SMALLEST_RECORD, round(samples * GROWTH))

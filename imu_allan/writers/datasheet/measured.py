@@ -1,0 +1,194 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a result says of each quantity that a datasheet may limit, noise coefficients included."""
+
+from dataclasses import dataclass
+from math import hypot
+
+from imu_allan.characterization.mean import error_of_mean, recorded_s
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import AxisResult, Coefficient, Interval, Result
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.wording import duration
+
+DEAD = 1e-3
+"""
+Share of the limit of its noise density below which an axis is dead: no sensor is a thousand times
+better than its datasheet, while rounding in a driver makes a stuck value vary by that little. The
+same share of the noise of the other segments tells an axis that died during the record.
+"""
+_Z95 = 1.96
+
+
+@dataclass(frozen=True)
+class Measured:
+    """
+    What was measured of one quantity.
+
+    Attributes
+    ----------
+    value : float or None
+        A magnitude, in the SI unit of the limit.
+    ci95 : (float, float) or None
+        Of the magnitude.
+    upper95 : float or None
+        Where there is no value.
+    doubt : str or None
+        Why neither is to be believed, or why there is none.
+
+    """
+
+    value: float | None = None
+    ci95: Interval | None = None
+    upper95: float | None = None
+    doubt: str | None = None
+
+
+def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
+    """
+    Say whether an axis measures nothing at all.
+
+    Parameters
+    ----------
+    axis : AxisResult or None
+        None where the result does not hold the axis.
+    density_limit : float or None
+        What the datasheet allows as noise density.
+
+    Returns
+    -------
+    str or None
+        A sentence with the word: missing, constant or dead.
+
+    """
+    if axis is None:
+        return 'the axis is missing: the result does not hold it'
+    if axis.curve.adev and not any(axis.curve.adev):
+        return f'the axis is constant: every sample is {axis.mean:.6g} {axis.unit}'
+    if (died := _died(axis)) is not None:
+        return died
+    density = axis.coefficients['noise_density']
+    highest = density.ci95[1] if density.ci95 is not None else density.upper95
+    if density_limit and highest is not None and highest < DEAD * density_limit:
+        return (f'the axis is dead: its noise density is {highest:.2g} {density.unit} at most, '
+                'less than a thousandth of the limit')
+    return None
+
+
+def _died(axis: AxisResult) -> str | None:
+    segments = () if axis.stationarity is None else axis.stationarity.segments
+    known = [(segment.noise_density, segment.start_s) for segment in segments
+             if segment.noise_density is not None]
+    typical = sorted(density for density, _ in known)[len(known) // 2] if known else 0.0
+    still = [start for density, start in known if density < DEAD * typical]
+    return (f'the axis is dead from {duration(still[0])} on: no noise is left there'
+            if still else None)
+
+
+def coefficient(axis: AxisResult, key: str) -> Measured:
+    """Return the coefficient, of a ramp its magnitude."""
+    found: Coefficient = axis.coefficients[key]
+    if not axis.goodness_of_fit.acceptable and axis.goodness_of_fit.p_value is not None:
+        doubt = 'the noise model does not fit this axis'
+    elif not found.observable and found.upper95 is None:
+        doubt = 'not observable in this recording; record for longer'
+    else:
+        doubt = None
+    value = None if found.value is None else abs(found.value)
+    interval = None if not found.observable or found.ci95 is None else _magnitude(found.ci95)
+    return Measured(value, interval, found.upper95, doubt)
+
+
+def zero_bias(result: Result, axis: str, expected: float) -> Measured:
+    """Return the distance of the mean from what it should be."""
+    mean = result.axes[axis].mean
+    if mean is None:
+        return Measured(doubt='there is no mean')
+    error = _Z95 * error_of_mean(result.axes[axis], recorded_s(result))
+    distance = mean - expected
+    return Measured(abs(distance), _magnitude((distance - error, distance + error)))
+
+
+def gravity_error(result: Result) -> Measured:
+    """Return the distance of the length of the mean acceleration from standard gravity."""
+    names = [axis for axis in AXES if axis.startswith('accel')]
+    means = [result.axes[axis].mean or 0.0 for axis in names]
+    length = hypot(*means)
+    time = recorded_s(result)
+    # To first order an error counts as much as its axis takes part in the whole.
+    error = _Z95 * hypot(*(mean / length * error_of_mean(result.axes[axis], time)
+                           for axis, mean in zip(names, means, strict=True))) if length else 0.0
+    distance = length - STANDARD_GRAVITY
+    return Measured(abs(distance), _magnitude((distance - error, distance + error)))
+
+
+def band_limit(axis: AxisResult) -> Measured:
+    """Return the effective window of the low-pass; zero where the noise is flat to the end."""
+    if axis.goodness_of_fit.p_value is None:
+        return Measured(doubt='too few samples')
+    return Measured(axis.band_limit_s or 0.0)
+
+
+def lines(axis: AxisResult) -> Measured:
+    """Return the amplitude of the strongest spectral line; zero where none was found."""
+    if axis.goodness_of_fit.p_value is None:
+        return Measured(doubt='too few samples')
+    return Measured(max((tone.amplitude for tone in axis.tones), default=0.0))
+
+
+def temperature_drift(axis: AxisResult) -> Measured:
+    """Return the change of the mean per kelvin, a magnitude."""
+    trend = axis.trend.temperature if axis.trend is not None else None
+    if trend is None:
+        return Measured(doubt='the result knows no dependence on temperature; record the '
+                              'temperature while it changes')
+    return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
+
+
+def turn_on_bias(result: Result, axis: str) -> Measured:
+    """Return the spread of the mean from one power-on to the next."""
+    spread = result.turn_on_bias.get(axis)
+    if spread is None:
+        return Measured(doubt='one power-on does not show it; analyze several recordings '
+                              'with --together')
+    return Measured(spread.sigma, spread.ci95)
+
+
+def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
+    """
+    Return what was measured of one limited quantity.
+
+    Parameters
+    ----------
+    result : Result
+        Holds `axis`; for the accelerometer as a whole all three of its axes.
+    axis : str
+        Key of `AXES`.
+    key : str
+        Key of `TERMS` or of `imu_allan.sensor.noise_model.LIMITS`.
+    specification : NoiseModel
+        Says what the mean should be.
+
+    Returns
+    -------
+    Measured
+
+    """
+    if key in TERMS:
+        return coefficient(result.axes[axis], key)
+    if key == 'zero_bias':
+        return zero_bias(result, axis, specification.mean.get(axis, 0.0))
+    if key == 'gravity_error':
+        return gravity_error(result)
+    if key == 'turn_on_bias':
+        return turn_on_bias(result, axis)
+    return {'band_limit': band_limit, 'lines': lines,
+            'temperature_drift': temperature_drift}[key](result.axes[axis])
+
+
+def _magnitude(interval: Interval) -> Interval:
+    low, high = interval
+    if low >= 0:
+        return low, high
+    return (-high, -low) if high <= 0 else (0.0, max(-low, high))

@@ -1,0 +1,215 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The verdict on every quantity that a datasheet limits.
+
+A specification says what a quantity is at most. Whether the sensor keeps it is decided by the
+measured 95 % interval, not by the value: the interval (or, where the term does not show, its upper
+bound) below the limit passes, the interval above it fails, and between the two this recording
+cannot tell. An axis that measures nothing fails whatever is limited of it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from imu_allan.characterization.mean import recorded_s
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import Result
+from imu_allan.sensor.noise_model import LIMITS, NoiseModel
+from imu_allan.sensor.units import convert, unit_of
+from imu_allan.wording import duration, number
+from imu_allan.writers.datasheet.measured import fault_of, Measured, of_limit
+
+Outcome = Literal['pass', 'fail', 'cannot tell']
+
+_WHOLE_SENSOR = 'gravity_error'
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    One quantity of one axis against its limit.
+
+    Attributes
+    ----------
+    axis, key, symbol, unit : str
+        Which quantity, and its SI unit, that of `limit`, `value`, `ci95` and `upper95`. What is of
+        the three axes together has the axis ``accel``.
+    limit : float
+        The most that the specification allows.
+    specified : str
+        The limit as the file writes it.
+    value, ci95, upper95 : optional
+        As measured, magnitudes; None as in the result.
+    ratio : float or None
+        `value` over `limit`.
+    verdict : 'pass', 'fail' or 'cannot tell'
+    reason : str
+        One plain sentence.
+
+    """
+
+    axis: str
+    key: str
+    symbol: str
+    unit: str
+    limit: float
+    specified: str
+    value: float | None
+    ci95: tuple[float, float] | None
+    upper95: float | None
+    ratio: float | None
+    verdict: Outcome
+    reason: str
+
+
+def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
+          ) -> list[Verdict]:
+    """
+    Compare everything that the specification limits.
+
+    Parameters
+    ----------
+    result : Result
+        As measured.
+    specification : NoiseModel
+        From `load_model`. Its Gauss-Markov terms are no limits; its means
+        say what `zero_bias` is measured from.
+    shortest_s : float, optional
+        From a shorter record nothing passes.
+
+    Returns
+    -------
+    list of Verdict
+        By axis, then by quantity.
+
+    Raises
+    ------
+    ImuAllanError
+        If the specification limits nothing.
+
+    """
+    verdicts = [_verdict(result, specification, axis, key, limit)
+                for axis, key, limit in _limits(specification)]
+    if not verdicts:
+        raise ImuAllanError('the specification limits no coefficient; write for instance '
+                            'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
+    recorded = recorded_s(result)
+    if recorded < shortest_s:
+        short = f'{duration(recorded)} of data, and no less than {duration(shortest_s)} may pass'
+        verdicts = [replace(v, verdict='cannot tell', reason=f'{_what(v.axis, v.symbol)}: {short}')
+                    if v.verdict == 'pass' else v for v in verdicts]
+    return verdicts
+
+
+def overall(verdicts: Sequence[Verdict]) -> Outcome:
+    """Return 'fail' if any quantity fails, else 'cannot tell' if any is so, else 'pass'."""
+    outcomes = {verdict.verdict for verdict in verdicts}
+    return 'fail' if 'fail' in outcomes else 'cannot tell' if 'cannot tell' in outcomes else 'pass'
+
+
+def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
+    """
+    Return the verdict on the whole sensor, and what speaks against it, in sentences with figures.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        From `check`.
+
+    Returns
+    -------
+    outcome : 'pass', 'fail' or 'cannot tell'
+    sentences : list of str
+        One for each quantity of that outcome, such as ``gyro_z N: the 95 % interval is above
+        0.03 deg/s/sqrt(Hz) (measured 0.041)``; none where everything passes.
+
+    """
+    outcome = overall(verdicts)
+    return outcome, [_with_figures(verdict) for verdict in verdicts
+                     if verdict.verdict == outcome != 'pass']
+
+
+def in_written_unit(verdict: Verdict, value: float) -> str:
+    """Return a value of the verdict in the unit that the specification uses, without the unit."""
+    return number(convert(value, verdict.unit, unit_of(verdict.specified)))
+
+
+def _with_figures(verdict: Verdict) -> str:
+    if verdict.value is None:
+        return verdict.reason
+    return f'{verdict.reason} (measured {in_written_unit(verdict, verdict.value)})'
+
+
+def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
+    whole = set()
+    for axis in AXES:
+        for key in TERMS:
+            limit = specification.axes.get(axis, {}).get(key)
+            if limit is not None:
+                yield axis, key, abs(limit)
+        for key in LIMITS:
+            limit = specification.limits.get(axis, {}).get(key)
+            if limit is None or key in whole:
+                continue
+            if key == _WHOLE_SENSOR:
+                whole.add(key)
+                yield 'accel', key, limit
+            else:
+                yield axis, key, limit
+
+
+def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, limit: float
+             ) -> Verdict:
+    axes = [axis] if axis in AXES else [name for name in AXES if name.startswith(axis)]
+    quantity = AXES[axes[0]]
+    symbol = TERMS[key].symbol if key in TERMS else key.replace('_', ' ').replace(
+        'turn on', 'turn-on')
+    unit = TERMS[key].unit(quantity) if key in TERMS else LIMITS[key][quantity]
+    written = specification.as_written.get(axes[0], {}).get(key) or f'{limit!r} {unit}'
+    faults = [fault if name == axis else f'{name}: {fault}' for name in axes
+              if (fault := fault_of(result.axes.get(name), specification.axes.get(name, {}).get(
+                  'noise_density'))) is not None]
+    measured = Measured() if faults else of_limit(result, axes[0], key, specification)
+    outcome, reason = _decide(measured, limit, written, faults)
+    return Verdict(
+        axis=axis, key=key, symbol=symbol, unit=unit, limit=limit, specified=written,
+        value=measured.value, ci95=measured.ci95, upper95=measured.upper95,
+        ratio=_ratio(measured.value, limit),
+        verdict=outcome, reason=f'{_what(axis, symbol)}: {reason}')
+
+
+def _ratio(value: float | None, limit: float) -> float | None:
+    # A limit next to nothing has a quotient that no number holds.
+    if value is None or limit <= 0 or value > limit * 1e300:
+        return None
+    return value / limit
+
+
+def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str]
+            ) -> tuple[Outcome, str]:
+    shown = printable(written)
+    if faults:
+        return 'fail', faults[0]
+    if measured.doubt is not None:
+        return 'cannot tell', measured.doubt
+    if measured.ci95 is None and measured.upper95 is not None:
+        if measured.upper95 <= limit:
+            return 'pass', f'not observable, and with 95 % confidence below {shown}'
+        return 'cannot tell', 'not observable in this recording; record for longer'
+    if measured.ci95 is None:
+        # A quantity without an interval stands for itself.
+        below = measured.value is not None and measured.value <= limit
+        return ('pass', f'below {shown}') if below else ('fail', f'above {shown}')
+    low, high = measured.ci95
+    if high <= limit:
+        return 'pass', f'the 95 % interval is below {shown}'
+    if low > limit:
+        return 'fail', f'the 95 % interval is above {shown}'
+    return 'cannot tell', f'the 95 % interval reaches across {shown}; record for longer'
+
+
+def _what(axis: str, symbol: str) -> str:
+    return f'{axis} {symbol}'

@@ -1,0 +1,20 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What to put into a filter's configuration.
+
+Every consumer has its own names, its own file format and its own idea of what the numbers mean:
+continuous or per sample, standard deviation or variance, a random walk or a Gauss-Markov process.
+The modules here know them, a family each; each function says in its docstring where in the
+consumer's source the meaning was read. Throughout, N is the noise density and K the rate random
+walk, tuned for what corrects the consumer, f the sample rate.
+
+A consumer that takes one value for a sensor gets that of the worst axis, the others stand beside
+it in a comment.
+"""
+
+from imu_allan.writers.filters.chosen_numbers import Aiding, Wishes
+from imu_allan.writers.filters.export import Consumer, CONSUMERS, export
+from imu_allan.writers.filters.layout import FilterConfig
+
+__all__ = ['CONSUMERS', 'Aiding', 'Consumer', 'FilterConfig', 'Wishes', 'export']

@@ -1,0 +1,341 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which numbers go into a configuration, in one module because every exporter asks one object.
+
+And what is to be said about them.
+
+Tuned from the drift model for what corrects the consumer, unless the coefficients as measured are
+asked for. Where the data cannot show a coefficient the 95 % upper bound stands in and the comment
+says so: a filter needs some number, and this one is not too small. A dead axis is named.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import Literal
+
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.terms import FLICKER_FLOOR
+from imu_allan.result import AxisResult, Result
+from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
+from imu_allan.wording import duration
+
+Key = Literal['N', 'K', 'sigma', 'time']
+Sensor = Literal['accel', 'gyro']
+
+N: Key = 'N'
+K: Key = 'K'
+SIGMA: Key = 'sigma'
+TIME: Key = 'time'
+SENSORS: tuple[Sensor, ...] = ('accel', 'gyro')
+SENSOR_NAMES: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
+COAST_S = 60.0
+"""How long a filter must do without corrections where nobody says: an outage in a tunnel."""
+
+_COEFFICIENTS = {N: 'noise_density', K: 'rate_random_walk'}
+_PEAK = 1.89            # a Gauss-Markov process is highest at 1.89 correlation times
+_SIGMA_OF_FLAT = 1.08   # Farrell et al., IEEE Control Systems 42(6), 2022
+_TIME_OF_NOTHING = 100.0
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """
+    What the user asks of a configuration.
+
+    Attributes
+    ----------
+    rate_hz : float or None
+        Rate at which the consumer takes samples or predicts, where not the usual one.
+    as_measured : bool
+        The coefficients instead of tuned numbers.
+    aiding_s, coast_s : float or None
+        Time between corrections and the longest without; those of the consumer by default.
+    conservative : bool
+        Not below the upper 95 % end of what is expected.
+    inflate : mapping
+        Factors by ``N`` and ``K``, on top.
+
+    """
+
+    rate_hz: float | None = None
+    as_measured: bool = False
+    aiding_s: float | None = None
+    coast_s: float | None = None
+    conservative: bool = False
+    inflate: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of one axis: whether it is an upper bound, and its interval where measured."""
+
+    value: float
+    bound: bool = False
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """
+    What usually corrects a consumer.
+
+    Attributes
+    ----------
+    interval_s : float or None
+        None for one without a bias state, which gets the measured noise density.
+    reason : str
+    coast_s : float
+        The longest it must do without.
+
+    """
+
+    interval_s: float | None
+    reason: str
+    coast_s: float = COAST_S
+
+
+class Numbers:
+    """
+    The numbers of every axis for one consumer.
+
+    Parameters
+    ----------
+    result : Result
+    consumer, title : str
+        Name of the consumer in the command, and as its authors write it.
+    aiding : Aiding
+        What usually corrects it.
+    bias : {'random_walk', 'gauss_markov'}
+        What it takes the bias for.
+    wishes : Wishes
+    one_time : bool, optional
+        Whether it has one correlation time for all axes.
+
+    Raises
+    ------
+    ImuAllanError
+        If no axis has any number, or the wishes do not fit together.
+
+    """
+
+    def __init__(self, result: Result, consumer: str, title: str, aiding: Aiding, bias: Bias,
+                 wishes: Wishes, one_time: bool = False) -> None:
+        self.result, self.consumer, self.title = result, consumer, title
+        self.aiding, self.bias, self.wishes = aiding, bias, wishes
+        self.one_time = one_time
+        self.aiding_s = wishes.aiding_s or aiding.interval_s
+        self.coast_s = wishes.coast_s or max(aiding.coast_s, self.aiding_s or 0.0)
+        self.tunings: dict[str, FilterTuning] = {}
+        if not wishes.as_measured and self.aiding_s is not None:
+            self._tune()
+        self.of_axis: dict[str, dict[Key, Number]] = {
+            name: self._numbers(name, axis) for name, axis in result.axes.items()}
+        if not any(self.of_axis.values()):
+            raise ImuAllanError(
+                f'no configuration for {consumer}: no axis of this result has a noise density '
+                '(constant or too short); look at the driver, or record longer')
+
+    def axes(self, sensor: Sensor) -> dict[str, AxisResult]:
+        """Return the axes of a sensor that the result has."""
+        names = [f'{sensor}_{letter}' for letter in 'xyz']
+        return {name: self.result.axes[name] for name in names if name in self.result.axes}
+
+    def known(self, sensor: Sensor, key: Key) -> dict[str, Number]:
+        """Return the axes of a sensor that have a number."""
+        return {name: self.of_axis[name][key] for name in self.axes(sensor)
+                if key in self.of_axis[name]}
+
+    def worst(self, sensor: Sensor, key: Key) -> tuple[str, Number] | None:
+        """Return the axis with the largest number, or None where none has one."""
+        known = self.known(sensor, key)
+        if not known:
+            return None
+        name = max(known, key=lambda axis: known[axis].value)
+        return name, known[name]
+
+    def dead(self, sensor: Sensor) -> list[str]:
+        """Say which axes have no number, and why."""
+        if not self.axes(sensor):
+            return [f'This result has no {SENSOR_NAMES[sensor]}: its numbers are left out.']
+        said = []
+        for letter in 'xyz':
+            name = f'{sensor}_{letter}'
+            axis = self.result.axes.get(name)
+            if axis is None:
+                continue
+            if not self.of_axis[name]:
+                constant = bool(axis.curve.adev) and not any(axis.curve.adev)
+                why = 'every sample is the same' if constant else 'too few samples'
+                said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '
+                            'numbers below')
+        return said
+
+    def rate(self, usual_hz: float | None = None) -> float:
+        """
+        Return the rate that the consumer works at.
+
+        Raises
+        ------
+        ImuAllanError
+            If nobody knows it.
+
+        """
+        rate = self.wishes.rate_hz or usual_hz or self.result.timeline.sample_rate_hz
+        if rate is None:
+            raise ImuAllanError(f'the configuration for {self.consumer} needs the sample rate, '
+                                'which this result does not have; give it with --rate HZ')
+        return rate
+
+    def provenance(self) -> list[str]:
+        """Say where the numbers come from and what they are expected to reach."""
+        source, timeline = self.result.source, self.result.timeline
+        rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
+        parts = [printable(source.path) if source.path else '',
+                 f'topic {printable(source.topic)}' if source.topic else '',
+                 f'frame {printable(source.frame_id)}' if source.frame_id else '',
+                 f'of {printable(source.start_time)}' if source.start_time else '',
+                 f'{timeline.samples} samples{rate} over {timeline.duration_s:.6g} s']
+        return [f'IMU noise for {self.title}, by imu_allan '
+                f'{printable(self.result.imu_allan_version)} from',
+                ', '.join(part for part in parts if part), *self._choice(),
+                *self._consistency(), *(line for sensor in SENSORS for line in self.dead(sensor))]
+
+    def _tune(self) -> None:
+        assert self.aiding_s is not None
+        axes = {name: axis for name, axis in self.result.axes.items()
+                if axis.drift_model is not None}
+        common: float | None = None
+        if self.one_time and axes:
+            # The correlation time of the axes' own choices, in the middle.
+            times = sorted(self._tuned(axis, None).correlation_time_s or 0.0
+                           for axis in axes.values())
+            common = times[len(times) // 2]
+        for name, axis in axes.items():
+            self.tunings[name] = self._tuned(axis, common)
+
+    def _tuned(self, axis: AxisResult, time_s: float | None) -> FilterTuning:
+        assert self.aiding_s is not None
+        return tune(axis, self.aiding_s, self.coast_s, self.bias, self.wishes.conservative,
+                    time_s)
+
+    def _numbers(self, name: str, axis: AxisResult) -> dict[Key, Number]:
+        found = self._tuned_numbers(name) or _measured(axis, self.bias)
+        if not found:
+            return {}
+        factors = {N: self.wishes.inflate.get('N', 1.0), K: self.wishes.inflate.get('K', 1.0)}
+        factors[SIGMA] = factors[K]
+        return {key: Number(number.value * factors.get(key, 1.0), number.bound,
+                            number.interval and (number.interval[0] * factors.get(key, 1.0),
+                                                 number.interval[1] * factors.get(key, 1.0)))
+                for key, number in found.items()}
+
+    def _tuned_numbers(self, name: str) -> dict[Key, Number]:
+        tuning = self.tunings.get(name)
+        if tuning is None:
+            return {}
+        found = {N: Number(tuning.noise_density)}
+        if tuning.random_walk is not None:
+            found[K] = Number(tuning.random_walk)
+        elif tuning.sigma is not None and tuning.correlation_time_s is not None:
+            found[SIGMA] = Number(tuning.sigma)
+            found[TIME] = Number(tuning.correlation_time_s)
+            found[K] = Number(tuning.sigma * sqrt(2 / tuning.correlation_time_s))
+        return found
+
+    def _choice(self) -> list[str]:
+        lines = []
+        if self.aiding_s is None:
+            lines.append(f'Noise densities as measured: {self.aiding.reason}.')
+        elif self.wishes.as_measured:
+            lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
+        elif not self.tunings:
+            lines.append('Coefficients as measured: this result has no drift model to tune from.')
+        else:
+            why = f' ({self.aiding.reason})' if self.wishes.aiding_s is None else ''
+            kind = 'Conservatively tuned' if self.wishes.conservative else 'Tuned'
+            lines.append(f'{kind} for a correction every {duration(self.aiding_s)}{why} and '
+                         f'{duration(self.coast_s)} without one.')
+            shortest = min(tuning.known_to_s for tuning in self.tunings.values())
+            if self.coast_s > shortest * (1 + 1e-6):
+                lines.append(f'This recording knows {duration(shortest)} at most; beyond it the '
+                             'numbers are widened.')
+        if self.wishes.inflate:
+            factors = ', '.join(f'{key} times {factor:g}' for key, factor
+                                in sorted(self.wishes.inflate.items()))
+            lines.append(f'INFLATED on request: {factors}.')
+        return lines
+
+    def _consistency(self) -> list[str]:
+        """Say what a filter with the worst pair reaches on each sensor."""
+        if self.aiding_s is None or self.bias != 'random_walk':
+            return self._own_consistency()
+        lines = []
+        for sensor in SENSORS:
+            n, k = self.worst(sensor, N), self.worst(sensor, K)
+            axes = {name: axis for name, axis in self.axes(sensor).items()
+                    if axis.drift_model is not None and self.of_axis[name]}
+            if n is None or k is None or not axes:
+                continue
+            found = [assess(axis, n[1].value, k[1].value, self.aiding_s, self.coast_s)
+                     for axis in axes.values()]
+            lines.append(_expectation(sensor, found))
+        return lines
+
+    def _own_consistency(self) -> list[str]:
+        if self.wishes.inflate:
+            return []
+        lines = []
+        for sensor in SENSORS:
+            found = [self.tunings[name] for name in self.axes(sensor) if name in self.tunings]
+            if found:
+                lines.append(_expectation(sensor, found))
+        return lines
+
+
+def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
+    nis = sorted(tuning.nis for tuning in found)
+    coast = sorted(tuning.coast_ratio for tuning in found)
+
+    def span(values: list[float]) -> str:
+        low, high = f'{values[0]:.2g}', f'{values[-1]:.2g}'
+        return low if low == high else f'{low} to {high}'
+
+    return (f'{sensor}: expected NIS {span(nis)}; squared error over '
+            f'{duration(found[0].coast_s)} without correction {span(coast)} times what is claimed '
+            '(1 is right, above 1 overconfident).')
+
+
+def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
+    """Return coefficients as measured, or their bounds; nothing for an axis without noise."""
+    found: dict[Key, Number] = {}
+    for key, name in _COEFFICIENTS.items():
+        coefficient = axis.coefficients[name]
+        if coefficient.observable and coefficient.value:
+            found[key] = Number(coefficient.value, False, coefficient.ci95)
+        elif not coefficient.observable and coefficient.upper95:
+            found[key] = Number(coefficient.upper95, True)
+    if N not in found:
+        return {}
+    if bias == 'gauss_markov':
+        sigma, time, bound = _process(axis)
+        if sigma:
+            found[SIGMA], found[TIME] = Number(sigma, bound), Number(time)
+            found[K] = Number(sigma * sqrt(2 / time), bound)
+    return found
+
+
+def _process(axis: AxisResult) -> tuple[float, float, bool]:
+    """Sigma and correlation time of the process that was found, or that stands for the flat."""
+    if axis.gauss_markov is not None:
+        return axis.gauss_markov.sigma, axis.gauss_markov.correlation_time_s, False
+    flat = axis.coefficients['bias_instability']
+    level = flat.value if flat.observable else flat.upper95
+    curve = axis.curve
+    if not level or not curve.tau_s:
+        return 0.0, _TIME_OF_NOTHING, True
+    above = [tau for tau, adev in zip(curve.tau_s, curve.adev, strict=True)
+             if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
+    peak = sqrt(above[0] * above[-1]) if above else curve.tau_s[-1]
+    return _SIGMA_OF_FLAT * level, peak / _PEAK, not flat.observable

@@ -1,0 +1,149 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The consumers: what writes their configuration, what corrects them, what bias they model."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import Result
+from imu_allan.tuning.tune import Bias
+from imu_allan.writers.consumers import CONSUMER_TITLES
+from imu_allan.writers.filters import (
+    autopilots,
+    drivers,
+    graphs,
+    lidar,
+    satellites,
+    simulators,
+    visual,
+)
+from imu_allan.writers.filters.chosen_numbers import Aiding, Numbers, Wishes
+from imu_allan.writers.filters.layout import FilterConfig
+
+CAMERA = Aiding(0.05, 'camera frames at 20 Hz')
+LIDAR = Aiding(0.1, 'lidar scans at 10 Hz')
+SATELLITES = Aiding(1.0, 'satellite fixes at 1 Hz')
+AUTOPILOT = Aiding(0.2, 'satellite fixes of an autopilot at 5 Hz')
+SIMULATION = Aiding(1.0, 'a simulation shall drift like the sensor from a second on', 600.0)
+ESTIMATOR = Aiding(0.1, 'an estimator at 10 Hz')
+NO_BIAS = Aiding(None, 'the consumer has no bias state')
+
+
+@dataclass(frozen=True)
+class Consumer:
+    """
+    A program that wants to know how noisy an IMU is.
+
+    Attributes
+    ----------
+    write : callable
+        Makes the configuration of the numbers.
+    aiding : Aiding
+        What usually corrects it.
+    bias : {'random_walk', 'gauss_markov'}
+        What it takes the bias for.
+    one_time : bool
+        Whether it has one correlation time for all axes.
+
+    """
+
+    write: Callable[[Numbers], FilterConfig]
+    aiding: Aiding
+    bias: Bias = 'random_walk'
+    one_time: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name in the command."""
+        return self.write.__name__
+
+    @property
+    def title(self) -> str:
+        """Return the name as its authors write it."""
+        return CONSUMER_TITLES[self.name]
+
+    def __call__(self, result: Result, rate_hz: float | None = None) -> FilterConfig:
+        """Return the configuration with tuned numbers."""
+        return export(result, self.name, rate_hz)
+
+
+_CONSUMERS = (
+    Consumer(visual.kalibr, CAMERA),
+    Consumer(visual.openvins, CAMERA),
+    Consumer(visual.orb_slam3, CAMERA),
+    Consumer(visual.vins_fusion, CAMERA),
+    Consumer(lidar.lio_sam, LIDAR),
+    Consumer(lidar.fast_lio, LIDAR),
+    Consumer(graphs.gtsam, ESTIMATOR),
+    Consumer(visual.basalt, CAMERA),
+    Consumer(visual.msckf_vio, CAMERA),
+    Consumer(drivers.robot_localization, NO_BIAS),
+    Consumer(autopilots.px4, AUTOPILOT),
+    Consumer(autopilots.ardupilot, AUTOPILOT),
+    Consumer(visual.vins_fusion_midpoint, CAMERA),
+    Consumer(lidar.lio_sam_ros1, LIDAR),
+    Consumer(visual.isaac_ros_vslam, CAMERA),
+    Consumer(visual.okvis2, CAMERA),
+    Consumer(visual.kimera, CAMERA),
+    Consumer(visual.maplab, CAMERA),
+    Consumer(visual.rovio, CAMERA),
+    Consumer(visual.svo_pro, CAMERA),
+    Consumer(visual.rtabmap, CAMERA),
+    Consumer(lidar.point_lio, LIDAR),
+    Consumer(lidar.fast_livo2, LIDAR),
+    Consumer(lidar.glim, LIDAR),
+    Consumer(satellites.kf_gins, SATELLITES, 'gauss_markov', one_time=True),
+    Consumer(satellites.ob_gins, SATELLITES, 'gauss_markov', one_time=True),
+    Consumer(satellites.navego, SATELLITES, 'gauss_markov'),
+    Consumer(satellites.psins, SATELLITES, 'gauss_markov'),
+    Consumer(simulators.gazebo, SIMULATION, 'gauss_markov'),
+    Consumer(simulators.rotors, SIMULATION, 'gauss_markov'),
+    Consumer(simulators.matlab,
+             replace(NO_BIAS, reason='imuSensor models white noise, flicker and walk itself')),
+    Consumer(simulators.airsim, SIMULATION),
+    Consumer(drivers.autoware, NO_BIAS),
+    Consumer(drivers.drivers, NO_BIAS),
+    Consumer(graphs.state_space, ESTIMATOR),
+    Consumer(graphs.state_space_cpp, ESTIMATOR),
+)
+CONSUMERS: dict[str, Consumer] = {consumer.name: consumer for consumer in _CONSUMERS}
+
+
+def export(result: Result, consumer: str, rate_hz: float | None = None,
+           wishes: Wishes = Wishes()) -> FilterConfig:  # noqa: B008
+    """
+    Write the configuration of a filter.
+
+    Parameters
+    ----------
+    result : Result
+        Where the numbers come from.
+    consumer : str
+        One of `CONSUMERS`.
+    rate_hz : float, optional
+        Rate at which the consumer takes samples or predicts, for those whose numbers depend on
+        it: by default the sample rate of the result, for an autopilot the usual prediction rate.
+    wishes : Wishes, optional
+        Tuned for the consumer's usual corrections when left out.
+
+    Returns
+    -------
+    FilterConfig
+
+    Raises
+    ------
+    ImuAllanError
+        If `consumer` is not known, or needs a rate and the result has none, or the result has no
+        number for it.
+
+    """
+    if consumer not in CONSUMERS:
+        raise ImuAllanError(f'no configuration is known for {consumer!r}; '
+                            f'known are {", ".join(CONSUMERS)}')
+    known = CONSUMERS[consumer]
+    if rate_hz is not None:
+        wishes = replace(wishes, rate_hz=rate_hz)
+    numbers = Numbers(result, consumer, known.title, known.aiding, known.bias, wishes,
+                      known.one_time)
+    return known.write(numbers)

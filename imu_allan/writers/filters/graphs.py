@@ -1,0 +1,106 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""For a filter of one's own: GTSAM's parameters, and the whole drift model as a state space."""
+
+import json
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
+from imu_allan.writers.filters.layout import (
+    FilterConfig,
+    heading,
+    joined,
+    number,
+    Pair,
+    UNITS,
+    worst,
+)
+
+_PARTS = ('transition', 'observation', 'process', 'measurement', 'cross', 'initial')
+
+
+def gtsam(numbers: Numbers) -> FilterConfig:
+    """
+    Write GTSAM's preintegration covariances: N^2 I and K^2 I, continuous.
+
+    PreintegrationParams.h and PreintegrationCombinedParams.h name them so. GTSAM reads no file of
+    its own; the keys are the names of the fields, each a 3 x 3 matrix.
+    """
+    lines = [*heading(numbers),
+             '# Continuous covariances N^2 I and K^2 I. For each key, with p of type '
+             'PreintegrationCombinedParams:',
+             '#   p->accelerometerCovariance = matrix;   (C++)   '
+             'p.setAccelerometerCovariance(matrix)   (Python)']
+    names: dict[Pair, str] = {
+        ('accel', N): 'accelerometerCovariance', ('gyro', N): 'gyroscopeCovariance',
+        ('accel', K): 'biasAccCovariance', ('gyro', K): 'biasOmegaCovariance'}
+
+    def matrix(value: float) -> list[str]:
+        return [f'  - [{", ".join(number(value if i == j else 0.0) for j in range(3))}]'
+                for i in range(3)]
+
+    for (sensor, key), name in names.items():
+        entry = worst(numbers, sensor, key, lambda value: value**2, '^2',
+                      f'({UNITS[sensor, key]})^2')
+        lines += ['', *(f'# {remark}' for remark in entry.remarks)]
+        lines += [f'# {name}:'] if entry.value is None else [f'{name}:', *matrix(entry.value)]
+    return FilterConfig('gtsam_imu.yaml', joined(lines))
+
+
+def state_space(numbers: Numbers) -> FilterConfig:
+    """
+    Write the drift model of every axis as a state space of the mean rate over a step, as JSON.
+
+    ``x' = transition x + w``, ``y = observation x + v``, ``process`` = E[w w'], ``measurement`` =
+    E[v v], ``cross`` = E[w v], ``initial`` = covariance of x; SI units.
+    """
+    spaces = _spaces(numbers)
+    step = next(iter(spaces.values())).step_s
+    document = {'imu_allan': numbers.provenance(), 'step_s': step,
+                'axes': {name: {part: [[float(number(value)) for value in row] for row in
+                                       getattr(space, part).tolist()] for part in _PARTS}
+                         for name, space in spaces.items()}}
+    return FilterConfig('state_space.json', json.dumps(document, indent=2) + '\n')
+
+
+def state_space_cpp(numbers: Numbers) -> FilterConfig:
+    """Write the same as a C++ header of constants, a namespace for each axis."""
+    spaces = _spaces(numbers)
+    lines = ['#pragma once', *heading(numbers, '//'), '//',
+             "// x' = transition x + w, y = observation x + v, y the mean rate over one step;",
+             "// process = E[w w'], measurement = E[v v], cross = E[w v], initial = covariance "
+             'of x.', '', '#include <array>', '', 'namespace imu_allan {', '',
+             'template <int Rows, int Columns>',
+             'using Matrix = std::array<std::array<double, Columns>, Rows>;']
+    for name, space in spaces.items():
+        lines += ['', f'namespace {name} {{',
+                  f'constexpr int states = {len(space.transition)};',
+                  f'constexpr double step_s = {number(space.step_s)};']
+        for part in _PARTS:
+            rows = getattr(space, part).tolist()
+            cells = ', '.join(
+                '{{' + ', '.join(number(value) for value in row) + '}}' for row in rows)
+            lines.append(f'constexpr Matrix<{len(rows)}, {len(rows[0])}> {part}'
+                         f'{{{{{cells}}}}};')
+        lines.append(f'}}  // namespace {name}')
+    return FilterConfig('state_space.hpp', joined([*lines, '', '}  // namespace imu_allan']))
+
+
+def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
+    known = {name: axis for name, axis in numbers.result.axes.items()
+             if axis.drift_model is not None}
+    # Without a wish, the first step that every axis is known for.
+    step = numbers.wishes.aiding_s or max(
+        [numbers.aiding_s or 0.0, *(axis.drift_model.from_s for axis in known.values()
+                                    if axis.drift_model is not None)])
+    spaces = {}
+    for name, axis in known.items():
+        try:
+            spaces[name] = space_of_axis(axis, step)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'{name}: {error}') from error
+    if not spaces:
+        raise ImuAllanError(f'no configuration for {numbers.consumer}: this result has no drift '
+                            'model; analyze the recording again')
+    return spaces

@@ -1,0 +1,179 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lines of a configuration: heading, numbers with their remarks, names that cannot add lines."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+import json
+
+from imu_allan.errors import printable
+from imu_allan.writers.filters.chosen_numbers import Key, N, Number, Numbers, Sensor
+
+Scale = Callable[[float], float]
+Pair = tuple[Sensor, Key]
+
+DIGITS = 6
+"""Significant digits: a noise density is known to three at best."""
+
+LETTERS: dict[Key, str] = {'N': 'N', 'K': 'K', 'sigma': 'sigma', 'time': 'Tc'}
+_TERMS: dict[Pair, str] = {
+    ('gyro', 'N'): 'angle random walk', ('gyro', 'K'): 'gyro bias random walk',
+    ('accel', 'N'): 'velocity random walk', ('accel', 'K'): 'accelerometer bias random walk',
+    ('gyro', 'sigma'): 'standard deviation of the gyro bias',
+    ('accel', 'sigma'): 'standard deviation of the accelerometer bias',
+    ('gyro', 'time'): 'correlation time of the gyro bias',
+    ('accel', 'time'): 'correlation time of the accelerometer bias'}
+UNITS: dict[Pair, str] = {
+    ('gyro', 'N'): 'rad/s/sqrt(Hz)', ('gyro', 'K'): 'rad/s^2/sqrt(Hz)',
+    ('accel', 'N'): 'm/s^2/sqrt(Hz)', ('accel', 'K'): 'm/s^3/sqrt(Hz)',
+    ('gyro', 'sigma'): 'rad/s', ('accel', 'sigma'): 'm/s^2', ('gyro', 'time'): 's',
+    ('accel', 'time'): 's'}
+SAMPLE_UNITS: dict[Pair, str] = {
+    ('gyro', 'N'): 'rad/s', ('gyro', 'K'): 'rad/s^2',
+    ('accel', 'N'): 'm/s^2', ('accel', 'K'): 'm/s^3'}
+
+
+@dataclass(frozen=True)
+class FilterConfig:
+    """
+    A configuration file for one consumer.
+
+    Attributes
+    ----------
+    name : str
+        Suggested file name, different for every consumer.
+    text : str
+
+    """
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A number for a configuration, or why there is none, with what to say about it."""
+
+    value: float | None
+    remarks: tuple[str, ...]
+
+
+def unscaled(value: float) -> float:
+    """Return the number as it is."""
+    return value
+
+
+def times(factor: float) -> Scale:
+    """Return what multiplies by a factor."""
+    return lambda value: value * factor
+
+
+def heading(numbers: Numbers, sign: str = '#') -> list[str]:
+    """Return the comment at the top of a file."""
+    return [f'{sign} {line}' for line in numbers.provenance()]
+
+
+def pairs(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled, scaling: str = '',
+          units: Mapping[Pair, str] = UNITS, line: str = '{name}: {value}',
+          sign: str = '#') -> list[str]:
+    """Return lines ``name: worst axis``, each below its remarks."""
+    lines = []
+    for (sensor, key), name in names.items():
+        entry = worst(numbers, sensor, key, scale, scaling, units[sensor, key])
+        lines += ['', *(f'{sign} {remark}' for remark in entry.remarks)]
+        lines += [f'{sign} {name}:' if entry.value is None
+                  else line.format(name=name, value=number(entry.value))]
+    return lines
+
+
+def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale, scaling: str, unit: str
+          ) -> Entry:
+    """Return the largest of the axes' numbers, scaled, and what to say about it."""
+    what = f'{_letter(key, scaling)} [{unit}], {_TERMS[sensor, key]}'
+    found = numbers.worst(sensor, key)
+    if found is None:
+        return Entry(None, (f'{what}: this result has no value for it',))
+    name, chosen = found
+    remarks = [what, *_remarks(name, chosen, scale)]
+    others = [f'{axis} {"below " if other.bound else ""}{scale(other.value):.4g}'
+              for axis, other in numbers.known(sensor, key).items() if axis != name]
+    if others:
+        remarks.append('other axes: ' + ', '.join(others))
+    return Entry(scale(chosen.value), tuple(remarks))
+
+
+def _remarks(name: str, chosen: Number, scale: Scale) -> list[str]:
+    if chosen.bound:
+        return [f'NOT OBSERVABLE on {name} in this recording: its 95 % upper bound, '
+                'the true value is smaller']
+    if chosen.interval is None:
+        return [f'{name}, the worst axis']
+    low, high = chosen.interval
+    return [f'{name}, the worst axis; 95 % interval {scale(max(low, 0.0)):.4g} .. '
+            f'{scale(high):.4g}']
+
+
+def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
+         ) -> tuple[list[float] | None, list[str]]:
+    """Return the numbers of x, y, z, or None where one lacks, and what to say about them."""
+    known = numbers.known(sensor, key)
+    remarks = []
+    bounds = [name[-1] for name, one in known.items() if one.bound]
+    if bounds:
+        remarks.append(f'not observable on {", ".join(bounds)}, there the 95 % upper bound')
+    if len(known) < 3:
+        return None, ['the result does not have all three axes']
+    return [scale(one.value) for one in known.values()], remarks
+
+
+def triples(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled,
+            scaling: str = '', units: Mapping[Pair, str] = UNITS,
+            line: str = '{name}: [{value}]', sign: str = '#') -> list[str]:
+    """Return lines ``name: [x, y, z]``, each below its remarks."""
+    lines = []
+    for (sensor, key), name in names.items():
+        values, remarks = each(numbers, sensor, key, scale)
+        what = (f'{_letter(key, scaling)} of x, y, z [{units[sensor, key]}], '
+                f'{_TERMS[sensor, key]}')
+        lines += ['', f'{sign} {what}', *(f'{sign} {name}: {remark}' for remark in remarks)]
+        lines += [f'{sign} {name}:' if values is None else
+                  line.format(name=name, value=', '.join(number(value) for value in values))]
+    return lines
+
+
+def _letter(key: Key, scaling: str) -> str:
+    letter = LETTERS[key]
+    return letter + ('' if not scaling else scaling if scaling[0] == '^' else f' {scaling}')
+
+
+def topic_of(numbers: Numbers) -> str | None:
+    """Return the topic, quoted, or None."""
+    topic = numbers.result.source.topic
+    return quoted(topic) if topic else None
+
+
+def indented(lines: Sequence[str], by: int) -> list[str]:
+    """Return lines further to the right; empty ones stay empty."""
+    return [f'{" " * by}{line}' if line else '' for line in lines]
+
+
+def number(value: float) -> str:
+    """`value` in six digits, so that YAML 1.1 reads it, where a real must have a point."""
+    text = repr(float(f'{value:.{DIGITS - 1}e}'))
+    return text.replace('e', '.0e') if 'e' in text and '.' not in text else text
+
+
+def quoted(text: str) -> str:
+    """`text` as a string in YAML and JSON."""
+    return json.dumps(printable(text), ensure_ascii=False)
+
+
+def joined(lines: Sequence[str]) -> str:
+    """Return the text of a file."""
+    return '\n'.join(line.rstrip(' ') for line in lines) + '\n'
+
+
+def sensors_with(numbers: Numbers, key: Key = N) -> list[Sensor]:
+    """Return the sensors of which an axis has a number."""
+    both: tuple[Sensor, ...] = ('accel', 'gyro')
+    return [sensor for sensor in both if numbers.known(sensor, key)]

@@ -1,0 +1,148 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Filters and smoothers that a lidar corrects."""
+
+from math import sqrt
+
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
+from imu_allan.writers.filters.layout import (
+    FilterConfig,
+    heading,
+    indented,
+    joined,
+    number,
+    Pair,
+    pairs,
+    SAMPLE_UNITS,
+    topic_of,
+    worst,
+)
+
+_SQUARED: dict[Pair, str] = {pair: f'({unit})^2' for pair, unit in SAMPLE_UNITS.items()}
+_LIO_SAM: dict[Pair, str] = {('accel', N): 'imuAccNoise', ('gyro', N): 'imuGyrNoise',
+                             ('accel', K): 'imuAccBiasN', ('gyro', K): 'imuGyrBiasN'}
+
+
+def lio_sam(numbers: Numbers) -> FilterConfig:
+    """
+    LIO-SAM's ``params.yaml`` (ROS 2): N and K, continuous.
+
+    imuPreintegration.cpp squares the noises into GTSAM's continuous covariances and scales the
+    biases by ``sqrt(deltaTij)``.
+    """
+    lines = [*heading(numbers), '/**:', '  ros__parameters:']
+    body = pairs(numbers, _LIO_SAM)
+    topic = topic_of(numbers)
+    if topic:
+        body += ['', f'imuTopic: {topic}']
+    return FilterConfig('lio_sam_imu.yaml', joined([*lines, *indented(body, 4)]))
+
+
+def lio_sam_ros1(numbers: Numbers) -> FilterConfig:
+    """
+    LIO-SAM's ``params.yaml`` of ROS 1: N and K, continuous, under ``lio_sam/``.
+
+    utility.h reads ``lio_sam/imuAccNoise`` and so on from the parameter server.
+    """
+    lines = [*heading(numbers), 'lio_sam:']
+    body = pairs(numbers, _LIO_SAM)
+    topic = topic_of(numbers)
+    if topic:
+        body += ['', f'imuTopic: {topic}']
+    return FilterConfig('lio_sam_ros1_imu.yaml', joined([*lines, *indented(body, 2)]))
+
+
+def fast_lio(numbers: Numbers) -> FilterConfig:
+    """
+    FAST-LIO's ``mapping`` section: variances per sample, N^2 f and K^2 f.
+
+    ``esekf::predict`` (esekfom.hpp) adds ``dt^2 Q`` at each step.
+    """
+    f = numbers.rate()
+    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
+             '# The ports to ROS 2 want mapping: under /**: ros__parameters:', 'mapping:']
+    lines += indented(pairs(numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov',
+                                      ('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'},
+                            lambda value: value**2 * f, '^2 f', _SQUARED), 2)
+    topic = topic_of(numbers)
+    if topic:
+        lines += ['', 'common:', f'  imu_topic: {topic}']
+    return FilterConfig('fast_lio_imu.yaml', joined(lines))
+
+
+def point_lio(numbers: Numbers) -> FilterConfig:
+    """
+    Point-LIO's ``mapping`` section: variances per sample, N^2 f and K^2 f.
+
+    ``process_noise_cov_input`` (Estimator.cpp) puts them on the diagonal of Q, which a step
+    multiplies by ``dt^2``. ``acc_cov_output`` and ``gyr_cov_output`` are the motion model.
+    """
+    f = numbers.rate()
+    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
+             '# acc_cov_output and gyr_cov_output describe the motion, not the sensor: leave them.'
+             ' acc_norm is 9.81', '# for accelerations in m/s^2, 1 for a driver that gives g.',
+             'mapping:']
+    parts: tuple[dict[Pair, str], ...] = (
+        {('accel', N): 'acc_cov_input', ('gyro', N): 'gyr_cov_input'},
+        {('accel', N): 'imu_meas_acc_cov', ('gyro', N): 'imu_meas_omg_cov'},
+        {('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'})
+    for names in parts:
+        lines += indented(pairs(numbers, names, lambda value: value**2 * f, '^2 f', _SQUARED), 4)
+    lines += ['', '    # [s], the sample interval', f'    imu_time_inte: {number(1 / f)}']
+    topic = topic_of(numbers)
+    if topic:
+        lines += ['', 'common:', f'    imu_topic: {topic}']
+    return FilterConfig('point_lio_imu.yaml', joined(lines))
+
+
+def fast_livo2(numbers: Numbers) -> FilterConfig:
+    """
+    FAST-LIVO2's ``imu`` section: variances per sample, N^2 f.
+
+    ``ImuProcess::UndistortPcl`` (IMU_Processing.cpp) adds ``cov dt^2`` at each step. Its
+    ``b_acc_cov`` and ``b_gyr_cov`` are never read from the file.
+    """
+    f = numbers.rate()
+    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f. The program has '
+             'its bias variances in its', '# source and reads none: b_acc_cov and b_gyr_cov have '
+             'no effect and are not written.', 'imu:', '  imu_en: true']
+    lines += indented(pairs(numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov'},
+                            lambda value: value**2 * f, '^2 f', _SQUARED), 2)
+    topic = topic_of(numbers)
+    if topic:
+        lines += ['', 'common:', f'  imu_topic: {topic}']
+    return FilterConfig('fast_livo2_imu.yaml', joined(lines))
+
+
+def glim(numbers: Numbers) -> FilterConfig:
+    """
+    Write GLIM's ``config_sensors.json``: N for each sensor, one bias step for both per frame.
+
+    ``IMUIntegration`` (imu_integration.cpp) squares ``imu_acc_noise`` and ``imu_gyro_noise`` into
+    GTSAM's continuous covariances. ``OdometryEstimationIMU::insert_frame``
+    (odometry_estimation_imu.cpp) ties the biases of two frames by ``Sigma(6, imu_bias_noise)``
+    whatever the time between them: K times the root of that time, of the sensor for which that is
+    larger.
+    """
+    frame = numbers.aiding_s or 0.1
+    lines = ['/*', *(line[2:] for line in heading(numbers)),
+             'Part of config_sensors.json, which allows comments: put these in place of its own.',
+             '*/', '{', '  "sensors": {']
+    entries: list[str] = []
+    for sensor, name in (('accel', 'imu_acc_noise'), ('gyro', 'imu_gyro_noise')):
+        entry = worst(numbers, 'accel' if sensor == 'accel' else 'gyro', N, lambda v: v, '',
+                      'm/s^2/sqrt(Hz)' if sensor == 'accel' else 'rad/s/sqrt(Hz)')
+        lines += [f'    // {remark}' for remark in entry.remarks]
+        if entry.value is not None:
+            lines.append(f'    "{name}": {number(entry.value)},')
+    for sensor, unit in (('accel', 'm/s^2'), ('gyro', 'rad/s')):
+        found = numbers.worst('accel' if sensor == 'accel' else 'gyro', K)
+        if found is not None:
+            entries.append(f'{found[0]} {number(found[1].value * sqrt(frame))} {unit}')
+    steps = [one[1].value * sqrt(frame) for one in (numbers.worst('accel', K),
+                                                    numbers.worst('gyro', K)) if one is not None]
+    lines += [f'    // K sqrt(T), T = {frame:g} s between lidar frames; one value for both '
+              'sensors, the larger:', f'    // {", ".join(entries) or "no value"}',
+              f'    "imu_bias_noise": {number(max(steps))}' if steps else '    // imu_bias_noise',
+              '  }', '}']
+    return FilterConfig('glim_sensors.json', joined(lines))

@@ -1,0 +1,118 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Integrated navigation with satellites: biases as first-order Gauss-Markov processes."""
+
+from math import pi, sqrt
+
+from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.writers.filters.chosen_numbers import N, Numbers, SIGMA, TIME
+from imu_allan.writers.filters.layout import (
+    FilterConfig,
+    heading,
+    indented,
+    joined,
+    number,
+    Pair,
+    pairs,
+    times,
+    triples,
+)
+
+_DEGREE = pi / 180
+_ARW = _DEGREE / 60             # rad/s/sqrt(Hz) in 1 deg/sqrt(h)
+_VRW = 1 / 60                   # m/s^2/sqrt(Hz) in 1 m/s/sqrt(h)
+_DEG_PER_HOUR = _DEGREE / 3600
+_MILLIGAL = 1e-5
+_UG = STANDARD_GRAVITY * 1e-6
+
+_Rows = tuple[tuple[Pair, str, float, str], ...]
+_GINS: _Rows = ((('gyro', N), 'arw', _ARW, 'deg/sqrt(h)'),
+                (('accel', N), 'vrw', _VRW, 'm/s/sqrt(h)'),
+                (('gyro', SIGMA), 'gbstd', _DEG_PER_HOUR, 'deg/h'),
+                (('accel', SIGMA), 'abstd', _MILLIGAL, 'mGal'))
+_NAVEGO: _Rows = ((('gyro', N), 'arw', _ARW, 'deg/sqrt(h)'),
+                  (('accel', N), 'vrw', _VRW, 'm/s/sqrt(h)'),
+                  (('gyro', SIGMA), 'gb_dyn', _DEGREE / sqrt(2), 'deg/s'),
+                  (('accel', SIGMA), 'ab_dyn', STANDARD_GRAVITY * 1e-3 / sqrt(2), 'mg'),
+                  (('gyro', TIME), 'gb_corr', 1.0, 's'), (('accel', TIME), 'ab_corr', 1.0, 's'))
+_PSINS: _Rows = ((('gyro', N), 'web', _ARW, 'deg/sqrt(h)'),
+                 (('accel', N), 'wdb', _UG, 'ug/sqrt(Hz)'),
+                 (('gyro', SIGMA), 'sqrtR0G', _DEG_PER_HOUR, 'deg/h'),
+                 (('gyro', TIME), 'TauG', 1.0, 's'), (('accel', SIGMA), 'sqrtR0A', _UG, 'ug'),
+                 (('accel', TIME), 'TauA', 1.0, 's'))
+
+
+def kf_gins(numbers: Numbers) -> FilterConfig:
+    """
+    KF-GINS' ``imunoise``: deg/sqrt(h), m/s/sqrt(h), deg/h, mGal and hours, for each axis.
+
+    ``loadConfig`` (kf_gins.cpp) converts them so (arw by pi/180/60, gbstd by pi/180/3600, abstd by
+    1e-5, corrtime by 3600). ``GIEngine::GIEngine`` (gi_engine.cpp) drives biases and scale factors
+    by ``2 sigma^2/Tc``, and ``GIEngine::insPropagation`` lets them decay by ``-1/Tc``.
+    """
+    lines = [*heading(numbers), '# gsstd and asstd, the scale factors, are not seen at rest: '
+             'leave them. corrtime is theirs, too.', 'imunoise:']
+    body: list[str] = []
+    for pair, name, unit, text in _GINS:
+        body += triples(numbers, {pair: name}, times(1 / unit), '', {pair: text})
+    lines += indented(body + _correlation_time(numbers), 2)
+    return FilterConfig('kf_gins_imu.yaml', joined(lines))
+
+
+def ob_gins(numbers: Numbers) -> FilterConfig:
+    """
+    OB_GINS' ``imumodel``: the same units as KF-GINS, one value for a sensor.
+
+    ob_gins.cc converts them so; the preintegration uses ``phi = 1 - dt/Tc`` and ``2 sigma^2/Tc``.
+    """
+    lines = [*heading(numbers), 'imumodel:']
+    body: list[str] = []
+    for pair, name, unit, text in _GINS:
+        body += pairs(numbers, {pair: name}, times(1 / unit), '', {pair: text})
+    lines += indented(body + _correlation_time(numbers), 2)
+    return FilterConfig('ob_gins_imu.yaml', joined(lines))
+
+
+def _correlation_time(numbers: Numbers) -> list[str]:
+    found = numbers.worst('gyro', TIME) or numbers.worst('accel', TIME)
+    if found is None:
+        return ['', '# corrtime: this result has no value for it']
+    return ['', '# Tc [h], the same for both sensors',
+            f'corrtime: {number(found[1].value / 3600)}']
+
+
+def navego(numbers: Numbers) -> FilterConfig:
+    """
+    Write NaveGo's IMU profile, in the units of ``imu_si_errors.m``.
+
+    That function makes of ``gb_dyn`` the driving density ``gb_dyn/sqrt(gb_corr)``, which is
+    ``sigma sqrt(2/Tc)`` of the process: gb_dyn is sqrt(2) sigma. ``allan_imu.m`` writes rad/s and
+    m/s^2 under the same names, which are not to be given to imu_si_errors.
+    """
+    lines = [*heading(numbers, '%'),
+             '% For imu_si_errors(imu, dt): deg/sqrt(h), m/s/sqrt(h), deg/s, mg, s. gb_dyn and '
+             'ab_dyn are sqrt(2) sigma,', '% because imu_si_errors divides them by the root of '
+             'the correlation time. (allan_imu gives rad/s and m/s^2', '% under these names: do '
+             'not mix the two.)']
+    for pair, name, unit, text in _NAVEGO:
+        scaling = 'sqrt(2)' if name.endswith('dyn') else ''
+        lines += triples(numbers, {pair: name}, times(1 / unit), scaling,
+                         {pair: text}, 'imu.{name} = [{value}];', '%')
+    return FilterConfig('navego_imu.m', joined(lines))
+
+
+def psins(numbers: Numbers) -> FilterConfig:
+    """
+    Arguments of PSINS' ``imuerrset``: deg/sqrt(h), ug/sqrt(Hz), deg/h, ug and s.
+
+    imuerrset.m drives the bias by ``sqrtR0G sqrt(2/TauG)``: sqrtR0G is sigma. The constant biases
+    eb and db are those from one start to the next, which no recording at rest shows.
+    """
+    lines = [*heading(numbers, '%'),
+             '% eb and db are constant biases (deg/h, ug) after calibration: set them yourself.',
+             'eb = 0; db = 0;']
+    for pair, name, unit, text in _PSINS:
+        lines += triples(numbers, {pair: name}, times(1 / unit), '',
+                         {pair: text}, "{name} = [{value}]';", '%')
+    lines += ['', 'imuerr = imuerrset(eb, db, web, wdb, sqrtR0G, TauG, sqrtR0A, TauA);']
+    return FilterConfig('psins_imuerr.m', joined(lines))

@@ -1,0 +1,157 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated sensors of other programs."""
+
+import json
+from math import pi, sqrt
+from xml.sax.saxutils import escape
+
+from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, TIME
+from imu_allan.writers.filters.layout import (
+    FilterConfig,
+    heading,
+    joined,
+    number,
+    Pair,
+    times,
+    triples,
+    UNITS,
+    worst,
+)
+
+_DEGREE = pi / 180
+_AIRSIM_TIMES = {'gyro': 500.0, 'accel': 800.0}
+
+
+def gazebo(numbers: Numbers) -> FilterConfig:
+    """
+    SDF noise of a Gazebo IMU sensor, for each axis: N sqrt(f), and the driving density K.
+
+    ``GaussianNoiseModel::ApplyImpl`` of gz-sensors (GaussianNoiseModel.cc) adds noise of standard
+    deviation ``dynamic_bias_stddev sqrt(Tc/2 (1 - exp(-2 dt/Tc)))`` to the bias at a step: that is
+    the density which drives the bias, ``sigma sqrt(2/Tc)``, not its standard deviation.
+    ``stddev`` is that of a sample. Releases whose ``ApplyImpl`` knows no time step have no dynamic
+    bias.
+    """
+    f = numbers.rate()
+    lines = [*_xml_heading(numbers, f'stddev = N sqrt(f) at f = {f:g} Hz, the update_rate of the '
+                           'sensor; dynamic_bias_stddev is the',
+                           'driving density K = sigma sqrt(2/Tc), as gz-sensors uses it, not the '
+                           'standard deviation of the bias.'), '<imu>']
+    for sensor, tag in (('gyro', 'angular_velocity'), ('accel', 'linear_acceleration')):
+        lines.append(f'  <{tag}>')
+        for name in numbers.axes('gyro' if sensor == 'gyro' else 'accel'):
+            own = numbers.of_axis[name]
+            if N not in own:
+                continue
+            lines += [f'    <{name[-1]}><noise type="gaussian">', '      <mean>0</mean>',
+                      f'      <stddev>{number(own[N].value * sqrt(f))}</stddev>']
+            if TIME in own:
+                lines += [f'      <dynamic_bias_stddev>{number(own[K].value)}'
+                          '</dynamic_bias_stddev>',
+                          f'      <dynamic_bias_correlation_time>{number(own[TIME].value)}'
+                          '</dynamic_bias_correlation_time>']
+            lines.append(f'    </noise></{name[-1]}>')
+        lines.append(f'  </{tag}>')
+    return FilterConfig('gazebo_imu.sdf', joined([*lines, '</imu>']))
+
+
+def rotors(numbers: Numbers) -> FilterConfig:
+    """
+    Parameters of the IMU plugin of RotorS and PX4's Gazebo classic: N, K driving, Tc.
+
+    gazebo_imu_plugin.cpp adds ``N/sqrt(dt)`` and drives the bias by K with the correlation time.
+    RotorS reads the gyroscope's K as ``gyroscopeBiasRandomWalk``, PX4 as ``gyroscopeRandomWalk``.
+    """
+    names: dict[Pair, tuple[str, ...]] = {
+        ('gyro', N): ('gyroscopeNoiseDensity',),
+        ('gyro', K): ('gyroscopeBiasRandomWalk', 'gyroscopeRandomWalk'),
+        ('gyro', TIME): ('gyroscopeBiasCorrelationTime',),
+        ('accel', N): ('accelerometerNoiseDensity',),
+        ('accel', K): ('accelerometerRandomWalk',),
+        ('accel', TIME): ('accelerometerBiasCorrelationTime',)}
+    lines = [*_xml_heading(numbers, 'K is the driving density sigma sqrt(2/Tc). The ...TurnOnBias'
+                           'Sigma are not seen in one recording.'), '<plugin>']
+    for (sensor, key), tags in names.items():
+        entry = worst(numbers, sensor, key, lambda value: value, '', UNITS[sensor, key])
+        lines += [f'  <!-- {_comment(remark)} -->' for remark in entry.remarks]
+        if entry.value is not None:
+            lines += [f'  <{tag}>{number(entry.value)}</{tag}>' for tag in tags]
+    return FilterConfig('rotors_imu.xml', joined([*lines, '</plugin>']))
+
+
+def matlab(numbers: Numbers) -> FilterConfig:
+    """
+    Write MATLAB's ``gyroparams`` and ``accelparams``: N, B and K, for each axis, single-sided.
+
+    ``setupBandwidth`` of imuSensor (IMUSensorSimulator.m of the toolbox) takes f for a NoiseType
+    of 'single-sided' and f/2 for 'double-sided', the default. ``setStdDevWhiteNoise`` multiplies
+    NoiseDensity by the root of that, ``setStdDevRandWalk`` divides RandomWalk by it: N sqrt(f) and
+    K/sqrt(f), as they should be, are those of 'single-sided'. ``setStdDevBiasInst`` takes B as it
+    is for the noise that its filter makes flicker of; that filter, ``fractalcoef``, was not read.
+    """
+    lines = [*heading(numbers, '%'), "% NoiseType is 'single-sided': imuSensor then makes N "
+             "sqrt(f) of NoiseDensity. 'double-sided', its default,",
+             '% makes N sqrt(f/2) of it. BiasInstability is B, flicker; how imuSensor filters it '
+             'was not read in its source.']
+    for sensor, function in (('gyro', 'gyroparams'), ('accel', 'accelparams')):
+        name = 'gyro' if sensor == 'gyro' else 'accel'
+        lines += ['', f'{name} = {function};', f"{name}.NoiseType = 'single-sided';"]
+        pair: tuple[Pair, ...] = ((('gyro', N), ('gyro', K)) if sensor == 'gyro' else
+                                  (('accel', N), ('accel', K)))
+        for one, field in zip(pair, ('NoiseDensity', 'RandomWalk'), strict=True):
+            lines += triples(numbers, {one: f'{name}.{field}'}, line='{name} = [{value}];',
+                             sign='%')
+        flicker = _flicker(numbers, sensor)
+        lines += ['', '% B of x, y, z, bias instability; 0 where it is not observable',
+                  f'{name}.BiasInstability = [{", ".join(number(b) for b in flicker)}];']
+    lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {number(numbers.rate())}, "
+              "'Gyroscope', gyro, 'Accelerometer', accel);"]
+    return FilterConfig('imu_sensor.m', joined(lines))
+
+
+def _flicker(numbers: Numbers, sensor: str) -> list[float]:
+    found = []
+    for letter in 'xyz':
+        axis = numbers.result.axes.get(f'{sensor}_{letter}')
+        value = axis.coefficients['bias_instability'].value if axis else None
+        found.append(value or 0.0)
+    return found
+
+
+def airsim(numbers: Numbers) -> FilterConfig:
+    """
+    Write AirSim's ``Imu`` settings: deg/sqrt(h), deg/h, mg/sqrt(Hz), ug.
+
+    ImuSimpleParams.hpp converts them so; ImuSimple.hpp walks the bias by ``stability/sqrt(tau)``
+    per root second: the stability is K sqrt(tau), at AirSim's own tau.
+    """
+    settings: dict[str, object] = {'SensorType': 2, 'Enabled': True}
+    names: tuple[tuple[Pair, str, float], ...] = (
+        (('gyro', N), 'AngularRandomWalk', _DEGREE / 60),
+        (('accel', N), 'VelocityRandomWalk', STANDARD_GRAVITY * 1e-3),
+        (('gyro', K), 'GyroBiasStability', _DEGREE / 3600 / sqrt(_AIRSIM_TIMES['gyro'])),
+        (('accel', K), 'AccelBiasStability',
+         STANDARD_GRAVITY * 1e-6 / sqrt(_AIRSIM_TIMES['accel'])))
+    remarks = numbers.provenance()
+    for (sensor, key), name, unit in names:
+        entry = worst(numbers, sensor, key, times(1 / unit), '',
+                      UNITS[sensor, key])
+        if entry.value is None:
+            remarks.append(f'{name}: this result has no value for it')
+        else:
+            settings[name] = float(number(entry.value))
+    settings['GyroBiasStabilityTau'] = _AIRSIM_TIMES['gyro']
+    settings['AccelBiasStabilityTau'] = _AIRSIM_TIMES['accel']
+    text = json.dumps({'imu_allan': remarks, 'Imu': settings}, indent=2, ensure_ascii=False)
+    return FilterConfig('airsim_imu.json', text + '\n')
+
+
+def _xml_heading(numbers: Numbers, *more: str) -> list[str]:
+    return ['<!--', *(_comment(line) for line in (*numbers.provenance(), *more)), '-->']
+
+
+def _comment(text: str) -> str:
+    """`text` so that it cannot end a comment."""
+    return escape(text).replace('--', '- -')

@@ -1,0 +1,295 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Filters and smoothers that a camera corrects."""
+
+import json
+from math import sqrt
+
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
+from imu_allan.writers.filters.layout import (
+    each,
+    FilterConfig,
+    heading,
+    indented,
+    joined,
+    number,
+    Pair,
+    pairs,
+    quoted,
+    SAMPLE_UNITS,
+    times,
+    topic_of,
+    UNITS,
+)
+
+_KALIBR: dict[Pair, str] = {
+    ('accel', N): 'accelerometer_noise_density', ('accel', K): 'accelerometer_random_walk',
+    ('gyro', N): 'gyroscope_noise_density', ('gyro', K): 'gyroscope_random_walk'}
+
+
+def kalibr(numbers: Numbers) -> FilterConfig:
+    """
+    Kalibr's ``imu.yaml``: N and K, continuous.
+
+    ``ImuParameters`` of Kalibr's ConfigReader.py divides the noise density by ``sqrt(dt)`` itself,
+    takes the random walk as it is, and refuses values that are not above zero.
+    """
+    lines = [*heading(numbers), *pairs(numbers, _KALIBR), '', *_topic_and_rate(numbers)]
+    return FilterConfig('imu.yaml', joined(lines))
+
+
+def openvins(numbers: Numbers) -> FilterConfig:
+    """
+    Write OpenVINS' ``kalibr_imu_chain.yaml``: N and K, continuous, as for Kalibr.
+
+    ``Propagator::predict_and_compute`` scales by ``sqrt(dt)`` (N by its inverse) itself. The file
+    is read by OpenCV's FileStorage; the geometry in it is the identity that OpenVINS ships.
+    """
+    lines = ['%YAML:1.0', *heading(numbers), '', 'imu0:']
+    identity = ('[1.0, 0.0, 0.0]', '[0.0, 1.0, 0.0]', '[0.0, 0.0, 1.0]')
+    body = ['# Geometry: no more than the identity, put in what your calibration found.', 'T_i_b:',
+            *(f'  - [{", ".join("1.0" if i == j else "0.0" for j in range(4))}]'
+              for i in range(4))]
+    body += pairs(numbers, _KALIBR)
+    body += ['', *_topic_and_rate(numbers), 'time_offset: 0.0', 'model: "kalibr"']
+    for key in ('Tw', 'R_IMUtoGYRO', 'Ta', 'R_IMUtoACC'):
+        body += [f'{key}:', *(f'  - {row}' for row in identity)]
+    body += ['Tg:', *['  - [0.0, 0.0, 0.0]'] * 3]
+    return FilterConfig('kalibr_imu_chain.yaml', joined([*lines, *indented(body, 2)]))
+
+
+def orb_slam3(numbers: Numbers) -> FilterConfig:
+    """
+    ORB-SLAM3's ``IMU.*`` settings: N and K, continuous.
+
+    ``Settings::readIMU`` reads them as reals through OpenCV's FileStorage; ``Tracking`` multiplies
+    the noises by ``sqrt(f)`` and divides the walks by it.
+    """
+    lines = ['%YAML:1.0', *heading(numbers),
+             '# Part of a settings file: put these lines in place of its IMU noise section.']
+    lines += pairs(numbers, {('gyro', N): 'IMU.NoiseGyro', ('accel', N): 'IMU.NoiseAcc',
+                             ('gyro', K): 'IMU.GyroWalk', ('accel', K): 'IMU.AccWalk'})
+    lines += ['', '# [Hz], a real number in settings of File.version 1.0; '
+              'older versions want a whole number', f'IMU.Frequency: {number(numbers.rate())}']
+    return FilterConfig('orb_slam3_imu.yaml', joined(lines))
+
+
+def vins_fusion(numbers: Numbers) -> FilterConfig:
+    """
+    VINS-Fusion (and VINS-Mono): standard deviations per sample, N sqrt(f) and K sqrt(f).
+
+    ``IntegrationBase::midPointIntegration`` (integration_base.h) adds ``(dt value)^2`` at each
+    step.
+    """
+    lines = ['%YAML:1.0', *heading(numbers), *_vins_lines(numbers),
+             '# The midpoint step counts each sample twice by half, as if the halves were '
+             'independent: it uses',
+             '# half the variance written here. The names vins_fusion_midpoint writes what it '
+             'strictly wants, sqrt(2) N sqrt(f).']
+    lines += _vins_pairs(numbers, 1.0)
+    return FilterConfig('vins_fusion_imu.yaml', joined(lines))
+
+
+def vins_fusion_midpoint(numbers: Numbers) -> FilterConfig:
+    """
+    VINS-Fusion with what its midpoint step strictly wants: sqrt(2) N sqrt(f) and K sqrt(f).
+
+    ``midPointIntegration`` weighs the noises of the two ends of a step by 0.5 each and adds their
+    squares as if they were independent, which halves the variance of a step.
+    """
+    lines = ['%YAML:1.0', *heading(numbers), *_vins_lines(numbers),
+             '# acc_n and gyr_n times sqrt(2), which the midpoint step halves in variance again.']
+    lines += _vins_pairs(numbers, sqrt(2))
+    return FilterConfig('vins_fusion_midpoint_imu.yaml', joined(lines))
+
+
+def _vins_lines(numbers: Numbers) -> list[str]:
+    return ['# Part of a settings file: put these lines in place of its imu parameters.',
+            f'# Per sample at f = {numbers.rate():g} Hz: N sqrt(f) and K sqrt(f).']
+
+
+def _vins_pairs(numbers: Numbers, midpoint: float) -> list[str]:
+    root = sqrt(numbers.rate())
+    lines = []
+    for key, factor, scaling in ((N, root * midpoint,
+                                  'sqrt(f)' if midpoint == 1 else 'sqrt(2 f)'),
+                                 (K, root, 'sqrt(f)')):
+        names: dict[Pair, str] = {('accel', key): f'acc_{"n" if key == N else "w"}',
+                                  ('gyro', key): f'gyr_{"n" if key == N else "w"}'}
+        lines += pairs(numbers, names, times(factor), scaling, SAMPLE_UNITS)
+    topic = topic_of(numbers)
+    return lines + (['', f'imu_topic: {topic}'] if topic else [])
+
+
+def basalt(numbers: Numbers) -> FilterConfig:
+    """
+    Basalt's ``calibration.json``: N and K for each axis, continuous.
+
+    ``Calibration::dicrete_time_accel_noise_std`` (calibration.hpp) multiplies by the root of
+    ``imu_update_rate``. JSON knows no comments: they stand under a key that cereal passes over.
+    """
+    values: dict[str, object] = {'imu_update_rate': float(number(numbers.rate()))}
+    remarks = numbers.provenance()
+    names: dict[Pair, str] = {('accel', N): 'accel_noise_std', ('gyro', N): 'gyro_noise_std',
+                              ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
+    for (sensor, key), name in names.items():
+        found, said = each(numbers, sensor, key)
+        remarks += [f'{name}: {remark}' for remark in said]
+        if found is not None:
+            values[name] = [float(number(value)) for value in found]
+            remarks.append(f'{name}: {key} of x, y, z [{UNITS[sensor, key]}], continuous')
+    text = json.dumps({'value0': values, 'imu_allan': remarks}, indent=4, ensure_ascii=False)
+    return FilterConfig('basalt_imu.json', text + '\n')
+
+
+def msckf_vio(numbers: Numbers) -> FilterConfig:
+    """
+    MSCKF-VIO's ``noise`` parameters: N and K, continuous.
+
+    msckf_vio.cpp squares them on loading (loadParameters) and multiplies by ``dt`` in
+    ``processModel``.
+    """
+    lines = [*heading(numbers),
+             '# In the launch file: <rosparam command="load" file="msckf_vio_noise.yaml"/> inside '
+             'the node, and no',
+             '# <param name="noise/..."> of the same names after it.', 'noise:']
+    lines += indented(pairs(numbers, {('gyro', N): 'gyro', ('accel', N): 'acc',
+                                      ('gyro', K): 'gyro_bias', ('accel', K): 'acc_bias'}), 2)
+    return FilterConfig('msckf_vio_noise.yaml', joined(lines))
+
+
+def isaac_ros_vslam(numbers: Numbers) -> FilterConfig:
+    """
+    Isaac ROS Visual SLAM's node parameters: N and K, continuous.
+
+    ``VisualSlamNode`` (visual_slam_node.cpp) declares them as reals, and
+    ``VisualSlamImpl::CreateConfiguration`` (visual_slam_impl.cpp) hands them as they are to
+    ``CUVSLAM_ImuCalibration``. The units are those that cuVSLAM's header gives there:
+    rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz) and Hz. cuVSLAM itself was not
+    read.
+    """
+    lines = [*heading(numbers), "# Continuous by the units in cuVSLAM's header; not read in "
+             'cuVSLAM itself. The node takes the IMU with',
+             '# enable_imu_fusion: true, in newer releases with tracking_mode: 1.',
+             '/**:', '  ros__parameters:']
+    body = pairs(numbers, {('gyro', N): 'gyro_noise_density', ('gyro', K): 'gyro_random_walk',
+                           ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'})
+    body += ['', '# [Hz], the rate of the recording',
+             f'calibration_frequency: {number(numbers.rate())}']
+    return FilterConfig('isaac_ros_vslam_imu.yaml', joined([*lines, *indented(body, 4)]))
+
+
+def okvis2(numbers: Numbers) -> FilterConfig:
+    """
+    OKVIS2's ``imu_parameters``: N and K, continuous, through OpenCV's FileStorage.
+
+    config/euroc.yaml names the units. ``sigma_bg`` and ``sigma_ba`` there are priors of the bias
+    at the start, no bias instability: they are left to the user. ``tau`` is read no more.
+    """
+    lines = ['%YAML:1.0', *heading(numbers),
+             '# Part of a settings file: put these lines in place of those in its section. '
+             'sigma_bg and sigma_ba are',
+             '# priors of the bias at the start (turn-on bias), not bias instability: leave them.',
+             'imu_parameters:']
+    body = pairs(numbers, {('gyro', N): 'sigma_g_c', ('accel', N): 'sigma_a_c',
+                           ('gyro', K): 'sigma_gw_c', ('accel', K): 'sigma_aw_c'})
+    return FilterConfig('okvis2_imu.yaml', joined([*lines, *indented(body, 4)]))
+
+
+def kimera(numbers: Numbers) -> FilterConfig:
+    """
+    Kimera-VIO's ``ImuParams.yaml``: N and K, continuous.
+
+    ``ImuParams::parseYAML`` (ImuFrontendParams.cpp) reads them with ``rate_hz``; the
+    preintegration multiplies the walks by the root of the time between keyframes.
+    """
+    lines = ['%YAML:1.0', *heading(numbers),
+             '# Part of ImuParams.yaml: put these lines in place of those of the same names.']
+    lines += pairs(numbers, {('gyro', N): 'gyroscope_noise_density',
+                             ('accel', N): 'accelerometer_noise_density',
+                             ('gyro', K): 'gyroscope_random_walk',
+                             ('accel', K): 'accelerometer_random_walk'})
+    lines += ['', f'rate_hz: {number(numbers.rate())}']
+    return FilterConfig('kimera_imu.yaml', joined(lines))
+
+
+def maplab(numbers: Numbers) -> FilterConfig:
+    """
+    Write maplab's IMU ``sigmas``: N and K, continuous.
+
+    The names are those of its calibrations (imu-bmi160.yaml), the units Kalibr's.
+    """
+    lines = [*heading(numbers), 'sensor_type: IMU', 'sigmas:']
+    body = pairs(numbers, {('gyro', N): 'gyro_noise_density',
+                           ('gyro', K): 'gyro_bias_random_walk_noise_density',
+                           ('accel', N): 'acc_noise_density',
+                           ('accel', K): 'acc_bias_random_walk_noise_density'})
+    return FilterConfig('maplab_imu.yaml', joined([*lines, *indented(body, 2)]))
+
+
+def rovio(numbers: Numbers) -> FilterConfig:
+    """
+    Write ROVIO's ``PredictionNoise``: N^2 and K^2 for each axis, continuous.
+
+    rovio.info names the units: velocity m^2/s^3, attitude rad^2/s, biases m^2/s^5 and rad^2/s^3,
+    which are squared densities.
+    """
+    lines = [*heading(numbers, ';'),
+             '; Part of rovio.info: put these lines in place of those of the same names.',
+             'Prediction', '{', '    PredictionNoise', '    {']
+    names: dict[Pair, str] = {('accel', N): 'vel', ('gyro', N): 'att', ('accel', K): 'acb',
+                              ('gyro', K): 'gyb'}
+    for (sensor, key), name in names.items():
+        found, remarks = each(numbers, sensor, key, lambda value: value**2)
+        lines += [f'        ; {name}: {key}^2 of x, y, z [({UNITS[sensor, key]})^2]',
+                  *(f'        ; {name}: {remark}' for remark in remarks)]
+        lines += [f'        {name}_{i} {number(value)};' for i, value in enumerate(found or [])]
+    return FilterConfig('rovio_imu.info', joined([*lines, '    }', '}']))
+
+
+def svo_pro(numbers: Numbers) -> FilterConfig:
+    """
+    SVO Pro's ``imu_params``: N and K, continuous.
+
+    The names are those of its calibrations (euroc_stereo.yaml); ``acc_bias_sigma`` and
+    ``omega_bias_sigma`` there are priors of the bias at the start.
+    """
+    lines = [*heading(numbers),
+             '# Part of a calibration: put these lines in place of those in its section. '
+             'acc_bias_sigma and',
+             '# omega_bias_sigma of imu_initialization are priors of the turn-on bias: leave '
+             'them.', 'imu_params:']
+    body = pairs(numbers, {('gyro', N): 'sigma_omega_c', ('accel', N): 'sigma_acc_c',
+                           ('gyro', K): 'sigma_omega_bias_c', ('accel', K): 'sigma_acc_bias_c'})
+    body += ['', f'imu_rate: {number(numbers.rate())}']
+    return FilterConfig('svo_pro_imu.yaml', joined([*lines, *indented(body, 2)]))
+
+
+def rtabmap(numbers: Numbers) -> FilterConfig:
+    """
+    RTAB-Map's odometry backends: N and K, each under the backend's own names.
+
+    Its list of parameters names the units of OpenVINS; ORB-SLAM3's and MSCKF-VIO's are handed
+    over as they are. RTAB-Map's values are strings.
+    """
+    lines = [*heading(numbers), '# Only the lines of the backend that Odom/Strategy chooses '
+             'are read.', '/**:', '  ros__parameters:']
+    backends: dict[str, dict[Pair, str]] = {
+        'OdomOpenVINS': {('accel', N): 'AccelerometerNoiseDensity',
+                         ('accel', K): 'AccelerometerRandomWalk',
+                         ('gyro', N): 'GyroscopeNoiseDensity',
+                         ('gyro', K): 'GyroscopeRandomWalk'},
+        'OdomORBSLAM': {('accel', N): 'AccNoise', ('accel', K): 'AccWalk',
+                        ('gyro', N): 'GyroNoise', ('gyro', K): 'GyroWalk'},
+        'OdomMSCKF': {('accel', N): 'NoiseAcc', ('accel', K): 'NoiseAccBias',
+                      ('gyro', N): 'NoiseGyro', ('gyro', K): 'NoiseGyroBias'}}
+    body: list[str] = []
+    for backend, names in backends.items():
+        own = {pair: f'{backend}/{name}' for pair, name in names.items()}
+        body += pairs(numbers, own, line="{name}: '{value}'")
+    return FilterConfig('rtabmap_imu.yaml', joined([*lines, *indented(body, 4)]))
+
+
+def _topic_and_rate(numbers: Numbers) -> list[str]:
+    return [f'rostopic: {topic_of(numbers) or quoted("/imu/data_raw")}',
+            f'update_rate: {number(numbers.rate())}']

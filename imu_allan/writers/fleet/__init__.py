@@ -1,0 +1,14 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A fleet on paper: one page, one table, one document about many units.
+
+`findings` says what sticks out, `documents` writes JSON and CSV, `figure` draws, `page` is the
+HTML, `table` the terminal's summary, `folder` the three files.
+"""
+
+from imu_allan.writers.fleet.findings import Failure, Fleet
+from imu_allan.writers.fleet.folder import save_fleet
+from imu_allan.writers.fleet.table import population_table
+
+__all__ = ['Failure', 'Fleet', 'population_table', 'save_fleet']

@@ -1,0 +1,221 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Many units in one picture: the population in grey, what sticks out in colour with its name.
+
+Allan deviations, with the median and the band that nine in ten units keep; and every unit's
+coefficients side by side.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from imu_allan.errors import printable, shorten
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import AxisResult, Coefficient
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.wording import SENSORS
+from imu_allan.writers.comparison import MARKERS, result_colours
+from imu_allan.writers.fleet.findings import Fleet
+from imu_allan.writers.panels import (
+    COLOURS,
+    empty_figure,
+    frame_allan,
+    limits_of,
+    plot_style,
+    Theme,
+)
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_MOST_CURVES = 200
+"""Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
+_MOST_NAMED = 7
+"""Colours there are; what sticks out beyond them is named in the table alone."""
+_SHOWN = ('noise_density', 'bias_instability', 'rate_random_walk')
+
+
+def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
+    """
+    Draw the Allan deviations of a fleet, a panel for each axis.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        What to draw.
+    theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    """
+    colours = _odd_colours(fleet, theme)
+    sensors = _sensors(fleet)
+    with plot_style(theme):
+        figure = empty_figure(15.0, 0.9 + 4.6 * max(1, len(sensors)))
+        grid = figure.add_gridspec(
+            max(1, len(sensors)), 3, left=0.062, right=0.938, wspace=0.09, hspace=0.3,
+            bottom=0.55 / figure.get_figheight(), top=1 - 0.8 / figure.get_figheight())
+        _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme)
+        for row, sensor in enumerate(sensors):
+            names = [axis for axis in AXES if axis.startswith(sensor) and _axes(fleet, axis)]
+            limits = limits_of([axis for name in names for axis in _axes(fleet, name).values()])
+            for column, name in enumerate(names):
+                panel = figure.add_subplot(grid[row, column])
+                frame_allan(panel, sensor, limits, left=column == 0,
+                            right=column == len(names) - 1)
+                panel.set_title(name.replace('_', ' '), loc='left')
+                _draw_curves(panel, _axes(fleet, name), colours, theme)
+        return figure
+
+
+def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping[str, str],
+                 theme: Theme) -> None:
+    ink = COLOURS[theme]['ink']
+    usual = [axis.curve for unit, axis in axes.items()
+             if unit not in colours and any(axis.curve.adev)]
+    step = max(1, len(usual) // _MOST_CURVES)
+    for curve in usual[::step]:
+        panel.plot(curve.tau_s, curve.adev, color=COLOURS[theme]['gap'], linewidth=0.6, alpha=0.45,
+                   zorder=2)
+    if usual:
+        longest = max(usual, key=lambda curve: len(curve.tau_s))
+        tau = np.array(longest.tau_s)
+        low, middle, high = _percentiles([(np.array(c.tau_s), np.array(c.adev)) for c in usual],
+                                         tau)
+        panel.fill_between(tau, low, high, color=COLOURS[theme]['z'], alpha=0.18, linewidth=0,
+                           zorder=3)
+        panel.plot(tau, middle, color=ink, linewidth=1.4, zorder=4)
+    for place, (unit, colour) in enumerate(colours.items()):
+        if unit not in axes or not any(axes[unit].curve.adev):
+            continue
+        curve = axes[unit].curve
+        marker = MARKERS[place % len(MARKERS)]
+        panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
+                   markersize=3.6, zorder=5)
+        panel.annotate(_short(unit), (curve.tau_s[-1], curve.adev[-1]), xytext=(-3, 5),
+                       textcoords='offset points', color=colour, fontsize=7.5, ha='right',
+                       zorder=6)
+
+
+def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
+                 ) -> tuple[Array, Array, Array]:
+    """Value that 5, 50 and 95 % of the curves keep at each averaging time."""
+    rows = [np.interp(np.log(tau), np.log(times[adev > 0]), np.log(adev[adev > 0]),
+                      left=np.nan, right=np.nan) for times, adev in curves]
+    low, middle, high = np.exp(np.nanpercentile(rows, (5, 50, 95), axis=0))
+    return low, middle, high
+
+
+def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
+    """
+    Draw the coefficients of every unit side by side: value, 95 % interval or upper bound.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        What to draw.
+    theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    """
+    colours = _odd_colours(fleet, theme)
+    names = [axis for axis in AXES if _axes(fleet, axis)]
+    keys = [key for key in _SHOWN
+            if any(trait.key == key for trait in fleet.population.traits)] or list(_SHOWN[:1])
+    with plot_style(theme):
+        figure = empty_figure(15.0, 0.9 + 2.3 * len(keys))
+        grid = figure.add_gridspec(
+            len(keys), max(1, len(names)), left=0.062, right=0.985, wspace=0.42, hspace=0.34,
+            bottom=0.5 / figure.get_figheight(), top=1 - 0.8 / figure.get_figheight())
+        _heading(figure, 'Coefficients of every unit', theme)
+        for row, key in enumerate(keys):
+            for column, name in enumerate(names):
+                panel = figure.add_subplot(grid[row, column])
+                _draw_units(panel, fleet, name, key, colours, theme)
+                if row == len(keys) - 1:
+                    panel.set_xlabel('unit, by name')
+        return figure
+
+
+def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mapping[str, str],
+                theme: Theme) -> None:
+    unit = TERMS[key].unit(AXES[name])
+    shown_unit = engineering(1.0, unit)[1]
+    panel.set_title(f'{TERMS[key].symbol} {name.replace("_", " ")}', loc='left')
+    panel.set_ylabel(typeset(shown_unit), fontsize=7.5)
+    panel.tick_params(labelsize=7)
+    panel.grid(True, axis='y')
+    axes = _axes(fleet, name)
+    trait = next((t for t in fleet.population.traits if (t.axis, t.key) == (name, key)), None)
+    if trait is not None:
+        low, middle, high = (engineering(trait.percentiles[p], unit)[0] for p in (5, 50, 95))
+        panel.axhspan(low, high, color=COLOURS[theme]['z'], alpha=0.13, linewidth=0)
+        panel.axhline(middle, color=COLOURS[theme]['ink'], linewidth=0.9)
+    many = len(axes) > _MOST_CURVES
+    for place, member in enumerate(fleet.population.units, 1):
+        if member in axes:
+            _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
+                       _short(member), theme, rasterized=many)
+    panel.margins(x=0.03, y=0.12)
+    if panel.get_ylim()[0] < 0:
+        panel.set_ylim(bottom=0)
+
+
+def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None, name: str,
+               theme: Theme, *, rasterized: bool) -> None:
+    """One unit's dot; a bound is a small arrow down."""
+    ink = colour or COLOURS[theme]['soft']
+    if found.value is None or found.ci95 is None:
+        if found.upper95 is not None:
+            panel.plot([place], [engineering(found.upper95, found.unit)[0]], 'v', color=ink,
+                       markersize=2.6, alpha=0.5, rasterized=rasterized)
+        return
+    value, low, high = (engineering(v, found.unit)[0] for v in (found.value, *found.ci95))
+    panel.plot([place, place], [low, high], color=ink, linewidth=0.8, rasterized=rasterized)
+    panel.plot([place], [value], 'o', color=ink, markersize=4.2 if colour else 2.4,
+               rasterized=rasterized)
+    if colour:
+        panel.annotate(name, (place, value), xytext=(4, 4), textcoords='offset points',
+                       fontsize=6.5, color=colour)
+
+
+def _heading(figure: 'Figure', title: str, theme: Theme) -> None:
+    height = figure.get_figheight()
+    figure.text(0.02, 1 - 0.25 / height, title, fontsize=13, fontweight='bold', va='center')
+    figure.text(0.02, 1 - 0.5 / height, 'black: median · blue: nine in ten units · in colour: '
+                'what sticks out', fontsize=8.5, va='center', color=COLOURS[theme]['soft'])
+
+
+def _odd_colours(fleet: Fleet, theme: Theme) -> dict[str, str]:
+    odd = fleet.population.odd_units[:_MOST_NAMED]
+    palette = result_colours(_MOST_NAMED, theme)
+    # The blue is the band's.
+    return dict(zip(odd, [*palette[1:], palette[0]], strict=False))
+
+
+def _sensors(fleet: Fleet) -> list[str]:
+    return [sensor for sensor in SENSORS
+            if any(name.startswith(sensor) for result in fleet.results.values()
+                   for name in result.axes)]
+
+
+def _axes(fleet: Fleet, name: str) -> dict[str, AxisResult]:
+    return {unit: fleet.results[unit].axes[name] for unit in fleet.population.units
+            if name in fleet.results[unit].axes}
+
+
+def _short(unit: str) -> str:
+    return shorten(printable(unit), 24)

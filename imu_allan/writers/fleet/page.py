@@ -1,0 +1,124 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a fleet: one HTML file without script."""
+
+from importlib.resources import files
+import re
+from typing import Any
+from urllib.parse import quote
+
+from imu_allan.errors import printable
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import Result
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.version import __version__
+from imu_allan.wording import duration, number
+from imu_allan.writers.fleet.figure import curves_figure, units_figure
+from imu_allan.writers.fleet.findings import Fleet, quantity_name
+from imu_allan.writers.fleet.table import cells
+from imu_allan.writers.plot import render
+
+_COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
+            ('accel', 'bias_instability'))
+"""Worst-axis coefficients in the table of units."""
+
+
+def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
+    """
+    Return the page of a fleet.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        What to report.
+    title : str, optional
+        Of the page.
+
+    Returns
+    -------
+    str
+        An HTML document that loads nothing, pictures included.
+
+    """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    templates = files('imu_allan.writers') / 'templates'
+    style = (templates / 'report.css.j2').read_text(encoding='utf-8')
+    page = (templates / 'fleet.html.j2').read_text(encoding='utf-8')
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+                              lstrip_blocks=True)
+    population = fleet.population
+    return environment.from_string(page).render(
+        version=__version__, style=Markup(style), title=printable(title),
+        facts=_facts(fleet),
+        odd=[{'name': printable(unit), 'link': _link(fleet, unit),
+              'reasons': _reasons(fleet, unit)} for unit in population.odd_units],
+        failures=[{'name': printable(f.unit), 'reason': printable(f.reason)}
+                  for f in fleet.failures],
+        pictures=[(name, Markup(_svg(figure, place))) for place, (name, figure) in enumerate((
+            ('Allan deviation of every unit', curves_figure(fleet)),
+            ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
+        traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
+                for trait in population.traits],
+        columns=[f'{sensor} {"N" if key == "noise_density" else "B"} '
+                 f'[{typeset(_unit(sensor, key))}]' for sensor, key in _COLUMNS],
+        units=[_unit_row(fleet, unit) for unit in population.units])
+
+
+def _facts(fleet: Fleet) -> list[str]:
+    lengths = [result.timeline.duration_s for result in fleet.results.values()]
+    facts = [f'{len(fleet.results)} units']
+    if lengths:
+        shortest, longest = duration(min(lengths)), duration(max(lengths))
+        facts.append(shortest if shortest == longest else f'{shortest} to {longest} each')
+    odd, failed = len(fleet.population.odd_units), len(fleet.failures)
+    facts.append('none sticks out' if not odd else f'{odd} {"stick" if odd > 1 else "sticks"} out')
+    if failed:
+        facts.append(f'{failed} could not be analyzed')
+    return facts
+
+
+def _svg(figure: Any, place: int) -> str:
+    """Give the figure as an element of the page, its identifiers apart from the others'."""
+    text = render(figure, 'svg').decode()
+    text = text[text.index('<svg'):]
+    text = re.sub(r'(id="|href="#|url\(#)', rf'\1f{place}-', text)
+    return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
+
+
+def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
+    return (*row[:2], typeset(row[2]), *(cell.replace(' .. ', ' – ') for cell in row[3:]))
+
+
+def _reasons(fleet: Fleet, unit: str) -> list[str]:
+    return [typeset(reason) for reason in fleet.reasons(unit)]
+
+
+def _unit(sensor: str, key: str) -> str:
+    return engineering(1.0, TERMS[key].unit(AXES[f'{sensor}_x']))[1]
+
+
+def _unit_row(fleet: Fleet, unit: str) -> dict[str, Any]:
+    result = fleet.results[unit]
+    return {'name': printable(unit), 'link': _link(fleet, unit),
+            'serial': printable(fleet.serial(unit) or ''),
+            'odd': bool(fleet.reasons(unit)), 'duration': duration(result.timeline.duration_s),
+            'values': [_worst(result, sensor, key) for sensor, key in _COLUMNS],
+            'notes': '; '.join(_reasons(fleet, unit))}
+
+
+def _worst(result: Result, sensor: str, key: str) -> str:
+    """Largest value of the axes, or the largest bound where none shows one."""
+    found = [axis.coefficients[key] for name, axis in result.axes.items()
+             if name.startswith(sensor)]
+    values = [c.value for c in found if c.value is not None]
+    if values:
+        return number(engineering(max(values), found[0].unit)[0], 3)
+    bounds = [c.upper95 for c in found if c.upper95 is not None]
+    return f'< {number(engineering(max(bounds), found[0].unit)[0], 3)}' if bounds else ''
+
+
+def _link(fleet: Fleet, unit: str) -> str | None:
+    folder = fleet.folders.get(unit)
+    return None if folder is None else f'{quote(folder)}/report.html'

@@ -1,0 +1,68 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A fleet on the terminal: the population, and who sticks out."""
+
+from typing import TYPE_CHECKING
+
+from imu_allan.errors import printable
+from imu_allan.fleet import Trait
+from imu_allan.fleet.population import MEAN
+from imu_allan.noise.terms import TERMS
+from imu_allan.sensor.units import engineering
+from imu_allan.wording import number
+from imu_allan.writers.fleet.findings import Fleet
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+HEADINGS = ('axis', 'term', 'unit', 'median', '5 .. 95 % of units', 'spread', 'measured to',
+            '95/95 limit', 'shown by')
+
+
+def population_table(fleet: Fleet) -> 'RenderableType':
+    """
+    Lay a fleet out for a terminal.
+
+    Returns
+    -------
+    rich renderable
+
+    """
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    parts: list[RenderableType] = []
+    if fleet.population.traits:
+        table = Table(title=f'{len(fleet.results)} units', title_justify='left', padding=0,
+                      title_style='bold', box=box.SIMPLE_HEAD, caption_justify='left',
+                      caption='spread: between units, measurement error apart; 95/95 limit: 95 % '
+                              'of all such units keep it, with 95 % confidence')
+        for heading in HEADINGS:
+            table.add_column(heading, overflow='fold', justify='left' if heading in (
+                'axis', 'term', 'unit') else 'right')
+        for trait in fleet.population.traits:
+            table.add_row(*cells(trait))
+        parts.append(table)
+    for unit in fleet.population.odd_units:
+        text = Text(f'{printable(unit)}: ', style='bold yellow')
+        text.append('; '.join(fleet.reasons(unit)), style='not bold')
+        parts.append(text)
+    for failure in fleet.failures:
+        text = Text(f'{printable(failure.unit)}: ', style='bold red')
+        text.append(printable(failure.reason), style='not bold')
+        parts.append(text)
+    return Group(*parts)
+
+
+def cells(trait: Trait) -> tuple[str, ...]:
+    """Return a trait as a row of the table, in the units of datasheets."""
+    def shown(value: float) -> str:
+        return number(engineering(value, trait.unit)[0], 3)
+
+    symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
+    return (trait.axis, symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
+            f'{shown(trait.percentiles[5])} .. {shown(trait.percentiles[95])}',
+            shown(trait.between), shown(trait.measurement), shown(trait.tolerance),
+            f'{trait.observable} of {trait.units}')

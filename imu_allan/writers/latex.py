@@ -1,0 +1,133 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A table, a paragraph on the method and its references, for a paper."""
+
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import Coefficient, Result
+from imu_allan.sensor.units import engineering
+from imu_allan.version import __version__
+from imu_allan.wording import duration, listed, measured, number, SENSORS
+from imu_allan.writers.panels import axes_of, sensors_of
+
+_SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
+            '_': r'\_', '{': r'\{', '}': r'\}', '~': r'\textasciitilde{}',
+            '^': r'\textasciicircum{}'}
+_UNITS = {
+    'deg': r'$^\circ$', 'deg/sqrt(h)': r'$^\circ/\sqrt{\mathrm{h}}$',
+    'deg/h': r'$^\circ/\mathrm{h}$', 'deg/h/sqrt(h)': r'$^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$',
+    'deg/h^2': r'$^\circ/\mathrm{h}^2$', 'mm/s': r'$\mathrm{mm/s}$',
+    'ug/sqrt(Hz)': r'$\mu\mathrm{g}/\sqrt{\mathrm{Hz}}$', 'ug': r'$\mu\mathrm{g}$',
+    'ug/sqrt(h)': r'$\mu\mathrm{g}/\sqrt{\mathrm{h}}$', 'ug/h': r'$\mu\mathrm{g}/\mathrm{h}$'}
+
+BIBLIOGRAPHY = r"""@techreport{ieee952,
+  title = {{IEEE} Standard Specification Format Guide and Test Procedure for Single-Axis
+           Interferometric Fiber Optic Gyros},
+  institution = {IEEE},
+  number = {Std 952-1997},
+  year = {1997},
+}
+
+@techreport{riley2008,
+  author = {Riley, W. J.},
+  title = {Handbook of Frequency Stability Analysis},
+  institution = {National Institute of Standards and Technology},
+  number = {Special Publication 1065},
+  year = {2008},
+}
+
+@article{greenhall1991,
+  author = {Greenhall, C. A.},
+  title = {Recipes for degrees of freedom of frequency stability estimators},
+  journal = {IEEE Transactions on Instrumentation and Measurement},
+  volume = {40},
+  number = {6},
+  pages = {994--999},
+  year = {1991},
+}
+"""
+
+
+def escaped(text: str) -> str:
+    r"""
+    Return text that LaTeX prints as it stands.
+
+    Parameters
+    ----------
+    text : str
+        As it is to be read.
+
+    Examples
+    --------
+    >>> print(escaped('imu_link 5 %'))
+    imu\_link 5 \%
+
+    """
+    return ''.join(_SPECIAL.get(letter, letter) for letter in text)
+
+
+def noise_table(result: Result) -> str:
+    r"""
+    Return the coefficients as a table (packages booktabs) and a paragraph on how they were found.
+
+    Parameters
+    ----------
+    result : Result
+        Whose coefficients they are.
+
+    Returns
+    -------
+    str
+        LaTeX, to be brought in with ``\input``; `BIBLIOGRAPHY` has what it cites.
+
+    """
+    lines = ['% Needs \\usepackage{booktabs}; the references are in imu_noise.bib.',
+             '\\begin{table}', '  \\centering', '  \\caption{Noise coefficients with their '
+             '95\\,\\% intervals.}', '  \\label{tab:imu-noise}', '  \\begin{tabular}{llrrr}',
+             '    \\toprule', '    Term & Unit & $x$ & $y$ & $z$ \\\\']
+    for sensor in sensors_of(result):
+        axes = axes_of(result, sensor)
+        lines += ['    \\midrule', f'    \\multicolumn{{5}}{{l}}{{{SENSORS[sensor]}}} \\\\']
+        for key, term in TERMS.items():
+            quantity = AXES[f'{sensor}_x']
+            cells = [axes.get(f'{sensor}_{letter}') for letter in 'xyz']
+            if not any(axis is not None and axis.coefficients[key].observable for axis in cells):
+                continue
+            shown = ' & '.join('--' if axis is None else _cell(axis.coefficients[key])
+                               for axis in cells)
+            unit = _UNITS[engineering(1.0, term.unit(quantity))[1]]
+            lines.append(f'    ${term.symbol}$ {term.name(quantity)} & {unit} & {shown} \\\\')
+    lines += ['    \\bottomrule', '  \\end{tabular}', '\\end{table}', '', _methods(result)]
+    return '\n'.join(lines) + '\n'
+
+
+def _cell(coefficient: Coefficient) -> str:
+    if coefficient.value is not None and coefficient.ci95 is not None:
+        value, low, high = measured(*(engineering(v, coefficient.unit)[0] for v in (
+            coefficient.value, *coefficient.ci95)))
+        return f'{value} [{low}, {high}]'
+    if coefficient.upper95 is None:
+        return '--'
+    return f'$<{number(engineering(coefficient.upper95, coefficient.unit)[0], 3)}$'
+
+
+def _methods(result: Result) -> str:
+    timeline = result.timeline
+    rate = '' if timeline.sample_rate_hz is None else \
+        f' at {timeline.sample_rate_hz:.6g}\\,Hz'
+    left_out = sum(span.duration_s for span in timeline.motion)
+    sentences = [
+        f'The coefficients were estimated from {duration(timeline.duration_s)} of samples{rate} '
+        'of the sensor at rest'
+        + (f', of which {duration(left_out)} of motion were left out' if left_out else '') + '.',
+        'They maximise the likelihood of the spectrum of the samples under the sum of the terms '
+        'of IEEE Std~952~\\cite{ieee952}, each sample being the mean over its interval; '
+        'intervals are 95\\,\\% profile likelihood intervals, and a term that the data do not '
+        'show is given as its 95\\,\\% upper bound.',
+        'The overlapping Allan deviation~\\cite{riley2008} has chi-square intervals with the '
+        'degrees of freedom of the fitted model~\\cite{greenhall1991}.']
+    tones = [name for name, axis in result.axes.items() if axis.tones]
+    if tones:
+        sentences.append('Narrow lines in the spectrum of '
+                         f'{escaped(listed(tones))} were left out of the fit.')
+    sentences.append(f'Computed with imu\\_allan {escaped(__version__)}.')
+    return '\n'.join(sentences)

@@ -1,0 +1,64 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where an output really goes.
+
+In a folder that everybody may write to, such as /tmp, somebody else may have put a symbolic link
+where an output is expected, and the output would go wherever the link leads. Linux refuses to
+follow such links where fs.protected_symlinks is set; here they are refused everywhere.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+import stat
+
+_MOST_LINKS = 40
+"""As many as Linux follows."""
+
+
+def followed(path: str | os.PathLike[str]) -> Path:
+    """
+    Return the absolute path without symbolic links, as ``os.path.realpath``.
+
+    Raises
+    ------
+    OSError
+        If a link on the way was put into a folder that everybody may write to by another user than
+        this one or the owner of that folder.
+
+    """
+    if os.name != 'posix':
+        return Path(os.path.realpath(path))
+    pending = os.path.join(Path.cwd(), path).split('/')[::-1]  # noqa: PTH118
+    current = '/'
+    links = 0
+    while pending:
+        part = pending.pop()
+        if part in ('', '.'):
+            continue
+        if part == '..':
+            current = str(Path(current).parent)
+            continue
+        step = os.path.join(current, part)  # noqa: PTH118
+        if not Path(step).is_symlink():
+            current = step
+            continue
+        links += 1
+        if links > _MOST_LINKS:
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
+        _require_own(step)
+        target = str(Path(step).readlink())
+        current = '/' if target.startswith('/') else current
+        pending += target.split('/')[::-1]
+    return Path(current)
+
+
+def _require_own(link: str) -> None:
+    folder = Path(link).parent.stat()
+    everybodys = folder.st_mode & stat.S_ISVTX and folder.st_mode & stat.S_IWOTH
+    if everybodys and os.lstat(link).st_uid not in (os.geteuid(), folder.st_uid):
+        raise OSError(None, f'{link} is a link that another user put into a folder that everybody '
+                      'may write to', link)

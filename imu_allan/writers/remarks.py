@@ -1,0 +1,171 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The remarks of a result, each told once.
+
+A finding that holds for several axes comes as so many remarks of one code, which differ in the
+name of the axis and in numbers. Here they become one sentence: "gyro x, y and z: the noise rolls
+off ...: its effective window is 0.0148 to 0.0152 s".
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import re
+
+from imu_allan.errors import printable
+from imu_allan.noise.terms import AXES
+from imu_allan.result import AxisResult, Result
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.wording import counted, duration, listed, number, spoken
+
+TITLES = {
+    'band_limited': 'low-pass', 'coarse_resolution': 'coarse steps', 'constant_axis': 'constant',
+    'gauss_markov': 'correlated noise', 'gravity': 'gravity', 'interpolated': 'interpolated',
+    'motion': 'motion', 'mostly_motion': 'motion', 'noise_level_changed': 'noise level changes',
+    'not_steady': 'not steady', 'poor_fit': 'poor fit', 'rate_changed': 'rate changed',
+    'recordings_disagree': 'recordings disagree', 'several_publishers': 'several publishers',
+    'short_recording': 'short recording', 'temperature': 'temperature', 'tones': 'tones',
+    'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
+    'held_values': 'held values', 'rest_within_motion': 'rest within motion',
+    'slow_cycle': 'slow cycle', 'spikes': 'wild values', 'start_auto': 'start',
+    'uneven_stamps': 'uneven stamps',
+    'trend_or_walk': 'trend or walk', 'turn_on_bias': 'turn-on bias',
+    'unit_g': 'unit g', 'unknown_rate': 'no rate', 'warm_up': 'warming up'}
+_AXIS = re.compile(r'(\w+): (.*)', re.DOTALL)
+# A number that stands by itself: "0.0148", "-3", "12.5 %", "44," but not the 3 of "m/s^3".
+_NUMBER = re.compile(r'(?<![\w.^/-])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w^/])')
+MANY_TONES = 4
+
+
+@dataclass(frozen=True)
+class Group:
+    """
+    What is worth knowing of one kind.
+
+    Attributes
+    ----------
+    code, title : str
+        As in the result, and in two words.
+    sentences : tuple of str
+        Printable.
+
+    """
+
+    code: str
+    title: str
+    sentences: tuple[str, ...]
+
+
+def grouped(result: Result, tones: int = MANY_TONES) -> list[Group]:
+    """
+    Return the remarks of a result by kind, in the order in which the kinds first come.
+
+    Parameters
+    ----------
+    result : Result
+        Its warnings, and the lines in the spectra of its axes.
+    tones : int, optional
+        So many lines of each axis are named, the strongest first.
+
+    """
+    kinds: dict[str, dict[tuple[str, ...], list[tuple[str | None, str]]]] = {}
+    for warning in result.warnings:
+        axis, text = _split(printable(warning.message))
+        # Sentences that differ in numbers alone are of one kind.
+        kinds.setdefault(warning.code, {}).setdefault(
+            tuple(_NUMBER.split(text)) if axis else (text,), []).append((axis, text))
+    groups = [Group(code, TITLES.get(code, printable(code).replace('_', ' ')),
+                    tuple(_sentence(shape, found, listing=code == 'constant_axis')
+                          for shape, found in shapes.items()))
+              for code, shapes in kinds.items()]
+    if lines := _tones(result, tones):
+        groups.append(Group('tones', TITLES['tones'], (lines,)))
+    return groups
+
+
+def named(axes: Sequence[str]) -> str:
+    """
+    Name axes in a sentence.
+
+    Examples
+    --------
+    >>> named(['gyro_x', 'gyro_z', 'accel_x', 'accel_y', 'accel_z'])
+    'gyro x and z, accel x, y and z'
+    >>> named(['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z'])
+    'all axes'
+
+    """
+    if set(axes) == set(AXES):
+        return 'all axes'
+    sensors: dict[str, list[str]] = {}
+    for axis in axes:
+        sensor, _, letter = axis.partition('_')
+        sensors.setdefault(sensor, []).append(letter)
+    return ', '.join(f'{sensor} {listed(letters)}' for sensor, letters in sensors.items())
+
+
+def count_of(groups: Sequence[Group]) -> str:
+    """Return ``6 remarks: low-pass, poor fit, ...``."""
+    titles = dict.fromkeys(group.title for group in groups)
+    return f'{counted(sum(len(g.sentences) for g in groups), "remark")}: {", ".join(titles)}'
+
+
+def outlook_of(result: Result) -> str:
+    """Say what a longer recording would bring, by the Fisher information of the fitted model."""
+    halves = [c.ci_halves_in_s for axis in result.axes.values()
+              for c in axis.coefficients.values() if c.ci_halves_in_s]
+    waiting: dict[str, list[float]] = {}
+    for axis in result.axes.values():
+        for coefficient in axis.coefficients.values():
+            if coefficient.observable_in_s:
+                waiting.setdefault(coefficient.symbol, []).append(coefficient.observable_in_s)
+    parts = [f'all intervals half as wide after another {duration(max(halves))}'] if halves else []
+    if waiting:
+        parts.append(listed([f'{symbol} after {duration(min(times))}'
+                             for symbol, times in waiting.items()]) + ' at the earliest')
+    return f'Recording on: {"; ".join(parts)}.' if parts else ''
+
+
+def _split(message: str) -> tuple[str | None, str]:
+    match = _AXIS.fullmatch(message)
+    if match is not None and match[1] in AXES:
+        return match[1], match[2]
+    return None, message
+
+
+def _sentence(shape: tuple[str, ...], found: Sequence[tuple[str | None, str]], *,
+              listing: bool) -> str:
+    axes = [axis for axis, _ in found if axis is not None]
+    if not axes:
+        return found[0][1]
+    numbers = zip(*(_NUMBER.findall(text) for _, text in found), strict=True)
+    text = shape[0] + ''.join(
+        (listed(list(dict.fromkeys(values))) if listing else _range(values)) + between
+        for values, between in zip(numbers, shape[1:], strict=True))
+    return f'{named(axes)}: {text}'
+
+
+def _range(values: Sequence[str]) -> str:
+    """Return what the numbers reach over, as they are written."""
+    order = sorted(values, key=lambda text: float(text.replace(',', '')))
+    return order[0] if order[0] == order[-1] else f'{order[0]} to {order[-1]}'
+
+
+def _tones(result: Result, shown: int) -> str:
+    """Return the sentence about the lines that were left out of the fit."""
+    with_tones = {name: axis for name, axis in result.axes.items() if axis.tones}
+    if not with_tones:
+        return ''
+    parts = [f'{spoken(name)} {_frequencies(axis, shown)}' for name, axis in with_tones.items()]
+    return (f'{"; ".join(parts)}: vibration, mains or an idle tone of a converter, not noise; '
+            'left out of the fit')
+
+
+def _frequencies(axis: AxisResult, shown: int) -> str:
+    unit = typeset(engineering(1.0, axis.unit)[1])
+    texts = [f'{tone.frequency_hz:.4g} Hz '
+             f'({number(engineering(tone.amplitude, axis.unit)[0], 3)} {unit})'
+             for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:shown]]
+    if len(axis.tones) > shown:
+        texts.append(f'{len(axis.tones) - shown} weaker')
+    return listed(texts)

@@ -1,0 +1,373 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A chart as SVG text, in one module because scales, panel and drawing need one another.
+
+Grid, bands, lines and points, and labels that keep out of one another's way.
+
+The charts of the report are drawn here and not by a library in the browser: they are there without
+a script, print as they look, have real text that can be searched and copied, and weigh kilobytes.
+Colours are classes of the page's style sheet, so that a dark page has dark charts.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from math import ceil, floor, inf, log10
+import re
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+
+FONT = 12.5
+"""Size of all text, in the unit of the view box, which is a pixel at the width it is made for."""
+_LETTER = 0.56
+"""Mean width of a letter over its height, in the sans-serif fonts of browsers."""
+_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+_PLAIN_DECADES = range(-3, 4)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """
+    From values to pixels.
+
+    Attributes
+    ----------
+    low, high : float
+        Values at the ends.
+    log : bool
+    start, end : float
+        Pixels at the ends.
+
+    """
+
+    low: float
+    high: float
+    log: bool
+    start: float
+    end: float
+
+    def __call__(self, values: ArrayLike) -> Array:
+        """Return the pixels of `values`; on a logarithmic scale nothing lies below its reach."""
+        v = np.asarray(values, dtype=np.float64)
+        if self.log:
+            share = (np.log(np.maximum(v, self.low * 1e-6)) - np.log(self.low)) / np.log(
+                self.high / self.low)
+        else:
+            share = (v - self.low) / (self.high - self.low)
+        return np.asarray(self.start + share * (self.end - self.start))
+
+    def ticks(self, most: int = 8) -> list[tuple[float, str]]:
+        """Return values to mark and what to write beside them, no more than `most`."""
+        if self.log:
+            return _log_ticks(self.low, self.high, most)
+        return _linear_ticks(self.low, self.high, most)
+
+
+def _log_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
+    first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
+    if last - first >= 1:
+        step = max(1, ceil((last - first + 1) / most))
+        return [(10.0**k, decade(k)) for k in range(first, last + 1) if k % step == 0]
+    ticks = [(m * 10.0**k, f'{m * 10.0**k:.6g}') for k in range(first - 1, last + 1)
+             for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+    return ticks if len(ticks) > 1 else _linear_ticks(low, high, 4)
+
+
+def decade(k: int) -> str:
+    """Write ten to the power of `k`."""
+    return f'{10.0**k:g}' if k in _PLAIN_DECADES else '10' + str(k).translate(_SUPERSCRIPTS)
+
+
+def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
+    rough = (high - low) / max(1, most - 1)
+    size = 10.0 ** floor(log10(rough))
+    step = size * next(m for m in (1, 2, 5, 10) if m * size >= rough * 0.999)
+    digits = max(0, -floor(log10(step) + 1e-9))
+    return [(k * step, f'{k * step:.{digits}f}'.replace('-', '\N{MINUS SIGN}'))
+            for k in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+
+
+def text_width(text: str) -> float:
+    """Estimate how wide a text is."""
+    return _LETTER * FONT * len(text)
+
+
+@dataclass
+class Panel:
+    """
+    One pair of axes in a drawing; its parts are added one after the other.
+
+    Attributes
+    ----------
+    x, y : Scale
+    parts : list of str
+        What has been drawn.
+    taken : list of Box
+        Where labels stand, in pixels.
+
+    """
+
+    x: Scale
+    y: Scale
+    parts: list[str] = field(default_factory=list)
+    taken: list[Box] = field(default_factory=list)
+
+    def frame(self, x_title: str, y_title: str, second: tuple[float, str] | None = None, *,
+              x_labels: bool = True, most_y: int = 8) -> None:
+        """
+        Draw grid, ticks and titles.
+
+        Parameters
+        ----------
+        x_title, y_title : str
+            Of the two axes; empty for none.
+        second : (float, str), optional
+            Factor from the values on the left to those on the right, and the title there.
+        x_labels : bool, optional
+            Whether the ticks below have their numbers.
+        most_y : int, optional
+            Most ticks on the left.
+
+        """
+        left, right = sorted((self.x.start, self.x.end))
+        top, bottom = sorted((self.y.start, self.y.end))
+        for value, text in self.y.ticks(most_y):
+            at = float(self.y(value))
+            self.parts.append(_line('grid', left, at, right, at))
+            self.parts.append(_text(left - 7, at + FONT * 0.35, text, 'tick', 'end'))
+        for value, text in self.x.ticks(max(3, int((right - left) / 70))):
+            at = float(self.x(value))
+            self.parts.append(_line('grid', at, top, at, bottom))
+            if x_labels:
+                self.parts.append(_text(at, bottom + FONT * 1.35, text, 'tick', 'middle'))
+        if x_title:
+            self.parts.append(_text((left + right) / 2, bottom + FONT * 2.9, x_title, 'title',
+                                    'middle'))
+        if y_title:
+            # Above the axis: a title that stands on its side is read by nobody.
+            self.parts.append(_text(left - 50, top - 9, y_title, 'title', 'start'))
+        if second is not None:
+            factor, title = second
+            other = Scale(self.y.low * factor, self.y.high * factor, self.y.log, self.y.start,
+                          self.y.end)
+            for value, text in other.ticks(most_y):
+                at = float(other(value))
+                self.parts.append(_line('tickmark', right, at, right + 5, at))
+                self.parts.append(_text(right + 9, at + FONT * 0.35, text, 'tick', 'start'))
+            self.parts.append(_text(right + 50, top - 9, title, 'title', 'end'))
+        self.parts.append(f'<rect class="frame" x="{left:g}" y="{top:g}" '
+                          f'width="{right - left:g}" height="{bottom - top:g}"/>')
+
+    def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str) -> str:
+        """Return an area between two curves; it breaks where a value is NaN."""
+        px, lows, highs = self.x(x), self._clipped(low), self._clipped(high)
+        path = ''
+        for part in _unbroken(lows + highs):
+            there = [*zip(px[part], highs[part], strict=True),
+                     *zip(px[part][::-1], lows[part][::-1], strict=True)]
+            path += f'{_path(there)}Z'
+        return f'<path class="{kind}" d="{path}"/>' if path else ''
+
+    def line(self, x: ArrayLike, y: ArrayLike, kind: str) -> str:
+        """Return a curve; it breaks where a value is NaN, and leaves the panel at its edge."""
+        px, py = self.x(x), self._clipped(y)
+        path = ''.join(_path(zip(px[part], py[part], strict=True)) for part in _unbroken(py))
+        return f'<path class="{kind}" d="{path}"/>' if path else ''
+
+    def points(self, x: ArrayLike, y: ArrayLike, shape: str, titles: Sequence[str],
+               hollow: Sequence[bool]) -> str:
+        """Return marks with what they tell under the pointer; those outside are left out."""
+        marks = []
+        for px, py, title, empty in zip(self.x(x), self.y(y), titles, hollow, strict=True):
+            if self._inside(px, py):
+                kind = 'mark hollow' if empty else 'mark'
+                marks.append(f'<path class="{kind}" d="{_MARKS[shape].format(x=px, y=py)}">'
+                             f'<title>{escape(title)}</title></path>')
+        return ''.join(marks)
+
+    def span(self, x0: float, x1: float, kind: str, title: str) -> None:
+        """Shade a stretch of x, one pixel wide at least."""
+        left, right = sorted((self.x.start, self.x.end))
+        top, bottom = sorted((self.y.start, self.y.end))
+        begin, end = np.clip(self.x([x0, x1]), left, right)
+        if end >= left and begin <= right:
+            self.parts.append(
+                f'<rect class="{kind}" x="{begin:.1f}" y="{top:g}" '
+                f'width="{max(1.0, end - begin):.1f}" height="{bottom - top:g}">'
+                f'<title>{escape(title)}</title></rect>')
+
+    def upright(self, x: float, kind: str, title: str) -> str:
+        """Return a vertical line from top to bottom."""
+        at = float(self.x(x))
+        top, bottom = sorted((self.y.start, self.y.end))
+        return (f'<path class="{kind}" d="M{at:.1f} {top:g}V{bottom:g}">'
+                f'<title>{escape(title)}</title></path>')
+
+    def label(self, x: float, y: float, lines: Sequence[str], avoid: Array, kind: str,
+              taken: list[Box]) -> str:
+        """
+        Return a text near a point, where it covers least, and a ring and a line to the point.
+
+        Parameters
+        ----------
+        x, y : float
+            Values of the point.
+        lines : sequence of str
+            What to write.
+        avoid : ndarray, shape (n, 2)
+            Pixels that should stay free.
+        kind : str
+            Class of the text.
+        taken : list of Box
+            Where labels stand; the new one is added.
+
+        """
+        px, py = float(self.x(x)), float(self.y(y))
+        if not self._inside(px, py):
+            return ''
+        width = max(map(text_width, lines)) + 8
+        height = FONT * 1.25 * len(lines) + 4
+        best, cost = (0.0, 0.0), inf
+        for right, down in _AROUND:
+            box_x = px + right - (width if right < 0 else 0)
+            box_y = py + down - height / 2
+            price = self._price((box_x, box_y, box_x + width, box_y + height), avoid, taken)
+            price += 0.02 * (abs(right) + abs(down))
+            if price < cost:
+                best, cost = (box_x, box_y), price
+        left, top = best
+        taken.append((left, top, left + width, top + height))
+        end_x = left if left > px else left + width
+        rows = ''.join(_text(left + 4, top + FONT * (1.1 + 1.25 * row), text, kind, 'start')
+                       for row, text in enumerate(lines))
+        return (f'<path class="leader" d="M{px:.1f} {py:.1f}L{end_x:.1f} {top + height / 2:.1f}"/>'
+                f'<circle class="ring" cx="{px:.1f}" cy="{py:.1f}" r="5.5"/>'
+                f'<rect class="plate" x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" '
+                f'height="{height:.1f}"/>{rows}')
+
+    def pixels(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return points as pixels, shape (n, 2)."""
+        return np.column_stack([self.x(x), self.y(y)])
+
+    def _price(self, box: Box, avoid: Array, taken: Iterable[Box]) -> float:
+        left, right = sorted((self.x.start, self.x.end))
+        top, bottom = sorted((self.y.start, self.y.end))
+        price = 0.0
+        if box[0] < left + 2 or box[2] > right - 2 or box[1] < top + 2 or box[3] > bottom - 2:
+            price += 1000
+        for other in taken:
+            if (box[0] < other[2] + 3 and other[0] < box[2] + 3
+                    and box[1] < other[3] + 3 and other[1] < box[3] + 3):
+                price += 500
+        covered = ((avoid[:, 0] > box[0] - 4) & (avoid[:, 0] < box[2] + 4)
+                   & (avoid[:, 1] > box[1] - 4) & (avoid[:, 1] < box[3] + 4))
+        return price + 3.0 * float(covered.sum())
+
+    def _inside(self, px: float, py: float) -> bool:
+        left, right = sorted((self.x.start, self.x.end))
+        top, bottom = sorted((self.y.start, self.y.end))
+        return left - 0.5 <= px <= right + 0.5 and top - 0.5 <= py <= bottom + 0.5
+
+    def _clipped(self, y: ArrayLike) -> Array:
+        """Pixels of y, held a little beyond the panel; the clip path cuts them at its edge."""
+        top, bottom = sorted((self.y.start, self.y.end))
+        return np.clip(self.y(y), top - 40, bottom + 40)
+
+
+_MARKS = {
+    'circle': 'M{x:.1f} {y:.1f}m-3.8 0a3.8 3.8 0 1 0 7.6 0a3.8 3.8 0 1 0 -7.6 0Z',
+    'square': 'M{x:.1f} {y:.1f}m-3.5 -3.5h7v7h-7Z',
+    'triangle': 'M{x:.1f} {y:.1f}m0 -4.6l4.3 7.6h-8.6Z',
+    'diamond': 'M{x:.1f} {y:.1f}m0 -4.8l4.8 4.8l-4.8 4.8l-4.8 -4.8Z',
+}
+SHAPES = tuple(_MARKS)
+_AROUND = [(right, down) for down in (-34, 34, -58, 58, -86, 86, 0, -120, 120)
+           for right in (16, -16, 44, -44, 90, -90)]
+
+
+@dataclass
+class Drawing:
+    """
+    An SVG image.
+
+    Attributes
+    ----------
+    width, height : float
+    name : str
+        Unique in the page.
+    label : str
+        What it shows, for those who cannot see it.
+
+    """
+
+    width: float
+    height: float
+    name: str
+    label: str
+    parts: list[str] = field(default_factory=list)
+
+    def panel(self, box: Box, x: tuple[float, float, bool], y: tuple[float, float, bool]) -> Panel:
+        """
+        Return a panel whose scales fill a box.
+
+        Parameters
+        ----------
+        box : (float, float, float, float)
+            Left, top, right, bottom.
+        x, y : (float, float, bool)
+            Lowest and highest value, and whether the scale is logarithmic.
+
+        """
+        left, top, right, bottom = box
+        return Panel(Scale(*x, left, right), Scale(*y, bottom, top))
+
+    def add(self, panel: Panel, inside: Iterable[str]) -> None:
+        """Add a panel's own parts, and what is cut off at its edge."""
+        number = len(self.parts)
+        left, right = sorted((panel.x.start, panel.x.end))
+        top, bottom = sorted((panel.y.start, panel.y.end))
+        name = f'{self.name}-clip{number}'
+        self.parts.append(
+            f'<clipPath id="{name}"><rect x="{left:g}" y="{top:g}" width="{right - left:g}" '
+            f'height="{bottom - top:g}"/></clipPath>{"".join(panel.parts)}'
+            f'<g clip-path="url(#{name})">{"".join(inside)}</g>')
+
+    def text(self, x: float, y: float, text: str, kind: str, anchor: str = 'start') -> None:
+        """Write a text."""
+        self.parts.append(_text(x, y, text, kind, anchor))
+
+    def svg(self, size: str) -> str:
+        """Return the image; `size` is the class that says at which width it is shown."""
+        return (f'<svg class="chart {size}" viewBox="0 0 {self.width:g} {self.height:g}" '
+                f'role="img" aria-label="{escape(self.label)}">{"".join(self.parts)}</svg>')
+
+
+def group(name: str, kind: str, parts: Iterable[str]) -> str:
+    """Return parts that are shown and hidden together."""
+    return f'<g class="{kind}" data-group="{escape(name)}">{"".join(parts)}</g>'
+
+
+def _text(x: float, y: float, text: str, kind: str, anchor: str) -> str:
+    shown = re.sub(r'\s+', ' ', text)
+    return (f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">'
+            f'{escape(shown)}</text>')
+
+
+def _line(kind: str, x0: float, y0: float, x1: float, y1: float) -> str:
+    return f'<path class="{kind}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>'
+
+
+def _path(points: Iterable[tuple[float, float]]) -> str:
+    return 'M' + 'L'.join(f'{x:.1f} {y:.1f}' for x, y in points)
+
+
+def _unbroken(values: Array) -> list[slice]:
+    """Return the stretches without NaN."""
+    there = np.concatenate(([False], np.isfinite(values), [False]))
+    edges = np.flatnonzero(there[1:] != there[:-1])
+    return [slice(begin, end) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

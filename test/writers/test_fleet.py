@@ -1,0 +1,71 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+import json
+
+from imu_allan.fleet import Oddity
+from imu_allan.result import Inspection
+from imu_allan.writers.fleet import Failure, Fleet, population_table
+from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
+from imu_allan.writers.fleet.findings import sentence
+from imu_allan.writers.fleet.page import fleet_html
+import numpy as np
+import pytest
+from rich.console import Console
+
+
+@pytest.fixture
+def fleet(make_result):
+    """Twelve units that differ by 3 %, unit 5 by much more."""
+    rng = np.random.default_rng(1)
+    results = {f'unit{n}': make_result(scale=1.5 if n == 5 else float(np.exp(.03 * rng.normal())))
+               for n in range(1, 13)}
+    return Fleet(results, {name: name for name in results},
+                 (Failure('unit13', 'units/13', 'units/13: cannot be read'),))
+
+
+@pytest.mark.parametrize(('oddity', 'words'), [
+    (Oddity('u', 'gyro_y', 'noise_density', None, 2e-4, 1e-4, 9.31),
+     'gyro_y angle random walk 0.6875 deg/sqrt(h): 2 times the median of the others, '
+     '9.3 spreads away'),
+    (Oddity('u', 'gyro_y', 'mean', None, 1e-3, 1e-4, -4.0),
+     'gyro_y zero bias 206.3 deg/h: the mean of the others is 20.63, 4.0 spreads away'),
+    (Oddity('u', 'accel_z', None, 'constant'), 'accel_z is constant')])
+def test_an_oddity_is_a_sentence(oddity, words):
+    assert sentence(oddity) == words
+
+
+def test_unit_and_failure_are_named_everywhere(fleet, tmp_path):
+    with (tmp_path / 'out').open('w') as file:
+        Console(file=file, width=140).print(population_table(fleet))
+    for text in ((tmp_path / 'out').read_text(), fleet_html(fleet), fleet_csv(fleet),
+                 fleet_json(fleet)):
+        assert 'unit5' in text
+        assert 'angle random walk' in text
+        assert 'cannot be read' in text
+
+
+def test_the_page_escapes_what_a_stranger_named(fleet):
+    results = {**fleet.results, '<b>evil</b>': fleet.results['unit5']}
+    page = fleet_html(replace(fleet, results=results, folders={}))
+    assert '<b>evil' not in page
+    assert '&lt;b&gt;evil' in page
+
+
+def test_a_name_is_no_formula_in_the_table(fleet):
+    results = {'=1+1': fleet.results['unit1'], 'b': fleet.results['unit2']}
+    assert "\n'=1+1,," in fleet_csv(Fleet(results))
+
+
+def test_a_serial_number_stands_beside_the_name(fleet):
+    results = {**fleet.results,
+               'unit1': replace(fleet.results['unit1'], inspection=Inspection('A-17'))}
+    fleet = replace(fleet, results=results)
+    assert json.loads(fleet_json(fleet))['units'][0]['serial'] == 'A-17'
+    assert '<small>A-17</small>' in fleet_html(fleet)
+
+
+def test_a_fleet_of_nothing_but_failures_is_told(fleet):
+    nothing = Fleet({}, {}, fleet.failures)
+    assert 'unit13' in fleet_html(nothing)
+    assert json.loads(fleet_json(nothing))['units'] == []

@@ -1,0 +1,32 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import Timeline
+from imu_allan.writers.filters import CONSUMERS, export
+from imu_allan.writers.folder import save_folder
+from imu_allan.writers.result_file import load_result
+import pytest
+
+
+def test_a_folder_holds_the_result_its_configurations_picture_and_report(result, tmp_path):
+    paths = save_folder(result, tmp_path / 'new' / 'folder', ('kalibr', 'px4'))
+    assert [path.name for path in paths] == [
+        'result.json', 'curve.csv', 'imu.yaml', 'px4_imu.params', 'report.html',
+        'allan_deviation.png']
+    assert all(path.stat().st_size for path in paths)
+    assert load_result(paths[0]) == result
+    assert paths[2].read_text() == export(result, 'kalibr').text
+
+
+def test_the_configurations_of_all_consumers_go_into_one_folder(result, tmp_path):
+    paths = save_folder(result, tmp_path, tuple(CONSUMERS))
+    assert len(set(paths)) == len(paths) == len(CONSUMERS) + 4
+
+
+def test_the_result_is_written_even_where_a_configuration_cannot_be(result, tmp_path):
+    rateless = replace(result, timeline=Timeline(None, 10, 1.0))
+    with pytest.raises(ImuAllanError, match='vins_fusion needs the sample rate'):
+        save_folder(rateless, tmp_path, ('vins_fusion',))
+    assert load_result(tmp_path / 'result.json') == rateless

@@ -1,0 +1,33 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+import re
+
+from imu_allan.writers.latex import BIBLIOGRAPHY, escaped, noise_table
+
+
+def test_the_table_has_every_observable_term_with_its_interval_or_bound(result):
+    rows = [line.strip() for line in noise_table(result).splitlines() if line.startswith('    $')]
+    assert rows[0] == (r'$N$ angle random walk & $^\circ/\sqrt{\mathrm{h}}$ & '
+                       r'2.406 [2.402, 2.411] & 2.647 [2.642, 2.652] & 2.286 [2.282, 2.291] \\')
+    assert rows[2] == (r'$K$ rate random walk & $^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$ & '
+                       r'50 [35, 64] & 54 [38, 71] & $<23.5$ \\')
+    assert len(rows) == 6
+
+
+def test_every_brace_is_closed_and_every_citation_known(result):
+    text = noise_table(result)
+    assert text.count('{') == text.count('}')
+    assert all(line.count('&') == 4 for line in text.splitlines() if line.startswith('    $'))
+    cited = set(re.findall(r'\\cite\{(\w+)\}', text))
+    assert cited == set(re.findall(r'@\w+\{(\w+),', BIBLIOGRAPHY))
+
+
+def test_the_method_tells_the_settings(result):
+    text = ' '.join(noise_table(result).split())
+    assert ('from 3 h of samples at 200\\,Hz of the sensor at rest, of which 5 min 45 s of motion '
+            'were left out.') in text
+    assert 'Narrow lines in the spectrum of gyro\\_z were left out of the fit.' in text
+
+
+def test_text_is_no_command():
+    assert escaped('a_b & 5 % \\x{}') == r'a\_b \& 5 \% \textbackslash{}x\{\}'
