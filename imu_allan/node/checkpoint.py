@@ -15,11 +15,13 @@ import io
 import os
 from pathlib import Path
 import re
+import stat
 from typing import Any, IO
 import zipfile
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.output_path import followed
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,7 @@ _NAME = b'imu_allan.state/'
 _DIGEST_BYTES = 32
 _LARGEST_BYTES = 64_000_000
 _KINDS = 'biufU'
+_PLAIN = getattr(os, 'O_NOFOLLOW', 0) | getattr(os, 'O_NONBLOCK', 0)
 
 
 class UnusableState(Exception):
@@ -55,6 +58,24 @@ def _lock(file: IO[bytes]) -> None:
         # Windows: two nodes with one file are not noticed there.
         return
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _open_plain(path: Path, flags: int) -> IO[bytes]:
+    """
+    Open a regular file, made for this user alone; no link is followed and no pipe waited for.
+
+    Raises
+    ------
+    OSError
+        If it is something else.
+
+    """
+    handle = os.open(path, flags | _PLAIN, 0o600)
+    file = os.fdopen(handle, 'rb')
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        file.close()
+        raise OSError(None, f'{path.name} is not a regular file')
+    return file
 
 
 def encode_state(state: State) -> bytes:
@@ -132,13 +153,23 @@ class StateFile:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(os.path.realpath(Path(path).expanduser()))
+        try:
+            self.path = followed(Path(path).expanduser())
+        except RuntimeError as error:
+            raise ImuAllanError(f'state_file {path}: this user has no home folder; write the '
+                                'path without ~') from error
+        except OSError as error:
+            raise ImuAllanError(f'state_file {path}: cannot be used ({error.strerror}); choose '
+                                'another folder') from error
         if self.path.is_dir():
             raise ImuAllanError(f'state_file {path}: is a folder; name a file in it')
+        if self.path.exists() and not self.path.is_file():
+            raise ImuAllanError(f'state_file {path}: is a device, a pipe or a socket; name a '
+                                'regular file, or one that is not there yet')
         lock = self.path.with_name(self.path.name + '.lock')
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock = lock.open('ab')
+            self._lock = _open_plain(lock, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise ImuAllanError(f'state_file {path}: cannot be written ({error.strerror}); '
                                 'choose a folder that may be written to') from error
@@ -148,6 +179,7 @@ class StateFile:
             self._lock.close()
             raise ImuAllanError(f'state_file {path}: is in use by another node; give every node '
                                 'a file of its own') from error
+        self._in_the_way = ''
         self._sweep_up()
 
     def close(self) -> None:
@@ -173,7 +205,7 @@ class StateFile:
 
         """
         try:
-            with self.path.open('rb') as file:
+            with _open_plain(self.path, os.O_RDONLY) as file:
                 data = file.read(_LARGEST_BYTES + 1)
         except FileNotFoundError:
             return None
@@ -190,11 +222,17 @@ class StateFile:
         Raises
         ------
         ImuAllanError
-            If the file cannot be written; the state before it stays.
+            If the file cannot be written; the state before it stays. So if there is a file that
+            was to be kept aside and could not be moved: it is not overwritten.
 
         """
+        if self._in_the_way:
+            raise ImuAllanError(self._in_the_way)
         data = encode_state(state)
-        write_atomically(self.path, data)
+        if len(data) > _LARGEST_BYTES:
+            raise ImuAllanError(f'{self.path}: a state of {len(data):,} bytes could not be '
+                                'resumed from, so it is not written; the one before it stays')
+        write_atomically(self.path, data, private=True)
         return len(data)
 
     def keep_aside(self, reason: str) -> Path:
@@ -218,6 +256,7 @@ class StateFile:
             with contextlib.suppress(FileNotFoundError):
                 self.path.rename(aside)
         except OSError as error:
-            raise ImuAllanError(f'{self.path}: cannot be renamed ({error.strerror}); move it '
-                                'away or choose another state_file') from error
+            self._in_the_way = (f'{self.path}: cannot be renamed ({error.strerror}); move it '
+                                'away or choose another state_file')
+            raise ImuAllanError(self._in_the_way) from error
         return aside

@@ -1,21 +1,32 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What ``/diagnostics`` says: is everything well with the samples, the fit and the files."""
+"""
+What ``/diagnostics`` says, in one module because all of its statuses read the same facts.
+
+Is everything well with the samples, the fit and the files?
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from imu_allan.node.result_messages import as_text, spoken_duration
+from imu_allan.node.findings import live_text
+from imu_allan.node.result_messages import as_text
+from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
+from imu_allan.wording import duration, spoken
 
 _RATE_TOLERANCE = 0.02
+"""As in the timeline: a stated rate may be rounded, and a clock off."""
+_FIT_TROUBLE = frozenset({'constant_axis', 'poor_fit', 'not_steady'})
+"""Codes of remarks of the fit that make its coefficients doubtful."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 Verdict = tuple[bytes, str]
+_LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR}
 
 
 @dataclass
@@ -34,7 +45,17 @@ class Facts:
         Empty where none is kept.
     received, lost, malformed, skipped : int
         Messages taken, numbered but never received, not decodable, and passed over in a pause.
+    mixed : bool
+        Whether the messages of two publishers are passed over now.
+    mixed_samples : int
+        Messages passed over for that.
+    looping : bool
+        Whether the messages have come before, as those of a recording in a loop.
     publishers : int
+    refused : list of str
+        Why publishers of the topic are not matched.
+    namesakes : int
+        Other nodes of the same name.
     silent_s : float
         Time since the last message, or since the node has waited for the first.
     received_hz : float
@@ -48,11 +69,16 @@ class Facts:
         Whether messages are held back until they show the IMU of the state file.
     fit_s : float or None
         Time the last fit took.
-    fit_error, update_error, save_error, checkpoint_error : str
-        What the last attempt failed with; empty where it did not.
+    fit_error, update_error, save_error, checkpoint_error, output_error : str
+        What the last attempt failed with; empty where it did not. `update_error` is why the
+        latest samples are of no use, `output_error` what trying the output folder gave.
     checkpoint_age_s : float or None
     resumed : str
         What became of the state file when the node started.
+    moved_s : float
+        Time that was left out as motion.
+    findings : list of Finding
+        How the last result stands to datasheet and reference.
 
     """
 
@@ -64,7 +90,12 @@ class Facts:
     lost: int = 0
     malformed: int = 0
     skipped: int = 0
+    mixed: bool = False
+    mixed_samples: int = 0
+    looping: bool = False
     publishers: int = 0
+    refused: list[str] = field(default_factory=list)
+    namesakes: int = 0
     silent_s: float = 0.0
     received_hz: float = 0.0
     cpu_s: float | None = None
@@ -76,8 +107,11 @@ class Facts:
     update_error: str = ''
     save_error: str = ''
     checkpoint_error: str = ''
+    output_error: str = ''
     checkpoint_age_s: float | None = None
     resumed: str = ''
+    moved_s: float = 0.0
+    findings: list[Finding] = field(default_factory=list)
 
 
 def diagnostics_message(node_name: str, stamp: Time, facts: Facts, summary: TimelineSummary,
@@ -88,7 +122,7 @@ def diagnostics_message(node_name: str, stamp: Time, facts: Facts, summary: Time
     Parameters
     ----------
     node_name : str
-        In front of the names of the statuses.
+        Fully qualified, so that two nodes in two namespaces do not share a status.
     stamp : builtin_interfaces.msg.Time
         Now.
     facts : Facts
@@ -101,11 +135,14 @@ def diagnostics_message(node_name: str, stamp: Time, facts: Facts, summary: Time
     """
     array = DiagnosticArray()
     array.header.stamp = stamp
-    parts = {'reception': (_reception_verdict(facts), _reception_values(facts)),
+    parts: dict[str, tuple[Verdict, Mapping[str, object]]] = {
+             'reception': (_reception_verdict(facts), _reception_values(facts)),
              'timeline': (_timeline_verdict(facts, summary), _timeline_values(facts, summary)),
              'estimation': (_estimation_verdict(facts, result),
                             _estimation_values(facts, result)),
              'storage': (_storage_verdict(facts), _storage_values(facts))}
+    for finding in facts.findings:
+        parts[finding.standard] = (_LEVELS[finding.level], finding.message), {}
     for name, ((level, message), values) in parts.items():
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message, hardware_id=facts.topic,
@@ -127,12 +164,20 @@ def waiting_for(result: Result) -> tuple[str, str, float] | None:
 
 
 def _reception_verdict(facts: Facts) -> Verdict:
+    if facts.namesakes:
+        return ERROR, 'another node has the same name: start one of them with another'
+    if facts.mixed:
+        return ERROR, (f'messages of more than one publisher on {facts.topic}: '
+                       'they are passed over')
     if not facts.publishers:
-        return ERROR, f'nothing publishes {facts.topic}'
+        return ERROR, '; '.join(facts.refused) or f'nothing publishes {facts.topic}'
     if facts.silent_s > 2:
         return ERROR, f'no message for {facts.silent_s:.0f} s'
     if facts.publishers > 1:
-        return WARN, f'{facts.publishers} nodes publish {facts.topic}: their samples mix'
+        return WARN, (f'{facts.publishers} publishers on {facts.topic}: where their samples mix '
+                      'they are passed over')
+    if facts.looping:
+        return WARN, 'the messages repeat: what has come before is passed over'
     if facts.malformed:
         return WARN, f'{facts.malformed} messages could not be decoded'
     if facts.lost:
@@ -144,7 +189,8 @@ def _reception_verdict(facts: Facts) -> Verdict:
 
 def _reception_values(facts: Facts) -> Mapping[str, object]:
     return {'received': facts.received, 'lost': facts.lost, 'malformed': facts.malformed,
-            'passed_over': facts.skipped, 'publishers': facts.publishers,
+            'passed_over': facts.skipped, 'mixed': facts.mixed_samples,
+            'publishers': facts.publishers,
             'rate_hz': facts.received_hz, 'cpu_per_message_s': facts.cpu_s,
             'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
             'paused': facts.paused}
@@ -161,19 +207,31 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
         return WARN, 'the IMU moves: this part is left out'
     if summary.mostly_motion:
         return WARN, 'the IMU was moving most of the time: let it rest'
-    if facts.expected_rate and rate and abs(rate / facts.expected_rate - 1) > _RATE_TOLERANCE:
-        return WARN, f'measured {rate:.5g} Hz, expected {facts.expected_rate:g} Hz'
+    wrong = off_rate(facts, summary)
+    if wrong:
+        return WARN, wrong
     if summary.remarks:
-        return WARN, '; '.join(remark.message for remark in summary.remarks)
+        return WARN, '; '.join(live_text(remark) for remark in summary.remarks)
     faults = [f'{count} {what}' for count, what in (
         (timeline.missing, 'samples missing'), (timeline.duplicates, 'duplicates'),
-        (timeline.out_of_order, 'out of order'), (timeline.rejected, 'rejected'),
+        (timeline.out_of_order, 'out of order'),
+        (timeline.rejected, 'rejected (NaN, infinite or declared absent)'),
         (summary.clock_jumps, 'clock jumps')) if count]
     if faults:
         return WARN, ', '.join(faults)
     if not timeline.samples:
         return OK, 'no samples yet'
     return OK, f'{timeline.samples} samples at {rate or 0:.5g} Hz'
+
+
+def off_rate(facts: Facts, summary: TimelineSummary) -> str:
+    """Say that the measured rate is not the expected one; empty where it is."""
+    rate = summary.measured_rate_hz or summary.timeline.sample_rate_hz
+    if not facts.expected_rate or not rate:
+        return ''
+    if abs(rate / facts.expected_rate - 1) <= _RATE_TOLERANCE:
+        return ''
+    return f'measured {rate:.5g} Hz, expected {facts.expected_rate:g} Hz'
 
 
 def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, object]:
@@ -187,8 +245,14 @@ def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, obj
             'rejected': timeline.rejected, 'clock_jumps': summary.clock_jumps,
             'header_repeats': summary.header_repeats,
             'header_backward': summary.header_backward, 'moving': summary.moving,
-            'motion_excluded_s': summary.excluded_s,
+            'motion_excluded_s': summary.excluded_s, 'rest_s': rest_s(summary),
             'expected_rate_hz': facts.expected_rate or None}
+
+
+def rest_s(summary: TimelineSummary) -> float | None:
+    """Time of samples that were used: neither in a gap nor in motion."""
+    rate = summary.timeline.sample_rate_hz
+    return max(summary.timeline.samples / rate - summary.excluded_s, 0.0) if rate else None
 
 
 def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
@@ -196,6 +260,9 @@ def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
         return ERROR, facts.fit_error
     if result is None or not result.axes:
         return OK, 'no result yet'
+    bad = [live_text(remark) for remark in result.warnings if remark.code in _FIT_TROUBLE]
+    if bad:
+        return WARN, '; '.join(bad)
     following = waiting_for(result)
     if following is None:
         hidden = sum(not coefficient.observable for axis in result.axes.values()
@@ -203,8 +270,8 @@ def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
         return OK, (f'{hidden} coefficients are below what this data can show' if hidden
                     else 'all coefficients are observable')
     axis, key, seconds = following
-    return OK, (f'{key.replace("_", " ")} of {axis} expected to be observable in '
-                f'{spoken_duration(seconds)}')
+    return OK, (f'{key.replace("_", " ")} of {spoken(axis)} expected to be observable in '
+                f'{duration(seconds)}')
 
 
 def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, object]:
@@ -214,6 +281,8 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
         for key in TERMS:
             values[f'observable/{key}'] = sum(axis.coefficients[key].observable
                                               for axis in result.axes.values())
+        for remark in result.warnings:
+            values.setdefault(f'remarks/{remark.code}', live_text(remark))
         following = waiting_for(result)
         if following is not None:
             axis, key, seconds = following
@@ -226,6 +295,8 @@ def _storage_verdict(facts: Facts) -> Verdict:
         return ERROR, facts.checkpoint_error
     if facts.save_error:
         return ERROR, facts.save_error
+    if facts.output_error:
+        return ERROR, facts.output_error
     if not facts.state_file:
         return OK, 'no state file: a crash or a reboot begins a new run'
     return OK, facts.resumed or 'a new run'

@@ -44,12 +44,16 @@ class Batch:
         When the middleware received each message, nanoseconds since 1970.
     lost : int
         Messages the publisher numbered that never came, since the batch before.
+    interleaved : int
+        How often a number is not above the one before: once where a publisher restarts, over and
+        over where two of them take turns.
 
     """
 
     messages: list[bytes]
     receive_ns: NDArray[np.int64]
     lost: int
+    interleaved: int = 0
 
 
 class _OutOfWaitSet(CallbackGroup):
@@ -113,16 +117,32 @@ class DrainedSubscription:
         """How many publishers are matched."""
         return int(self._subscription.get_publisher_count())
 
-    def incompatible_publishers(self) -> list[str]:
+    def refused_publishers(self) -> list[str]:
         """Why publishers of the topic are not matched: a line for each."""
-        offers = self._node.get_publishers_info_by_topic(self.topic)
+        own_type = self._type_name()
         lines = []
-        for offer in offers:
-            compatibility, reason = qos_check_compatible(offer.qos_profile, self._qos)
+        for offer in self._node.get_publishers_info_by_topic(self.topic):
+            name = f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
+            if offer.topic_type != own_type:
+                lines.append(f'{name} publishes {offer.topic_type}, not {own_type}')
+                continue
+            compatibility, reason = qos_check_compatible(
+                offer.qos_profile, self._subscription.qos_profile)
             if compatibility == QoSCompatibility.ERROR:
-                name = f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
-                lines.append(f'{name}: {reason.strip().removesuffix(";")}')
+                reason = reason.strip().removesuffix(';')
+                lines.append(f'the QoS of {name} does not go with that asked for ({reason}); '
+                             'choose another with qos_overrides')
         return lines
+
+    def publisher_names(self) -> list[str]:
+        """Nodes that publish the topic, sorted."""
+        return sorted(f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
+                      for offer in self._node.get_publishers_info_by_topic(self.topic))
+
+    def _type_name(self) -> str:
+        package, kind, name = (*self._msg_type.__module__.split('.')[:2],
+                               self._msg_type.__name__)
+        return f'{package}/{kind}/{name}'
 
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
@@ -132,7 +152,7 @@ class DrainedSubscription:
         now = time.time_ns()
         receive = np.array([_received(info, now) for _, info in taken], dtype=np.int64)
         return Batch([message for message, _ in taken], receive,
-                     self._count_lost([info for _, info in taken]))
+                     *self._count_lost([info for _, info in taken]))
 
     def _subscribe(self, topic: str) -> Subscription:
         group = _OutOfWaitSet() if self.draining else None
@@ -147,19 +167,23 @@ class DrainedSubscription:
     def _collect(self, message: bytes, info: Info) -> None:
         self._collected.append((message, info))
 
-    def _count_lost(self, infos: Sequence[Info]) -> int:
+    def _count_lost(self, infos: Sequence[Info]) -> tuple[int, int]:
+        """Numbers that were left out, and numbers that did not rise."""
         numbers = [info.get('publication_sequence_number') for info in infos]
         known = [number for number in numbers if number is not None]
         if not known:
-            return 0
+            return 0, 0
         first = known[0] - 1 if self._sequence is None else self._sequence
         steps = np.diff(np.array([first, *known], dtype=np.int64))
         self._sequence = known[-1]
-        if np.all(steps == 1) or self.publishers > 1:
+        if np.all(steps == 1):
+            return 0, 0
+        interleaved = int(np.count_nonzero(steps < 1))
+        if self.publishers > 1:
             # Every publisher has numbers of its own: two of them cannot be told apart here.
-            return 0
+            return 0, interleaved
         # A publisher that restarted counts from one again.
-        return int((steps[steps > 1] - 1).sum())
+        return int((steps[steps > 1] - 1).sum()), interleaved
 
 
 def _drain(subscription: Subscription, msg_type: type, most: int) -> list[tuple[bytes, Info]]:

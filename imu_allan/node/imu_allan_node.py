@@ -4,12 +4,13 @@
 
 from collections.abc import Sequence
 
+from imu_allan.node.interface import CHARACTERIZATION
 from imu_allan.node.process import run_process, StopRequest
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop; save and return the exit status."""
-    return run_process('imu_allan_node', _serve, args)
+    return run_process('imu_allan_node', _serve, args, CHARACTERIZATION)
 
 
 def _serve(stop: StopRequest) -> int:

@@ -4,12 +4,13 @@
 
 from collections.abc import Sequence
 
+from imu_allan.node.interface import SIMULATOR
 from imu_allan.node.process import run_process, StopRequest
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until its duration is over or it is told to stop; return the exit status."""
-    return run_process('imu_simulator', _serve, args)
+    return run_process('imu_simulator', _serve, args, SIMULATOR)
 
 
 def _serve(stop: StopRequest) -> int:

@@ -3,12 +3,13 @@
 """Parameters of a node: described, ranged, refused with a reason when they make no sense."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 import difflib
-import math
+import os
+from pathlib import Path
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.settings import Setting, Value
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -18,69 +19,6 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-
-Value = str | int | float | bool | Sequence[str]
-
-
-@dataclass(frozen=True)
-class Setting:
-    """
-    One parameter.
-
-    Attributes
-    ----------
-    name : str
-    default : str, int, float, bool or sequence of str
-        Its type is the parameter's.
-    description : str
-        What `ros2 param describe` shows.
-    lowest, highest : float, optional
-        Range of a number, both ends included.
-    choices : sequence of str, optional
-        What a text, or each text of a sequence, may be.
-    may_be_empty : bool
-        Whether a text may be empty.
-    read_only : bool
-        Whether it can only be set when the node starts.
-
-    """
-
-    name: str
-    default: Value
-    description: str
-    lowest: float | None = None
-    highest: float | None = None
-    choices: Sequence[str] = ()
-    may_be_empty: bool = True
-    read_only: bool = False
-
-    def descriptor(self) -> ParameterDescriptor:
-        """Make the descriptor that rclpy enforces and shows."""
-        descriptor = ParameterDescriptor(
-            name=self.name, description=self.description, read_only=self.read_only,
-            additional_constraints=f'one of: {", ".join(self.choices)}' if self.choices else '')
-        if self.lowest is not None and self.highest is not None:
-            if isinstance(self.default, float):
-                descriptor.floating_point_range = [FloatingPointRange(
-                    from_value=float(self.lowest), to_value=float(self.highest))]
-            else:
-                descriptor.integer_range = [IntegerRange(
-                    from_value=int(self.lowest), to_value=int(self.highest))]
-        return descriptor
-
-    def reason_against(self, value: Any) -> str:
-        """Why `value` is refused beyond type and range; empty if it is not."""
-        if isinstance(value, float) and not math.isfinite(value):
-            return f'{self.name}: {value} is not a finite number'
-        if isinstance(value, str) and not value and not self.may_be_empty:
-            return f'{self.name}: must not be empty'
-        texts = [value] if isinstance(value, str) else value
-        if self.choices:
-            for text in texts:
-                # A parameter cannot be an empty list: [''] stands for it.
-                if text not in self.choices and (text or isinstance(value, str)):
-                    return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
-        return ''
 
 
 def declare(node: Node, settings: Sequence[Setting],
@@ -113,7 +51,10 @@ def declare(node: Node, settings: Sequence[Setting],
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name in known:
-                reason = known[parameter.name].reason_against(parameter.value)
+                setting = known[parameter.name]
+                reason = setting.reason_against(parameter.value)
+                if not reason and setting.below_start and setting.name in values:
+                    reason = _leads_out(setting.name, parameter.value, values[setting.name])
                 if reason:
                     return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
@@ -123,21 +64,39 @@ def declare(node: Node, settings: Sequence[Setting],
             if parameter.name in known and applied is not None:
                 applied(parameter.name, parameter.value)
 
+    values: dict[str, Any] = {}
     node.add_on_set_parameters_callback(check)
-    values = {}
     for setting in settings:
         default = setting.default
         value = list(default) if isinstance(default, tuple) else default
         try:
-            values[setting.name] = node.declare_parameter(
-                setting.name, value, setting.descriptor()).value
+            declared = node.declare_parameter(setting.name, value, _descriptor(setting)).value
+            # An empty list on a command line has no type, so it is no list to ROS.
+            values[setting.name] = [] if declared is None else declared
+            if declared is None and not isinstance(value, list):
+                raise ImuAllanError(f'parameter {setting.name}: expected {_kind(default)}')
         except InvalidParameterTypeException as error:
             raise ImuAllanError(f'parameter {setting.name}: expected {_kind(default)}') from error
         except InvalidParameterValueException as error:
             reason = str(error).partition('Reason: ')[2] or str(error)
-            raise ImuAllanError(f'parameter {setting.name} is refused: {reason}') from error
+            if 'out of range' in reason:
+                reason = f'must lie between {setting.lowest:g} and {setting.highest:g}'
+            raise ImuAllanError(f'parameter {setting.name}: '
+                                f'{reason.removeprefix(setting.name + ": ")}') from error
     node.add_post_set_parameters_callback(apply)
     return values
+
+
+def _leads_out(name: str, folder: str, start: str) -> str:
+    """Why a folder set at run time is refused: whoever is on the network may ask for it."""
+    try:
+        inner, outer = (Path(os.path.realpath(Path(text).expanduser()))
+                        for text in (folder, start))
+    except (RuntimeError, ValueError, OSError) as error:
+        return f'{name}: {error}'
+    return '' if inner.is_relative_to(outer) else (
+        f'{name}: while the node runs it can only be set to {outer} and folders below; start the '
+        'node with another one')
 
 
 def warn_of_unknown(node: Node) -> None:
@@ -159,3 +118,18 @@ def _kind(default: Value) -> str:
     if isinstance(default, float):
         return f'a number with a decimal point, such as {default!r}'
     return 'a text' if isinstance(default, str) else 'a list of texts'
+
+
+def _descriptor(setting: Setting) -> ParameterDescriptor:
+    """Make the descriptor that rclpy enforces and shows."""
+    descriptor = ParameterDescriptor(
+        name=setting.name, description=setting.description, read_only=setting.read_only,
+        additional_constraints=f'one of: {", ".join(setting.choices)}' if setting.choices else '')
+    if setting.lowest is not None and setting.highest is not None:
+        if isinstance(setting.default, float):
+            descriptor.floating_point_range = [FloatingPointRange(
+                from_value=float(setting.lowest), to_value=float(setting.highest))]
+        else:
+            descriptor.integer_range = [IntegerRange(
+                from_value=int(setting.lowest), to_value=int(setting.highest))]
+    return descriptor

@@ -11,6 +11,7 @@ import sys
 from types import FrameType
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.interface import help_text, Interface, wants_help
 
 ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
                 'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
@@ -51,7 +52,7 @@ def give_back_memory() -> None:
 
 
 def run_process(program: str, serve: Callable[[StopRequest], int],
-                args: Sequence[str] | None = None) -> int:
+                args: Sequence[str] | None = None, interface: Interface | None = None) -> int:
     """
     Run `serve` between the start and the shutdown of rclpy.
 
@@ -63,7 +64,9 @@ def run_process(program: str, serve: Callable[[StopRequest], int],
         Creates the node and serves it until it is done or the StopRequest is set; returns the
         exit status. It imports rclpy and the messages itself.
     args : sequence of str, optional
-        Command line; that of the process by default.
+        Command line without the name of the program; that of the process by default.
+    interface : Interface, optional
+        What ``--help`` describes.
 
     Returns
     -------
@@ -71,6 +74,9 @@ def run_process(program: str, serve: Callable[[StopRequest], int],
         Exit status: that of `serve`, or 1 after a known error, told in one line on stderr.
 
     """
+    if interface is not None and wants_help(sys.argv[1:] if args is None else args):
+        print(help_text(interface))
+        return 0
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)

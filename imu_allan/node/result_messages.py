@@ -2,35 +2,54 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Result as the messages that ROS tools can read."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import math
+from typing import Literal
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Vector3, Vector3Stamped
-from imu_allan.result import AxisResult, Coefficient, Result
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.findings import live_text
+from imu_allan.result import AxisResult, Coefficient, Remark, Result
+from imu_allan.tuning.tune import tune
+from imu_allan.wording import duration
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
 SENSORS = ('gyro', 'accel')
+TUNED_TERM = 'filter_random_walk'
+"""Not measured but chosen, for a filter with a random walk and nothing else."""
 VECTOR_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
 """Terms that have a topic of their own."""
 FILTER_TERMS = ('noise_density', 'rate_random_walk')
 """What every filter asks for: a WARN stands while one is not observable."""
+ENDS: tuple[Literal['low', 'high'], ...] = ('low', 'high')
+"""The 95 % interval of each of these terms is two vectors, which every tool plots as they are."""
 OCTAVES = 25
 """Columns of the Allan deviation array: PlotJuggler leaves out arrays beyond 100 numbers."""
+
+
+@dataclass(frozen=True)
+class Filter:
+    """How often something else corrects a filter, and the longest it must do without, in s."""
+
+    aiding_interval_s: float = 0.1
+    coast_s: float = 60.0
 
 
 @dataclass(frozen=True)
 class ResultMessages:
     """What is published of one result; `vectors` and `curves` by topic below ``~/``."""
 
+    result: String
     coefficients: DiagnosticArray
     vectors: Mapping[str, Vector3Stamped]
     curves: Mapping[str, Float64MultiArray]
 
 
-def result_messages(result: Result, node_name: str, stamp: Time) -> ResultMessages:
+def result_messages(result: Result, node_name: str, stamp: Time,
+                    filter_of: Filter = Filter()) -> ResultMessages:
     """
     Every message of a result.
 
@@ -39,15 +58,23 @@ def result_messages(result: Result, node_name: str, stamp: Time) -> ResultMessag
     result : Result
         What was fitted.
     node_name : str
-        In front of the names of the statuses.
+        Fully qualified, in front of the names of the statuses.
     stamp : builtin_interfaces.msg.Time
         Time of the last sample.
+    filter_of : Filter, optional
+        What the tuned random walk is for.
 
     """
     vectors = {f'{sensor}/{term}': vector_message(result, sensor, term, stamp)
                for sensor in SENSORS for term in VECTOR_TERMS}
+    vectors |= {f'{sensor}/{TUNED_TERM}': tuned_message(result, sensor, filter_of, stamp)
+                for sensor in SENSORS}
+    vectors |= {f'{sensor}/{term}/interval/{end}':
+                interval_message(result, sensor, term, end, stamp)
+                for sensor in SENSORS for term in VECTOR_TERMS for end in ENDS}
     curves = {f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}
-    return ResultMessages(coefficients_message(result, node_name, stamp), vectors, curves)
+    return ResultMessages(String(data=result.to_json()),
+                          coefficients_message(result, node_name, stamp), vectors, curves)
 
 
 def coefficients_message(result: Result, node_name: str, stamp: Time) -> DiagnosticArray:
@@ -64,21 +91,59 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
         if not axis.goodness_of_fit.acceptable:
             level = DiagnosticStatus.WARN
             message += '; no noise model fits this axis well'
+        remarks = [remark for remark in result.warnings
+                   if remark.message.startswith(f'{name}: ')]
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message,
-            hardware_id=result.source.topic or '', values=_axis_values(axis)))
+            hardware_id=result.source.topic or '', values=_axis_values(axis, remarks)))
     return array
 
 
 def vector_message(result: Result, sensor: str, term: str, stamp: Time) -> Vector3Stamped:
     """One coefficient of the three axes of a sensor; NaN where it is not observable."""
+    return _vector(result, sensor, stamp, lambda axis: axis.coefficients[term].value)
+
+
+def tuned_message(result: Result, sensor: str, filter_of: Filter, stamp: Time
+                  ) -> Vector3Stamped:
+    """Random walk that makes a filter consistent; NaN for axes nothing can be told of yet."""
+    def walk(axis: AxisResult) -> float | None:
+        if not axis.coefficients['noise_density'].observable:
+            return None
+        try:
+            return tune(axis, filter_of.aiding_interval_s, filter_of.coast_s).random_walk
+        except ImuAllanError:
+            # No drift model, or no noise at all: the axis's own status says why.
+            return None
+
+    return _vector(result, sensor, stamp, walk)
+
+
+def interval_message(result: Result, sensor: str, term: str, end: Literal['low', 'high'],
+                     stamp: Time) -> Vector3Stamped:
+    """
+    One end of the 95 % intervals of the three axes of a sensor.
+
+    Where a term is not observable, it lies between zero and the 95 % upper bound.
+    """
+    def bound(axis: AxisResult) -> float | None:
+        coefficient = axis.coefficients[term]
+        if coefficient.ci95 is not None:
+            return coefficient.ci95[ENDS.index(end)]
+        return coefficient.upper95 if end == 'high' or coefficient.upper95 is None else 0.0
+
+    return _vector(result, sensor, stamp, bound)
+
+
+def _vector(result: Result, sensor: str, stamp: Time,
+            of_axis: Callable[[AxisResult], float | None]) -> Vector3Stamped:
     message = Vector3Stamped()
     message.header.stamp = stamp
     message.header.frame_id = result.source.frame_id or ''
     values = {}
     for letter in 'xyz':
         axis = result.axes.get(f'{sensor}_{letter}')
-        value = axis.coefficients[term].value if axis is not None else None
+        value = of_axis(axis) if axis is not None else None
         values[letter] = math.nan if value is None else value
     message.vector = Vector3(**values)
     return message
@@ -107,19 +172,11 @@ def curve_message(result: Result, sensor: str) -> Float64MultiArray:
 def _not_observable(key: str, coefficient: Coefficient) -> str:
     text = f'{key.replace("_", " ")} not observable yet'
     if coefficient.observable_in_s is not None:
-        text += f', expected in {spoken_duration(coefficient.observable_in_s)}'
+        text += f', expected in {duration(coefficient.observable_in_s)}'
     return text
 
 
-def spoken_duration(seconds: float) -> str:
-    """Write a duration in the unit in which it is easiest to read."""
-    for size, unit in ((86400.0, 'd'), (3600.0, 'h'), (60.0, 'min')):
-        if seconds >= 2 * size:
-            return f'{seconds / size:.1f} {unit}'
-    return f'{seconds:.0f} s'
-
-
-def _axis_values(axis: AxisResult) -> list[KeyValue]:
+def _axis_values(axis: AxisResult, remarks: Sequence[Remark]) -> list[KeyValue]:
     entries: dict[str, object] = {'unit': axis.unit, 'mean': axis.mean,
                                   'band_limit_s': axis.band_limit_s}
     for key, coefficient in axis.coefficients.items():
@@ -136,6 +193,8 @@ def _axis_values(axis: AxisResult) -> list[KeyValue]:
     for i, tone in enumerate(axis.tones):
         entries |= {f'tones/{i}/frequency_hz': tone.frequency_hz,
                     f'tones/{i}/amplitude': tone.amplitude}
+    entries |= {f'remarks/{remark.code}': live_text(remark).partition(': ')[2]
+                for remark in remarks}
     return [KeyValue(key=key, value=as_text(value)) for key, value in entries.items()
             if value is not None]
 

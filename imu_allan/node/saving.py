@@ -2,14 +2,71 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ``~/save`` leaves in the output folder."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
+import fcntl
+import os
 from pathlib import Path
 import re
+import tempfile
 
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.settings import DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.filters import export
 from imu_allan.writers.result_file import save_curves, save_result
+
+_CLAIMS: dict[Path, int] = {}
+"""Folders of this process, and the handles that hold their locks."""
+_MOST_OF_ONE_NAME = 100
+
+
+class NothingToSave(ImuAllanError):
+    """A result without axes."""
+
+
+class IncompleteSave(ImuAllanError):
+    """The result is written, the configuration of a filter could not be made from it."""
+
+
+def try_folder(output_dir: str) -> None:
+    """
+    Write a file into the output folder and remove it, as `save_run` will have to.
+
+    Raises
+    ------
+    ImuAllanError
+        If that cannot be done; the message names the parameter.
+
+    """
+    folder = _expanded(output_dir)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix='.imu_allan.') as file:
+            file.write(b'x')
+    except OSError as error:
+        raise ImuAllanError(
+            f'output_dir {output_dir}: cannot be written ({error.strerror or error}); set the '
+            'parameter to a folder that may be written to') from error
+
+
+def other_folders(state_file: Path | None) -> Iterator[str]:
+    """
+    Where a result goes when the output folder takes nothing, the likeliest first.
+
+    Parameters
+    ----------
+    state_file : path or None
+        Its folder is one that the user chose to be written to.
+
+    """
+    if state_file is not None:
+        yield str(state_file.parent)
+    yield DEFAULT_OUTPUT_DIR
+    # None of the folders that the system has for temporary files may be writable.
+    with contextlib.suppress(OSError):
+        yield str(Path(tempfile.gettempdir()) / 'imu_allan')
 
 
 def run_folder(output_dir: str, node_name: str, result: Result) -> Path:
@@ -28,7 +85,34 @@ def run_folder(output_dir: str, node_name: str, result: Result) -> Path:
     """
     start = (result.source.start_time or 'unknown').partition('.')[0].removesuffix('Z')
     name = f'{node_name.strip("/")}_{start}'
-    return Path(output_dir).expanduser() / re.sub(r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
+    return _expanded(output_dir) / re.sub(r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))
+
+
+def claimed(folder: Path) -> Path:
+    """
+    Make the folder of a run, for this process alone.
+
+    Two nodes of one name that start in the same second would have the same; the second one gets
+    another, with a number. Held by a lock on the folder itself, which leaves no file and ends with
+    the process: after a restart the run goes on in its folder.
+    """
+    candidates = [folder, *(folder.with_name(f'{folder.name}-{number}')
+                            for number in range(2, _MOST_OF_ONE_NAME))]
+    for candidate in candidates:
+        if candidate in _CLAIMS:
+            return candidate
+        # Where a folder cannot be made or opened, the files are about to tell why.
+        with contextlib.suppress(OSError):
+            candidate.mkdir(parents=True, exist_ok=True)
+            handle = os.open(candidate, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(handle)
+                continue
+            _CLAIMS[candidate] = handle
+        return candidate
+    return folder
 
 
 def save_run(result: Result, folder: Path, export_for: Sequence[str]) -> list[Path]:
@@ -43,18 +127,35 @@ def save_run(result: Result, folder: Path, export_for: Sequence[str]) -> list[Pa
     Raises
     ------
     ImuAllanError
-        If a file cannot be written, or a filter cannot be configured from this result.
+        If a file cannot be written.
+    IncompleteSave
+        If a filter cannot be configured from this result; everything else is written.
 
     """
     # The result first: it is what cannot be made again.
     written = [folder / 'result.json', folder / 'curve.csv']
     save_result(result, written[0])
     save_curves(result, written[1])
+    left_out = []
     for consumer in export_for:
-        config = export(result, consumer)
+        try:
+            config = export(result, consumer)
+        except ImuAllanError as error:
+            left_out.append(str(error))
+            continue
         written.append(folder / config.name)
         write_atomically(written[-1], config.text.encode())
     from imu_allan.writers.plot import overview_figure, render
     plot = folder / 'allan_deviation.png'
     write_atomically(plot, render(overview_figure(result), 'png'))
+    if left_out:
+        raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return [*written, plot]
+
+
+def _expanded(folder: str) -> Path:
+    try:
+        return Path(folder).expanduser()
+    except RuntimeError as error:
+        raise ImuAllanError(f'output_dir {folder}: this user has no home folder; '
+                            'write the path without ~') from error

@@ -8,11 +8,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.parameters import declare, Setting, warn_of_unknown
+from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
-from imu_allan.noise.model import load_model
+from imu_allan.node.settings import SIMULATOR_SETTINGS
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.simulator import find_model, SimulatedImu
+from imu_allan.sensor.noise_model import load_model
+from imu_allan.sensor.simulated_imu import find_model, SimulatedImu
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.duration import Duration
@@ -25,27 +26,6 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 TOPIC = 'imu/data_raw'
-
-SETTINGS = (
-    Setting('model', 'consumer_mems',
-            'Noise model: a YAML file, or the name of one that the package ships in config/',
-            may_be_empty=False, read_only=True),
-    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
-            read_only=True),
-    Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
-            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
-    Setting('duration', 0.0, 'Simulated seconds, after which the node ends; 0 is without end',
-            0.0, 1e9, read_only=True),
-    Setting('seed', 0, 'Another number gives other noise', 0, 2**31 - 1, read_only=True),
-    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
-    Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
-            'the start', 0.0, 2**31 - 1.0, read_only=True),
-    Setting('wait_for_subscriptions', 0, 'Publish nothing before as many subscriptions are '
-            'matched', 0, 100, read_only=True),
-    Setting('drop_samples', 20, 'How many samples ~/drop leaves out', 1, 1_000_000),
-    Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the angular '
-            'velocity takes a tenth as many rad/s', 0.0, 1e3),
-)
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -65,7 +45,7 @@ class SimulatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('imu_simulator')
-        values = declare(self, SETTINGS, self._apply)
+        values = declare(self, SIMULATOR_SETTINGS, self._apply)
         warn_of_unknown(self)
         try:
             self._model = load_model(find_model(values['model']))
@@ -79,7 +59,8 @@ class SimulatorNode(Node):
         self._drop_samples: int = values['drop_samples']
         self._knock_size: float = values['knock_size']
         self._imu = SimulatedImu(self._model, self._rate, values['seed'])
-        self._start_ns = round(values['start_time'] * 1e9) or time.time_ns()
+        self._stated_start_ns = round(values['start_time'] * 1e9)
+        self._start_ns = self._stated_start_ns or time.time_ns()
         self._next = 0
         self._drop_until = 0
         self._knocks: list[int] = []
@@ -103,6 +84,8 @@ class SimulatorNode(Node):
         executor.add_node(self)
         try:
             self._wait_for_subscriptions(executor, stop)
+            # The first sample is of now, not of when the node was made.
+            self._start_ns = self._stated_start_ns or time.time_ns()
             self.get_logger().info(
                 f'publishing {self._model.name or "a simulated IMU"} on '
                 f'{self._publisher.topic_name} at {self._rate:g} Hz'
@@ -189,6 +172,7 @@ class SimulatorNode(Node):
     def _truth_message(self) -> DiagnosticArray:
         array = DiagnosticArray()
         array.header.frame_id = self._frame_id
+        array.header.stamp = self.get_clock().now().to_msg()
         for axis, quantity in AXES.items():
             status = DiagnosticStatus(name=f'{self.get_name()}: {axis}', level=b'\0',
                                       message='true values',

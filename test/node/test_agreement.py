@@ -9,9 +9,9 @@ from typing import Any
 
 import imu_allan
 from imu_allan.cdr import blocks_from_messages
-from imu_allan.noise.model import load_model
 from imu_allan.recordings.write import write_recording
-from imu_allan.simulator import SimulatedImu
+from imu_allan.sensor.noise_model import load_model
+from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 from ros_harness import Ros
 from std_srvs.srv import Trigger

@@ -6,8 +6,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from imu_allan.node import characterization_node, simulator_node
-from imu_allan.node.parameters import Setting
+from imu_allan.node.settings import Setting, SETTINGS, SIMULATOR_SETTINGS
 import pytest
 from ros_harness import Driver, Ros
 
@@ -36,8 +35,8 @@ def written(setting: Setting) -> str:
 
 
 @pytest.mark.parametrize(('title', 'settings'), [
-    ('Parameters', characterization_node.SETTINGS),
-    ('The node `imu_simulator`', simulator_node.SETTINGS)])
+    ('Parameters', SETTINGS),
+    ('The node `imu_simulator`', SIMULATOR_SETTINGS)])
 def test_every_parameter_is_documented_with_its_default(
         title: str, settings: tuple[Setting, ...]) -> None:
     assert documented(section(title)) == {s.name: written(s) for s in settings}
@@ -46,7 +45,7 @@ def test_every_parameter_is_documented_with_its_default(
 def test_ranges_are_documented() -> None:
     rows = dict(re.findall(r'^\| `(\w+)` \| .*? \| (.*?) \|', section('Parameters'),
                            re.MULTILINE))
-    for setting in characterization_node.SETTINGS:
+    for setting in SETTINGS:
         if setting.lowest is not None:
             assert rows[setting.name].startswith(f'{setting.lowest:g} .. {setting.highest:.0f}')
         assert ('read-only' in PAGE.split(f'`{setting.name}` |')[1].splitlines()[0]

@@ -142,10 +142,10 @@ def test_a_publisher_with_other_qos_is_told_of(ros: Ros) -> None:
     name = ros.name('imu')
     ros.node.declare_parameter(f'qos_overrides.{name}.subscription.reliability', 'reliable')
     subscription = DrainedSubscription(ros.node, Imu, name, 10)
-    assert subscription.incompatible_publishers() == []
+    assert subscription.refused_publishers() == []
     ros.node.create_publisher(Imu, name, QoSProfile(
         depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
-    [line] = ros.until(subscription.incompatible_publishers)
-    assert line.startswith(f'{ros.name("tester")}: ')
+    [line] = ros.until(subscription.refused_publishers)
+    assert line.startswith(f'the QoS of {ros.name("tester")} does not go with that asked for (')
     assert 'reliab' in line.lower()
     assert subscription.publishers == 0

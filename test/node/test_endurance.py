@@ -39,7 +39,7 @@ class Reception:
 
     def _hear(self, report: DiagnosticArray) -> None:
         for status in report.status:
-            if (status.name == 'imu_allan: reception'
+            if (status.name.endswith('/imu_allan: reception')
                     and status.hardware_id == self._ros.name('imu/data_raw')):
                 self._facts = {v.key: float(v.value) for v in status.values
                                if v.key in ('received', 'lost', 'longest_hold_s', 'queue')}

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
+from imu_allan.tuning.tune import tune
 from imu_allan.writers.result_file import load_result
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import Parameter
 from ros_harness import Ros
 from sensor_msgs.msg import CompressedImage
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 RATE_HZ = 200.0
@@ -40,24 +41,24 @@ def live(shared_ros: Ros) -> Ros:
     model = ros.folder / 'model.yaml'
     model.write_text(MODEL)
     ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': RATE_HZ,
+                                 'aiding_interval': 0.2, 'coast': 30.0,
                                  'export_for': ['kalibr', 'openvins']}, shared_memory=True)
     simulator = ros.start('imu_simulator', {
         'model': str(model), 'rate': RATE_HZ, 'duration': DURATION_S, 'speed': 0.0, 'seed': 3},
         shared_memory=True)
-    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
     reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     ros.until(lambda: not simulator.running, 60)
     assert simulator.wait() == 0
     count = int(RATE_HZ * DURATION_S)
     ros.until(lambda: reports and values(reports[-1], 'timeline').get('samples') == str(count))
-    done = len(arrays)
-    ros.until(lambda: len(arrays) > done or values(
+    # What came last is fitted to the end, once nothing more comes.
+    ros.until(lambda: values(
         reports[-1], 'estimation').get('fitted_duration_s') == repr(DURATION_S))
     return ros
 
 
 def status(array: DiagnosticArray, name: str) -> DiagnosticStatus | None:
-    return next((s for s in array.status if s.name == f'imu_allan: {name}'), None)
+    return next((s for s in array.status if s.name.endswith(f'/imu_allan: {name}')), None)
 
 
 def values(array: DiagnosticArray, name: str) -> dict[str, str]:
@@ -80,7 +81,8 @@ def result(live: Ros) -> Result:
 
 def test_a_late_subscriber_gets_every_axis_with_values_and_intervals(live: Ros) -> None:
     array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
-    assert [s.name for s in array.status] == [f'imu_allan: {axis}' for axis in AXES]
+    assert [s.name for s in array.status] == [
+        f'{live.name("imu_allan")}: {axis}' for axis in AXES]
     for axis in AXES:
         entries = values(array, axis)
         assert set(entries) >= {'noise_density/value', 'noise_density/ci95_low',
@@ -121,6 +123,9 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
         for key in TERMS:
             value = axis.coefficients[key].value
             assert entries.get(f'{key}/value') == (None if value is None else repr(value))
+    document = latest(live, String, 'imu_allan/result')
+    assert Result.from_dict(json.loads(document.data)) == result
+    assert document.data == result.to_json()
     for sensor in ('gyro', 'accel'):
         for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
             vector = latest(live, Vector3Stamped, f'imu_allan/{sensor}/{key}')
@@ -129,6 +134,22 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
                 expected = result.axes[f'{sensor}_{letter}'].coefficients[key].value
                 found = getattr(vector.vector, letter)
                 assert math.isnan(found) if expected is None else found == expected
+        for place, end in enumerate(('low', 'high')):
+            vector = latest(live, Vector3Stamped,
+                            f'imu_allan/{sensor}/noise_density/interval/{end}')
+            for letter in 'xyz':
+                interval = result.axes[f'{sensor}_{letter}'].coefficients['noise_density'].ci95
+                assert getattr(vector.vector, letter) == interval[place]
+        tuned = latest(live, Vector3Stamped, f'imu_allan/{sensor}/filter_random_walk')
+        for letter in 'xyz':
+            assert getattr(tuned.vector, letter) == tune(
+                result.axes[f'{sensor}_{letter}'], 0.2, 30.0).random_walk
+
+
+def test_a_volatile_subscription_that_comes_late_gets_the_last_result(live: Ros) -> None:
+    arrays = live.listen(DiagnosticArray, 'imu_allan/coefficients', 10)
+    array = live.until(lambda: arrays)[0]
+    assert [s.name.rpartition(' ')[2] for s in array.status] == list(AXES)
 
 
 def test_the_allan_deviation_array_has_four_labelled_rows_of_25(
@@ -175,8 +196,8 @@ def test_save_writes_result_curves_plot_and_filter_configurations(live: Ros) -> 
 
 
 def test_a_folder_that_cannot_be_written_is_answered_with_the_reason(live: Ros) -> None:
-    (live.folder / 'file').write_text('in the way')
-    change(live, 'output_dir', str(live.folder / 'file' / 'output'))
+    (live.folder / 'output' / 'file').write_text('in the way')
+    change(live, 'output_dir', str(live.folder / 'output' / 'file' / 'below'))
     response = live.call(Trigger, 'imu_allan/save')
     assert not response.success
     assert 'cannot be written' in response.message
@@ -186,13 +207,15 @@ def test_a_folder_that_cannot_be_written_is_answered_with_the_reason(live: Ros) 
 
 
 @pytest.fixture
-def full_disk(tmp_path: Path) -> Iterator[Path]:
+def full_disk(live: Ros) -> Iterator[Path]:
+    folder = live.folder / 'output' / 'disk'
+    folder.mkdir(parents=True)
     if os.geteuid() != 0 or subprocess.run(
-            ['mount', '-t', 'tmpfs', '-o', 'size=16k', 'tmpfs', tmp_path],
+            ['mount', '-t', 'tmpfs', '-o', 'size=16k', 'tmpfs', folder],
             capture_output=True, check=False).returncode:
         pytest.skip('only root can mount a small disk')
-    yield tmp_path
-    subprocess.run(['umount', tmp_path], check=True)
+    yield folder
+    subprocess.run(['umount', '-l', folder], check=True)
 
 
 def test_a_full_disk_is_answered_with_the_reason_and_leaves_no_half_files(
@@ -207,6 +230,20 @@ def test_a_full_disk_is_answered_with_the_reason_and_leaves_no_half_files(
     change(live, 'output_dir', str(live.folder / 'output'))
 
 
+def test_whoever_is_on_the_network_cannot_have_files_written_elsewhere(live: Ros) -> None:
+    start = live.folder / 'output'
+    for folder in ('/etc', str(live.folder), '~', str(start / '..' / 'outputs')):
+        answer = set_parameter(live, 'output_dir', folder)
+        assert not answer.successful
+        assert answer.reason == (
+            f'output_dir: while the node runs it can only be set to {start} and folders below; '
+            'start the node with another one')
+    assert not set_parameter(live, 'output_dir', '~nosuchuser/x').successful
+    answer = set_parameter(live, 'output_dir', 'x' * 1001)
+    assert answer.reason == 'output_dir: at most 100 texts of 1000 characters each are taken'
+    assert live.call(Trigger, 'imu_allan/save').success
+
+
 def test_the_plot_is_drawn_for_a_subscriber_and_is_a_png(live: Ros) -> None:
     image = latest(live, CompressedImage, 'imu_allan/plot/compressed')
     assert image.format == 'png'
@@ -217,8 +254,8 @@ def test_diagnostics_tell_rate_losses_cost_and_what_is_awaited(live: Ros) -> Non
     reports = live.listen(DiagnosticArray, '/diagnostics', 10)
     report = live.until(lambda: reports)[-1]
     assert [s.name for s in report.status] == [
-        'imu_allan: reception', 'imu_allan: timeline', 'imu_allan: estimation',
-        'imu_allan: storage']
+        f'{live.name("imu_allan")}: {part}'
+        for part in ('reception', 'timeline', 'estimation', 'storage')]
     assert all(s.hardware_id == live.name('imu/data_raw') for s in report.status)
     reception = values(report, 'reception')
     assert reception['received'] == str(int(RATE_HZ * DURATION_S))
@@ -262,7 +299,8 @@ def test_a_refused_parameter_keeps_its_value(live: Ros) -> None:
 def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None:
     names = live.call(ListParameters, 'imu_allan/list_parameters').result.names
     own = {'publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion',
-           'expected_rate', 'gap_tolerance', 'export_for', 'clock'}
+           'expected_rate', 'gap_tolerance', 'export_for', 'clock', 'spec_file', 'reference',
+           'aiding_interval', 'coast'}
     assert own <= set(names)
     response = live.call(DescribeParameters, 'imu_allan/describe_parameters',
                          DescribeParameters.Request(names=sorted(own)))
@@ -273,7 +311,8 @@ def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None
         if descriptor.type == Parameter.Type.INTEGER.value:
             assert descriptor.integer_range, descriptor.name
     read_only = {d.name for d in response.descriptors if d.read_only}
-    assert read_only == {'state_file', 'motion', 'clock', 'expected_rate', 'gap_tolerance'}
+    assert read_only == {'state_file', 'motion', 'clock', 'expected_rate', 'gap_tolerance',
+                         'spec_file', 'reference'}
     assert f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth' in names
 
 

@@ -8,8 +8,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import blocks_from_messages
 from imu_allan.node.drained_subscription import DrainedSubscription
-from imu_allan.noise.model import load_model
-from imu_allan.simulator import SimulatedImu
+from imu_allan.sensor.noise_model import load_model
+from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
 from ros_harness import Ros, start_repeatedly
@@ -119,7 +119,8 @@ def test_a_wrong_parameter_is_one_line_and_status_1(ros: Ros) -> None:
     results = start_repeatedly(ros, [['-p', 'model:=no_such_imu'], ['-p', 'rate:=-1.0']],
                                'imu_simulator')
     for (status, text), line in zip(results, (
-            'parameter model: no_such_imu: no such file', 'parameter rate is refused'),
+            'parameter model: no_such_imu: no such file',
+            'parameter rate: must lie between 0.1 and 100000'),
             strict=True):
         assert status == 1
         assert text.startswith('imu_simulator: ')

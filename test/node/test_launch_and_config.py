@@ -7,11 +7,11 @@ import importlib.util
 import json
 from pathlib import Path
 import re
+import subprocess
 from typing import Any
 from xml.etree import ElementTree
 
-from imu_allan.node.characterization_node import SETTINGS
-from imu_allan.node.simulator_node import SETTINGS as SIMULATOR_SETTINGS
+from imu_allan.node.settings import SETTINGS, SIMULATOR_SETTINGS
 import pytest
 from ros_harness import Driver, Ros
 import yaml
@@ -46,7 +46,10 @@ def arguments(file: Path) -> set[str]:
 
 def test_the_launch_files_declare_their_arguments() -> None:
     assert {file.name: arguments(file) for file in LAUNCH_FILES} == {
-        'imu_allan.launch.py': {'namespace', 'params_file', 'imu_topic', 'use_sim_time'},
+        'imu_allan.launch.py': {'name', 'namespace', 'params_file', 'imu_topic', 'state_file',
+                                'output_dir', 'spec_file', 'reference', 'log_level', 'respawn',
+                                'use_sim_time'},
+        'several_imus.launch.py': {'imus', 'state_dir'},
         'demo.launch.py': {'model', 'rate', 'speed', 'duration'}}
 
 
@@ -59,7 +62,42 @@ def test_a_launch_file_describes_its_nodes(file: Path) -> None:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     entities = module.generate_launch_description().entities
-    assert {type(entity).__name__ for entity in entities} == {'DeclareLaunchArgument', 'Node'}
+    assert {type(entity).__name__ for entity in entities} <= {
+        'DeclareLaunchArgument', 'Node', 'OpaqueFunction'}
+
+
+def test_texts_that_launch_sets_are_parameters_of_the_node() -> None:
+    tree = ast.parse((ROOT / 'launch' / 'imu_allan.launch.py').read_text())
+    [texts] = [ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign)
+               and isinstance(node.targets[0], ast.Name) and node.targets[0].id == 'TEXTS']
+    assert set(texts) <= {setting.name for setting in SETTINGS}
+    assert set(texts) <= arguments(ROOT / 'launch' / 'imu_allan.launch.py')
+
+
+def test_the_list_of_several_imus_is_read_or_refused_with_a_reason() -> None:
+    # The function alone: launch itself has no wheels.
+    tree = ast.parse((ROOT / 'launch' / 'several_imus.launch.py').read_text())
+    [function] = [node for node in tree.body if isinstance(node, ast.FunctionDef)
+                  and node.name == 'topics']
+    names: dict[str, Any] = {}
+    exec(compile(ast.Module([function], []), 'several_imus.launch.py', 'exec'), names)
+    assert names['topics']('front=/front/imu  rear=/rear/imu/data_raw') == {
+        'front': '/front/imu', 'rear': '/rear/imu/data_raw'}
+    for imus, reason in (
+            ('front', "imus: 'front' is not NAMESPACE=TOPIC, such as front=/front/imu"),
+            ('front=/a front=/b', 'imus: two IMUs in the namespace front')):
+        with pytest.raises(RuntimeError) as caught:
+            names['topics'](imus)
+        assert str(caught.value) == reason
+
+
+def test_the_analyzers_take_in_every_status_of_the_node() -> None:
+    document = yaml.safe_load((ROOT / 'config' / 'imu_allan_diagnostics.yaml').read_text())
+    [analyzer] = [value for value in document['/**']['ros__parameters'].values()
+                  if isinstance(value, dict)]
+    assert analyzer['type'] == 'diagnostic_aggregator/GenericAnalyzer'
+    parts = ('reception', 'timeline', 'estimation', 'storage', 'specification', 'reference')
+    assert analyzer['contains'] == [f': {part}' for part in parts]
 
 
 def test_the_parameter_file_has_every_parameter_at_its_default() -> None:
@@ -82,6 +120,20 @@ def test_every_topic_in_the_foxglove_layout_is_published(running: Ros) -> None:
                                                                     running.namespace)}
     assert topics <= published
     assert len(topics) >= 7
+
+
+def test_the_foxglove_layout_works_in_a_namespace_as_the_page_says(running: Ros) -> None:
+    page = (ROOT / 'docs' / 'ros_interface.md').read_text()
+    [command] = re.findall(r'^(sed .*imu_allan_foxglove_layout.json) > front.json$', page,
+                           re.MULTILINE)
+    command = command.replace('/front/', f'{running.namespace}/')
+    done = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True,
+                          check=True)
+    topics = set(re.findall(r'"(/[a-z0-9_/]+)', done.stdout)) - {'/diagnostics'}
+    published = {name for name, _ in running.node.get_publisher_names_and_types_by_node(
+        'imu_allan', running.namespace)}
+    assert topics <= published
+    assert len(topics) >= 6
 
 
 def test_the_foxglove_layout_plots_each_axis_over_its_averaging_times() -> None:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from collections.abc import Mapping
+from dataclasses import replace
+import json
 import math
 from typing import Any
 
@@ -12,8 +14,9 @@ from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
 from imu_allan.node.result_messages import (
     coefficients_message,
     curve_message,
+    ENDS,
+    interval_message,
     result_messages,
-    spoken_duration,
     vector_message,
 )
 from imu_allan.noise.terms import AXES, TERMS
@@ -78,7 +81,7 @@ def test_numbers_are_written_to_the_last_digit() -> None:
 @pytest.mark.parametrize(('values', 'fields', 'level', 'words'), [
     (ALL, {}, DiagnosticStatus.OK, 'are observable'),
     ({'noise_density': 1e-3}, {'waits': {'rate_random_walk': 7200.0}}, DiagnosticStatus.WARN,
-     'rate random walk not observable yet, expected in 2.0 h'),
+     'rate random walk not observable yet, expected in 2 h'),
     ({'rate_random_walk': 1e-3}, {}, DiagnosticStatus.WARN, 'noise density not observable yet'),
     (ALL, {'goodness_of_fit': GoodnessOfFit(0.0, 0.4, False)}, DiagnosticStatus.WARN,
      'no noise model fits')])
@@ -110,6 +113,31 @@ def test_an_axis_that_is_absent_is_nan_beside_the_others() -> None:
     assert np.isnan(curve_message(result, 'accel').data).all()
 
 
+def test_the_interval_of_a_hidden_coefficient_reaches_from_zero_to_its_bound() -> None:
+    result = result_of({'gyro_x': axis_result('gyro_x', {'noise_density': 1e-3})})
+    shown = [interval_message(result, 'gyro', 'noise_density', end, STAMP).vector.x
+             for end in ENDS]
+    assert tuple(shown) == result.axes['gyro_x'].coefficients['noise_density'].ci95
+    hidden = result.axes['gyro_x'].coefficients['rate_random_walk']
+    low, high = (interval_message(result, 'gyro', 'rate_random_walk', end, STAMP)
+                 for end in ENDS)
+    assert (low.vector.x, high.vector.x) == (0.0, hidden.upper95)
+    assert math.isnan(low.vector.y)
+    assert math.isnan(high.vector.y)
+
+
+def test_remarks_of_the_fit_stand_with_their_axis() -> None:
+    remark = Remark('band_limited', 'gyro_x: the noise rolls off')
+    result = replace(result_of({name: axis_result(name, ALL) for name in ('gyro_x', 'gyro_y')}),
+                     warnings=(remark,))
+    x, y = coefficients_message(result, '/imu_allan', STAMP).status
+    assert entries(x)['remarks/band_limited'] == 'the noise rolls off'
+    assert 'remarks/band_limited' not in entries(y)
+    array = diagnostics_message('/imu_allan', STAMP, facts(), summary(), result)
+    [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
+    assert entries(status)['remarks/band_limited'] == 'gyro_x: the noise rolls off'
+
+
 def test_a_curve_of_more_octaves_keeps_its_longest_averaging_times() -> None:
     axis = axis_result('accel_x', ALL, octaves=28)
     rows = np.array(curve_message(result_of({'accel_x': axis}), 'accel').data).reshape(4, 25)
@@ -120,16 +148,10 @@ def test_a_curve_of_more_octaves_keeps_its_longest_averaging_times() -> None:
 def test_a_result_without_axes_empties_every_topic() -> None:
     messages = result_messages(result_of({}), 'imu_allan', STAMP)
     assert list(messages.coefficients.status) == []
-    assert len(messages.vectors) == 6
+    assert len(messages.vectors) == 20
+    assert json.loads(messages.result.data)['axes'] == {}
     assert len(messages.curves) == 2
     assert all(math.isnan(vector.vector.x) for vector in messages.vectors.values())
-
-
-@pytest.mark.parametrize(('seconds', 'text'), [
-    (59.6, '60 s'), (119.0, '119 s'), (120.0, '2.0 min'), (7199.0, '120.0 min'),
-    (7200.0, '2.0 h'), (200_000.0, '2.3 d')])
-def test_a_duration_is_spoken_in_its_own_unit(seconds: float, text: str) -> None:
-    assert spoken_duration(seconds) == text
 
 
 def facts(**changes: Any) -> Facts:
@@ -153,7 +175,14 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('reception', facts(), summary(), OK, 'receiving 100 messages per second'),
     ('reception', facts(publishers=0), summary(), ERROR, 'nothing publishes /imu/data_raw'),
     ('reception', facts(silent_s=7.0), summary(), ERROR, 'no message for 7 s'),
-    ('reception', facts(publishers=2), summary(), WARN, '2 nodes publish'),
+    ('reception', facts(publishers=2), summary(), WARN,
+     '2 publishers on /imu/data_raw: where their samples mix they are passed over'),
+    ('reception', facts(mixed=True, publishers=2), summary(), ERROR,
+     'messages of more than one publisher on /imu/data_raw: they are passed over'),
+    ('reception', facts(namesakes=1), summary(), ERROR, 'another node has the same name'),
+    ('reception', facts(publishers=0, refused=['/driver publishes a/msg/B, not sensor_msgs/Imu']),
+     summary(), ERROR, '/driver publishes a/msg/B, not sensor_msgs/Imu'),
+    ('reception', facts(looping=True), summary(), WARN, 'the messages repeat'),
     ('reception', facts(lost=12), summary(), WARN, '12 messages were lost'),
     ('reception', facts(malformed=3), summary(), WARN, '3 messages could not be decoded'),
     ('reception', facts(paused=True), summary(), WARN, 'paused'),
@@ -165,6 +194,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
     ('timeline', facts(), summary(remarks=(Remark('gravity', 'in units of g?'),)), WARN,
      'in units of g?'),
+    ('timeline', facts(), summary(timeline=Timeline(100.0, 999, 10.0, rejected=1)), WARN,
+     '1 rejected (NaN, infinite or declared absent)'),
     ('timeline', facts(), summary(clock_jumps=2), WARN, '2 clock jumps'),
     ('timeline', facts(), summary(timeline=Timeline(
         100.0, 1000, 12.0, missing=200, duplicates=4, gaps=(Span(3.0, 2.0),))), WARN,
@@ -192,7 +223,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:
     assert waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
     array = diagnostics_message('imu_allan', STAMP, facts(), summary(), result)
     [status] = [s for s in array.status if s.name == 'imu_allan: estimation']
-    assert status.message == 'bias instability of gyro_x expected to be observable in 15.0 min'
+    assert status.message == 'bias instability of gyro x expected to be observable in 15 min'
     assert entries(status)['next_observable_in_s'] == '900.0'
     assert entries(status)['observable/rate_random_walk'] == '1'
     assert entries(status)['observable/noise_density'] == '2'

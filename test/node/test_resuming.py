@@ -14,9 +14,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.resuming import pack, Setup, Trial, unpack
-from imu_allan.noise.model import parse_model
-from imu_allan.simulator import simulated_blocks
+from imu_allan.node.resuming import pack, Setup, unpack
+from imu_allan.node.same_imu import Signature, Trial
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -121,7 +122,7 @@ def test_a_trial_looks_longer_where_jitter_could_be_the_reason(
         ros: Ros, checkpoint: Path, rate_hz: float, needed_s: float, reason: str | None) -> None:
     run = unpack(decode_state(checkpoint.read_bytes()),
                  Setup(ros.name('imu/data_raw'), TimelineOptions()))
-    trial = Trial(run)
+    trial = Trial(Signature.of(run.summary()))
     lasted = 0.0
     while not trial.complete:
         assert lasted < 20
@@ -220,7 +221,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
 
     def hear(report: DiagnosticArray) -> None:
         for status in report.status:
-            if (status.name == 'imu_allan: reception'
+            if (status.name.endswith('/imu_allan: reception')
                     and status.hardware_id == ros.name('imu/data_raw')):
                 count = next(v.value for v in status.values if v.key == 'received')
                 received.append((time.monotonic(), int(count)))

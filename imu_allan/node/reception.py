@@ -1,0 +1,94 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What comes in: taken from the queue, counted, decoded, and passed over where it must not be used.
+
+Samples of two publishers look like one sensor with the noise of both. The numbers that every
+publisher gives its messages tell them apart: those of one publisher only rise.
+"""
+
+from collections.abc import Callable
+from math import inf
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import blocks_from_messages, MalformedImu
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.drained_subscription import Batch, DrainedSubscription
+import numpy as np
+
+MIXED_STEPS = 2
+"""So many falling numbers within `MIXED_WITHIN_S` mean two publishers; a restart makes one."""
+MIXED_WITHIN_S = 2.0
+MIXED_FOR_S = 5.0
+"""Samples count as mixed for so long after the last falling number."""
+
+
+class Reception:
+    """
+    Empties the subscription at leisure.
+
+    Parameters
+    ----------
+    subscription : DrainedSubscription
+        Where messages wait.
+    facts : Facts
+        Where they are counted.
+    on_malformed : callable
+        Called with the error of messages that cannot be decoded.
+
+    """
+
+    def __init__(self, subscription: DrainedSubscription, facts: Facts,
+                 on_malformed: Callable[[MalformedImu], None]) -> None:
+        self._subscription = subscription
+        self._facts = facts
+        self._on_malformed = on_malformed
+        self._waiting: list[Batch] = []
+        self._falls: list[float] = []
+        self._mixed_until = -inf
+        self.last_take = self.last_message = 0.0
+
+    def take(self, now: float) -> None:
+        """Take what has come; what comes in a pause is passed over."""
+        batch, facts = self._subscription.take(), self._facts
+        facts.longest_hold_s = max(facts.longest_hold_s, now - self.last_take)
+        facts.received += len(batch.messages)
+        facts.lost += batch.lost
+        self.last_take = now
+        if not batch.messages:
+            return
+        self.last_message = now
+        self._look_for_mixing(batch, now)
+        if facts.paused:
+            facts.skipped += len(batch.messages)
+        else:
+            self._waiting.append(batch)
+
+    def blocks(self, now: float) -> list[ImuBlock]:
+        """Decode what waits and give what may be used."""
+        batches, self._waiting = self._waiting, []
+        if not batches:
+            return []
+        messages = [message for batch in batches for message in batch.messages]
+        receive_ns = np.concatenate([batch.receive_ns for batch in batches])
+        blocks = blocks_from_messages(messages, receive_ns, on_malformed=self._count_malformed)
+        self._facts.mixed = now < self._mixed_until
+        # Of publishers with frame_ids of their own the timeline keeps to the first.
+        if self._facts.mixed and len({block.frame_id for block in blocks}) == 1:
+            self._facts.mixed_samples += sum(map(len, blocks))
+            return []
+        return blocks
+
+    def drop(self) -> None:
+        """Forget what has been taken and not been used yet."""
+        self._waiting = []
+
+    def _look_for_mixing(self, batch: Batch, now: float) -> None:
+        self._falls = [at for at in self._falls if now - at < MIXED_WITHIN_S]
+        self._falls += [now] * min(batch.interleaved, MIXED_STEPS)
+        if batch.interleaved and len(self._falls) >= MIXED_STEPS:
+            self._mixed_until = now + MIXED_FOR_S
+
+    def _count_malformed(self, count: int, error: MalformedImu) -> None:
+        self._facts.malformed += count
+        self._on_malformed(error)

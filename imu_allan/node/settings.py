@@ -1,0 +1,128 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of both nodes: what they are called, mean and may be, without ROS."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from imu_allan.writers.filters import CONSUMERS
+
+Value = str | int | float | bool | Sequence[str]
+
+DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
+"""Beside the logs of ROS, which belong to the same user."""
+_LONGEST_TEXT = 1000
+"""Characters; a path or a topic has fewer, and whoever is on the network may set parameters."""
+_MOST_TEXTS = 100
+
+
+@dataclass(frozen=True)
+class Setting:
+    """
+    One parameter.
+
+    Attributes
+    ----------
+    name : str
+    default : str, int, float, bool or sequence of str
+        Its type is the parameter's.
+    description : str
+        What `ros2 param describe` shows.
+    lowest, highest : float, optional
+        Range of a number, both ends included.
+    choices : sequence of str, optional
+        What a text, or each text of a sequence, may be.
+    may_be_empty : bool
+        Whether a text may be empty.
+    read_only : bool
+        Whether it can only be set when the node starts.
+    below_start : bool
+        Whether a folder can be changed to folders below the one at the start only.
+
+    """
+
+    name: str
+    default: Value
+    description: str
+    lowest: float | None = None
+    highest: float | None = None
+    choices: Sequence[str] = ()
+    may_be_empty: bool = True
+    read_only: bool = False
+    below_start: bool = False
+
+    def reason_against(self, value: Any) -> str:
+        """Why `value` is refused beyond type and range; empty if it is not."""
+        if value is None:
+            # Not set: whether that is allowed is a question of its type.
+            return ''
+        if isinstance(value, float) and not math.isfinite(value):
+            return f'{self.name}: {value} is not a finite number'
+        if isinstance(value, str) and not value and not self.may_be_empty:
+            return f'{self.name}: must not be empty'
+        texts = [value] if isinstance(value, str) else value
+        if isinstance(texts, (list, tuple)) and (
+                len(texts) > _MOST_TEXTS
+                or any(isinstance(text, str) and len(text) > _LONGEST_TEXT for text in texts)):
+            return (f'{self.name}: at most {_MOST_TEXTS} texts of {_LONGEST_TEXT} characters each '
+                    'are taken')
+        if self.choices:
+            for text in texts:
+                # A parameter cannot be an empty list: [''] stands for it.
+                if text not in self.choices and (text or isinstance(value, str)):
+                    return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
+        return ''
+
+
+SETTINGS = (
+    Setting('publish_period', 10.0, 'Seconds from one fit and publication to the next',
+            0.5, 86_400.0),
+    Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder in which ~/save and the end of the node '
+            'write; every run gets a folder of its own in it; while the node runs, it can be '
+            'changed to folders below', may_be_empty=False, below_start=True),
+    Setting('state_file', '', 'File that keeps what was learnt over a crash or a reboot; empty '
+            'keeps nothing', read_only=True),
+    Setting('checkpoint_period', 60.0, 'At most so many seconds of samples are lost in a crash',
+            1.0, 86_400.0),
+    Setting('motion', 'exclude', 'What to do with knocks and motion', choices=('exclude', 'keep'),
+            read_only=True),
+    Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
+            'unusable', choices=('auto', 'header', 'receive'), read_only=True),
+    Setting('expected_rate', 0.0, 'Rate of the IMU in Hz, for the size of the queue and a warning '
+            'where another is measured; 0 is unknown', 0.0, 100_000.0, read_only=True),
+    Setting('gap_tolerance', 5, 'Missing samples in a row that are bridged; more of them begin a '
+            'new stretch', 0, 1000, read_only=True),
+    Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] writes "
+            'none', choices=tuple(CONSUMERS)),
+    Setting('aiding_interval', 0.1, 'Seconds from one correction of the filter to the next, for '
+            '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
+    Setting('coast', 60.0, 'The longest that the filter must do without, in seconds', 0.01,
+            86_400.0),
+    Setting('spec_file', '', 'Datasheet (YAML) that the IMU is held against all the time; empty '
+            'is none', read_only=True),
+    Setting('reference', '', 'Result file of the same IMU from before; a departure from it is '
+            'told; empty is none', read_only=True),
+)
+
+SIMULATOR_SETTINGS = (
+    Setting('model', 'consumer_mems',
+            'Noise model: a YAML file, or the name of one that the package ships in config/',
+            may_be_empty=False, read_only=True),
+    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
+            read_only=True),
+    Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
+            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
+    Setting('duration', 0.0, 'Simulated seconds, after which the node ends; 0 is without end',
+            0.0, 1e9, read_only=True),
+    Setting('seed', 0, 'Another number gives other noise', 0, 2**31 - 1, read_only=True),
+    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
+    Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
+            'the start', 0.0, 2**31 - 1.0, read_only=True),
+    Setting('wait_for_subscriptions', 0, 'Publish nothing before as many subscriptions are '
+            'matched', 0, 100, read_only=True),
+    Setting('drop_samples', 20, 'How many samples ~/drop leaves out', 1, 1_000_000),
+    Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the angular '
+            'velocity takes a tenth as many rad/s', 0.0, 1e3),
+)

@@ -1,0 +1,158 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a running IMU is held against: its datasheet, and itself as it was before."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES
+from imu_allan.result import AxisResult, Result
+from imu_allan.sensor.noise_model import load_model, NoiseModel
+from imu_allan.wording import number
+from imu_allan.writers.datasheet import check, summary
+from imu_allan.writers.datasheet.measured import zero_bias
+from imu_allan.writers.result_file import load_result
+
+_SAME_LINE = 0.03
+"""Two lines so close in frequency are one: a fan or a wheel is not more constant than that."""
+_OTHER_LINE = 2.0
+"""Lines have no intervals; from one fit to the next their amplitude does not double."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    How the IMU stands to one standard.
+
+    Attributes
+    ----------
+    standard : str
+        Last part of the name of the status in ``/diagnostics``.
+    level : {'ok', 'warn', 'error'}
+    message : str
+
+    """
+
+    standard: str
+    level: Literal['ok', 'warn', 'error']
+    message: str
+
+
+class Standards:
+    """
+    The standards that the parameters name.
+
+    Parameters
+    ----------
+    spec_file, reference : str
+        Paths; empty is none.
+
+    Raises
+    ------
+    ImuAllanError
+        If a file cannot be read; the message names the parameter.
+
+    """
+
+    def __init__(self, spec_file: str = '', reference: str = '') -> None:
+        self._specification: NoiseModel | None = None
+        self._reference: Result | None = None
+        try:
+            if spec_file:
+                parameter = 'spec_file'
+                self._specification = load_model(_path(spec_file))
+            if reference:
+                parameter = 'reference'
+                self._reference = load_result(_path(reference))
+        except ImuAllanError as error:
+            raise ImuAllanError(f'parameter {parameter}: {error}') from error
+
+    def judge(self, result: Result) -> list[Finding]:
+        """
+        Hold a result against every standard.
+
+        Raises
+        ------
+        ImuAllanError
+            If the specification limits nothing.
+
+        """
+        findings = []
+        if not result.axes:
+            return [Finding(name, 'warn', 'cannot tell yet: no axis has a result')
+                    for name, given in (('specification', self._specification),
+                                        ('reference', self._reference)) if given is not None]
+        if self._specification is not None:
+            findings.append(_against_specification(result, self._specification))
+        if self._reference is not None:
+            findings.append(_against_reference(result, self._reference))
+        return findings
+
+
+def _path(text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError as error:
+        raise ImuAllanError(f'{text}: this user has no home folder; write the path without ~'
+                            ) from error
+
+
+def _against_specification(result: Result, specification: NoiseModel) -> Finding:
+    outcome, sentences = summary(check(result, specification))
+    if outcome == 'pass':
+        return Finding('specification', 'ok', 'every limit of the specification is kept')
+    if outcome == 'fail':
+        return Finding('specification', 'error', '; '.join(sentences))
+    return Finding('specification', 'warn', f'cannot tell yet: {"; ".join(sentences)}')
+
+
+def _against_reference(result: Result, reference: Result) -> Finding:
+    shared = [axis for axis in AXES if axis in result.axes and axis in reference.axes]
+    if not shared:
+        return Finding('reference', 'warn', 'cannot tell: the reference has none of these axes')
+    departures = [text for axis in shared for text in (
+        *_density_departure(axis, result.axes[axis], reference.axes[axis]),
+        *_bias_departure(axis, result, reference),
+        *_line_departures(axis, result.axes[axis], reference.axes[axis]))]
+    if departures:
+        return Finding('reference', 'warn', '; '.join(departures))
+    compared = sum(result.axes[axis].coefficients['noise_density'].ci95 is not None
+                   for axis in shared)
+    if not compared:
+        return Finding('reference', 'warn', 'cannot tell yet: no noise density is observable')
+    return Finding('reference', 'ok', f'{compared} axes are as in the reference')
+
+
+def _density_departure(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:
+    a, b = now.coefficients['noise_density'], before.coefficients['noise_density']
+    if a.ci95 is None or b.ci95 is None or a.value is None or b.value is None:
+        return
+    if a.ci95[0] > b.ci95[1] or a.ci95[1] < b.ci95[0]:
+        yield (f'{name}: noise density {number(a.value)} {a.unit}, '
+               f'{number(b.value)} in the reference')
+
+
+def _bias_departure(name: str, result: Result, reference: Result) -> Iterator[str]:
+    # What an accelerometer reads at rest depends on how it stands.
+    now, before = result.axes[name].mean, reference.axes[name].mean
+    if not name.startswith('gyro') or now is None or before is None:
+        return
+    apart = zero_bias(result, name, before), zero_bias(reference, name, now)
+    errors = [found.ci95[1] - found.value for found in apart
+              if found.ci95 is not None and found.value is not None]
+    if len(errors) == len(apart) and abs(now - before) > sum(errors):
+        yield (f'{name}: bias {number(now)} {result.axes[name].unit}, '
+               f'{number(before)} in the reference')
+
+
+def _line_departures(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:
+    for tone in now.tones:
+        same = [line.amplitude for line in before.tones
+                if abs(line.frequency_hz / tone.frequency_hz - 1) < _SAME_LINE]
+        if not same or tone.amplitude > _OTHER_LINE * max(same):
+            known = f'{number(max(same))} in the reference' if same else 'none in the reference'
+            yield (f'{name}: a line at {number(tone.frequency_hz)} Hz of '
+                   f'{number(tone.amplitude)} {now.unit}, {known}')

@@ -1,0 +1,73 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The other thread: fits, plots and files, one after the other, on copies."""
+
+from collections.abc import Callable, Container
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.node.log import Log
+
+T = TypeVar('T')
+
+
+@dataclass
+class _Job:
+    kind: str
+    future: Future[Any]
+    done: Callable[[Future[Any]], None]
+
+
+class Worker:
+    """
+    Does the work that takes longer than the executor's thread may be held up.
+
+    Parameters
+    ----------
+    log : Log
+        Where failures are told.
+
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+        self._thread = ThreadPoolExecutor(1, 'imu_allan_worker')
+        self._jobs: list[_Job] = []
+
+    def start(self, kind: str, work: Callable[[], T],
+              done: Callable[[Future[T]], None]) -> Future[T]:
+        """Queue `work`; `done` is called by `hand_out` once it is finished."""
+        future = self._thread.submit(work)
+        self._jobs.append(_Job(kind, future, done))
+        return future
+
+    def under_way(self, kind: str) -> bool:
+        """Whether a job of this kind is queued, running or not handed out yet."""
+        return any(job.kind == kind for job in self._jobs)
+
+    def hand_out(self) -> None:
+        """Call `done` of every job that is finished, in this thread."""
+        for job in [job for job in self._jobs if job.future.done()]:
+            self._jobs.remove(job)
+            job.done(job.future)
+
+    def failure(self, future: Future[Any]) -> str:
+        """Tell of what went wrong in a job, if anything did; return it as a line."""
+        error = future.exception()
+        if error is None:
+            return ''
+        if isinstance(error, ImuAllanError):
+            self._log.error(str(error))
+            return str(error)
+        # A bug in one fit must not end what has been collected for days.
+        self._log.bug(error, 'the node goes on')
+        return f'internal error, see the log: {printable(error)}'
+
+    def finish(self, kinds: Container[str]) -> None:
+        """Wait for what is running, drop what is queued, hand out what is done of these kinds."""
+        self._thread.shutdown(wait=True, cancel_futures=True)
+        self._jobs = [job for job in self._jobs
+                      if job.kind in kinds and not job.future.cancelled()]
+        self.hand_out()

@@ -1,0 +1,169 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The log says every transition once, and how far the run has come."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from imu_allan.characterization import Characterization
+from imu_allan.node.announcements import Announcements, progress_line
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.findings import live_text
+from imu_allan.node.log import Log
+from imu_allan.result import Remark, Result, Timeline
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.timeline import TimelineSummary
+import pytest
+from ros_harness import Driver, Process, Ros
+
+
+class Heard:
+    """A logger that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def info(self, text: str) -> None:
+        self.lines.append(f'info {text}')
+
+    def warning(self, text: str) -> None:
+        self.lines.append(f'warning {text}')
+
+    def error(self, text: str) -> None:
+        self.lines.append(f'error {text}')
+
+
+@pytest.fixture
+def heard() -> Iterator[Heard]:
+    return Heard()
+
+
+@pytest.fixture
+def announcements(heard: Any) -> Announcements:
+    return Announcements(Log(heard), '/imu')
+
+
+def facts(**changes: Any) -> Facts:
+    return Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
+                    'publishers': 1, 'received': 100, **changes})
+
+
+def summary(**changes: Any) -> TimelineSummary:
+    return TimelineSummary(**{
+        'timeline': Timeline(100.0, 1000, 10.0), 'clock': 'header', 'frame_id': 'imu',
+        'start_time': None, 'remarks': (), 'present': (True,) * 6, 'measured_rate_hz': 100.0,
+        **changes})
+
+
+@pytest.fixture(scope='module')
+def result() -> Result:
+    run = Characterization(kind='topic', topic='/imu')
+    model = parse_model('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}')
+    for block in simulated_blocks(model, 100.0, 6000):
+        run.update(block)
+    return run.result()
+
+
+def test_what_stays_as_it_is_is_said_once(announcements: Announcements, heard: Heard) -> None:
+    for now in range(100):
+        announcements.see_reception(facts(publishers=2, mixed=True), ['/a', '/b'])
+        announcements.see_timeline(now, facts(expected_rate=200.0), summary(
+            moving=True, clock_jumps=1, remarks=(Remark('gravity', 'in units of g?'),)))
+    assert heard.lines == [
+        'warning 2 publishers on /imu (/a and /b): where their samples mix they are passed over; '
+        'give every IMU a topic of its own',
+        'warning the messages on /imu are of more than one publisher: they are passed over',
+        "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps",
+        'warning in units of g?',
+        'warning the IMU moves: what it measures meanwhile is left out',
+        'warning the header clock jumped: no difference is taken across the jump',
+        'warning measured 100 Hz, expected 200 Hz; check expected_rate, or the setting of the '
+        'driver']
+
+
+def test_the_end_of_each_is_said_too(announcements: Announcements, heard: Heard) -> None:
+    announcements.see_reception(facts(publishers=2, mixed=True, looping=True, silent_s=9.0), [])
+    announcements.see_timeline(0.0, facts(), summary(moving=True))
+    heard.lines.clear()
+    announcements.see_reception(facts(), [])
+    announcements.see_timeline(1.0, facts(), summary())
+    assert heard.lines == [
+        'info one publisher is left on /imu',
+        'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
+        'info the messages on /imu are new again',
+        'info messages come on /imu again',
+        'info the IMU is at rest again']
+
+
+def test_rejected_messages_are_told_with_the_reason(announcements: Announcements,
+                                                    heard: Heard) -> None:
+    announcements.see_timeline(0.0, facts(), summary(
+        timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
+    assert heard.lines[-1] == 'warning 1 message rejected: NaN, infinite or declared absent'
+
+
+def test_a_coefficient_is_told_when_it_becomes_observable(
+        announcements: Announcements, heard: Heard, result: Result) -> None:
+    announcements.see_result(result)
+    announcements.see_result(result)
+    [line] = [line for line in heard.lines if 'noise density' in line]
+    assert line.startswith('info observable: noise density (rad/s/sqrt(Hz)) of gyro x 0.0')
+    assert '; gyro y 0.0' in line
+
+
+def test_progress_is_told_every_minute_and_later_every_hour(
+        announcements: Announcements, heard: Heard, result: Result) -> None:
+    announcements.see_timeline(0.0, facts(), summary())
+    heard.lines.clear()
+    for second in range(2 * 3600 + 700):
+        announcements.see_progress(float(second), facts(), result)
+    # At 1 to 10 minutes, then after an hour each.
+    assert len(heard.lines) == 10 + 2
+    assert heard.lines[0] == f'info {progress_line(result)}'
+
+
+def test_a_line_of_progress_says_what_has_come_what_shows_and_what_is_next(
+        result: Result) -> None:
+    line = progress_line(result)
+    assert line.startswith('6,000 samples at 100 Hz in 60 s; observable of 3 axes: noise density '
+                           'of 3')
+    moved = progress_line(result, 20.0)
+    assert moved.startswith('6,000 samples at 100 Hz in 60 s, 40 s of it at rest; ')
+    empty = replace(result, axes={})
+    assert progress_line(empty).endswith('observable of 0 axes: nothing yet')
+
+
+@pytest.mark.parametrize(('code', 'message', 'live'), [
+    ('noise_level_changed', 'the noise changed for good: 4 times at about 3 s; the curve mixes '
+     'both levels, analyze them apart with --start and --duration',
+     'the noise changed for good: 4 times at about 3 s; call ~/reset to characterize the present '
+     'level alone'),
+    ('gravity', 'the mean acceleration is 1 m/s^2, not about 9.81; is it in units of g?',
+     'the mean acceleration is 1 m/s^2, not about 9.81; is it in units of g?'),
+    ('mostly_motion', '80 % of the samples are motion: record while the sensor stands still',
+     '80 % of the samples are motion; let the IMU rest, or set motion to keep')])
+def test_advice_is_what_one_can_do_with_a_running_node(code: str, message: str,
+                                                       live: str) -> None:
+    assert live_text(Remark(code, message)) == live
+
+
+def test_the_log_of_a_node_tells_its_story(ros: Ros) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': 100.0})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(4000, frame_id='imu\n')
+
+    def told(node: Process, words: str) -> list[str]:
+        return [line for line in node.log.splitlines() if words in line]
+
+    for words in (f'characterizing the IMU on {driver.topic}',
+                  f"first samples on {driver.topic}: frame_id 'imu\\n', 200 Hz, header stamps",
+                  'measured 200 Hz, expected 100 Hz; check expected_rate',
+                  'observable: noise density (rad/s/sqrt(Hz)) of gyro x'):
+        ros.until(lambda words=words: told(node, words))
+    assert node.stop() == 0
+    [wrote] = told(node, 'wrote result.json, curve.csv, imu.yaml, allan_deviation.png to ')
+    assert Path(wrote.rpartition(' to ')[2]).is_dir()

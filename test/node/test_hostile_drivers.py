@@ -1,0 +1,185 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that no characterization can be made of, while somebody listens to every topic."""
+
+from collections.abc import Callable, Iterable
+import json
+from pathlib import Path
+import struct
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
+from imu_allan.cdr import encode_imu
+from imu_allan.noise.terms import AXES
+import numpy as np
+import pytest
+from ros_harness import Driver, Process, Ros
+from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+SECOND = 10**9
+KINDS = {'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
+         'geometry_msgs/msg/Vector3Stamped': Vector3Stamped,
+         'sensor_msgs/msg/CompressedImage': CompressedImage,
+         'std_msgs/msg/Float64MultiArray': Float64MultiArray}
+
+
+def message(index: int, value: float | None = None, *, stamp: int | None = None,
+            frame_id: str = 'imu', absent: tuple[bool, bool] = (False, False)) -> bytes:
+    sample = np.random.default_rng(index).normal(0, 0.01, 6) if value is None else [value] * 6
+    return encode_imu(1_700_000_000 * SECOND + index * 5_000_000 if stamp is None else stamp,
+                      np.asarray(sample), frame_id, absent)
+
+
+def with_stamp(index: int, seconds: int, nanoseconds: int) -> bytes:
+    given = message(index)
+    return given[:4] + struct.pack('<iI', seconds, nanoseconds) + given[12:]
+
+
+HOSTILE: dict[str, Callable[[int], bytes]] = {
+    'every value is NaN': lambda i: message(i, float('nan')),
+    'every value is infinite': lambda i: message(i, float('inf')),
+    'values too large for squares': lambda i: message(i, 1e300),
+    'both fields declared absent': lambda i: message(i, absent=(True, True)),
+    'NaN, every other message': lambda i: message(i, float('nan') if i % 2 else None),
+    'stamps of zero': lambda i: message(i, stamp=0),
+    'one stamp for all': lambda i: message(i, stamp=1_700_000_000 * SECOND),
+    'whole seconds': lambda i: message(i, stamp=(1_700_000_000 + i // 200) * SECOND),
+    'stamps that run backward': lambda i: message(i, stamp=1_700_000_000 * SECOND - i * 5000),
+    'the latest stamp there is': lambda i: with_stamp(i, 2**31 - 1, 2**32 - 1),
+    'the earliest stamp there is': lambda i: with_stamp(i, -2**31, 0),
+    'stamps of years apart': lambda i: with_stamp(i, i * 10_000_000, 0),
+    'a value that never changes': lambda i: message(i, 1.0),
+    'another frame_id every time': lambda i: message(i, frame_id=f'imu{i}'),
+    'a frame_id that is no name': lambda i: message(i, frame_id='\x1b[2J\n\x07 ü%s{}'),
+    'bytes that are no message': lambda i: bytes([0, 1, 0, 0]) + bytes([i % 256]) * i,
+}
+
+
+class Listener:
+    """Subscribes to every topic of the node and to its reports."""
+
+    def __init__(self, ros: Ros) -> None:
+        self._ros = ros
+        self._reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+        ros.until(lambda: len(self._topics()) >= 10)
+        for topic, kind in self._topics().items():
+            ros.listen(KINDS[kind], topic)
+
+    def _topics(self) -> dict[str, str]:
+        own = f'{self._ros.name("imu_allan")}/'
+        return {name: types[0] for name, types in self._ros.node.get_topic_names_and_types()
+                if name.startswith(own) and types[0] in KINDS}
+
+    def wait_for_report(self) -> None:
+        """Wait for a report that is made from now on."""
+        self._reports.clear()
+        self._ros.until(lambda: [status for report in self._reports for status in report.status
+                                 if status.hardware_id == self._ros.name('imu/data_raw')])
+
+
+def assert_well(node: Process) -> None:
+    assert node.running, node.log
+    assert 'Traceback' not in node.log, node.log
+
+
+def saved(ros: Ros) -> Any:
+    response = ros.call(Trigger, 'imu_allan/save')
+    return json.loads(Path(response.message.splitlines()[0]).read_text()
+                      ) if response.success else None
+
+
+@pytest.mark.parametrize(('clock', 'hostile'), [('auto', HOSTILE), ('header', [
+    'stamps of zero', 'one stamp for all', 'whole seconds', 'stamps that run backward'])])
+def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
+        ros: Ros, clock: str, hostile: Iterable[str]) -> None:
+    node = ros.start('imu_allan_node', {
+        'clock': clock, 'publish_period': 1.0, 'checkpoint_period': 1.0,
+        'state_file': str(ros.folder / 'state')})
+    driver, listener = Driver(ros), Listener(ros)
+    driver.wait_for_node()
+    for kind in hostile:
+        for index in range(200):
+            driver.publisher.publish(HOSTILE[kind](index))
+        # Going on, not having paused, takes what has come.
+        assert ros.call(SetBool, 'imu_allan/pause').success
+        listener.wait_for_report()
+        assert_well(node)
+        assert ros.call(Trigger, 'imu_allan/reset').success
+    driver.publish(4000)
+    document = ros.until(lambda: saved(ros))
+    ros.until(lambda: (saved(ros) or document)['timeline']['samples'] == 4000)
+    assert set(document['axes']) == set(AXES)
+    assert_well(node)
+    assert node.stop() == 0, node.log
+
+
+def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends(
+        ros: Ros) -> None:
+    # Stands for any bug: the timer's callback calls a function that raises.
+    (ros.folder / 'sitecustomize.py').write_text(
+        'import imu_allan.node.diagnostics as diagnostics\n'
+        'def fail(*arguments): raise ZeroDivisionError("a bug")\n'
+        'diagnostics.diagnostics_message = fail\n')
+    node = ros.start('imu_allan_node', {'state_file': str(ros.folder / 'state')},
+                     prepend_path=ros.folder)
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(4000)
+    ros.until(lambda: saved(ros) is not None and saved(ros)['timeline']['samples'] == 4000)
+    for path in (ros.folder / 'output').rglob('result.json'):
+        path.unlink()
+    ros.listen(DiagnosticArray, '/diagnostics', 10)
+    assert node.wait() == 1
+    assert 'ZeroDivisionError: a bug' in node.log
+    assert 'internal error: the node ends and saves what it has learnt; please report it' in (
+        node.log)
+    assert (ros.folder / 'state').stat().st_size > 10_000
+    [path] = (ros.folder / 'output').rglob('result.json')
+    assert json.loads(path.read_text())['timeline']['samples'] == 4000
+
+
+def test_a_state_folder_that_is_gone_does_not_keep_the_result_from_being_saved(
+        ros: Ros) -> None:
+    folder = ros.folder / 'states'
+    node = ros.start('imu_allan_node', {'state_file': str(folder / 'state')})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(4000)
+    assert driver.publisher.wait_for_all_acked()
+    for path in folder.iterdir():
+        path.unlink()
+    folder.rmdir()
+    folder.write_text('in the way')
+    assert node.stop() == 1
+    assert f'{folder}/state: cannot be written' in node.log
+    [path] = (ros.folder / 'output').rglob('result.json')
+    assert json.loads(path.read_text())['timeline']['samples'] == 4000
+
+
+def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the_end(
+        ros: Ros) -> None:
+    (ros.folder / 'file').write_text('in the way')
+    unwritable = str(ros.folder / 'file' / 'output')
+    node = ros.start('imu_allan_node', {'output_dir': unwritable,
+                                        'state_file': str(ros.folder / 'states' / 'state')})
+    ros.until(lambda: f'output_dir {unwritable}: cannot be written (Not a directory); set the '
+                      'parameter to a folder that may be written to' in node.log)
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(4000)
+
+    def storage() -> list[str]:
+        return [status.message for report in reports for status in report.status
+                if status.name.endswith(': storage') and status.level == b'\2'
+                and status.hardware_id == ros.name('imu/data_raw')]
+
+    assert f'output_dir {unwritable}: cannot be written' in ros.until(storage)[-1]
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop() == 1
+    [path] = (ros.folder / 'states').rglob('result.json')
+    assert json.loads(path.read_text())['timeline']['samples'] == 4000
+    assert f'to {path.parent}' in node.log

@@ -1,0 +1,102 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A running IMU against its datasheet and against an earlier result."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.characterization import Characterization
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.standards import Finding, Standards
+from imu_allan.result import Result, Tone
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.result_file import save_result
+import pytest
+from ros_harness import Driver, Ros
+
+
+def measured(model: str, samples: int = 20_000, seed: int = 0) -> Result:
+    run = Characterization(kind='topic', topic='/imu')
+    for block in simulated_blocks(parse_model(model), 100.0, samples, seed=seed):
+        run.update(block)
+    return run.result()
+
+
+@pytest.fixture(scope='module')
+def healthy() -> Result:
+    return measured('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}')
+
+
+def written(folder: Path, text: str) -> str:
+    path = folder / 'spec.yaml'
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize(('limit', 'level', 'words'), [
+    ('2e-3', 'ok', 'every limit of the specification is kept'),
+    ('5e-4', 'error', 'gyro_x N: the 95 % interval is above 5e-4 rad/s/sqrt(Hz) (measured 0.00')])
+def test_a_limit_is_kept_or_broken(tmp_path: Path, healthy: Result, limit: str, level: str,
+                                   words: str) -> None:
+    spec = written(tmp_path, f'gyro: {{noise_density: {limit} rad/s/sqrt(Hz)}}')
+    [finding] = Standards(spec_file=spec).judge(healthy)
+    assert (finding.standard, finding.level) == ('specification', level)
+    assert words in finding.message
+
+
+def test_before_there_is_data_nobody_can_tell(tmp_path: Path) -> None:
+    spec = written(tmp_path, 'gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}')
+    empty = Characterization(kind='topic', topic='/imu').result()
+    [finding] = Standards(spec_file=spec).judge(empty)
+    assert finding == Finding('specification', 'warn', 'cannot tell yet: no axis has a result')
+
+
+def test_the_same_imu_is_as_in_the_reference(tmp_path: Path, healthy: Result) -> None:
+    save_result(healthy, tmp_path / 'before.json')
+    standards = Standards(reference=str(tmp_path / 'before.json'))
+    again = measured('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}', seed=1)
+    assert standards.judge(again) == [
+        Finding('reference', 'ok', '3 axes are as in the reference')]
+
+
+def test_a_departure_from_the_reference_is_told_with_figures(tmp_path: Path,
+                                                             healthy: Result) -> None:
+    save_result(healthy, tmp_path / 'before.json')
+    standards = Standards(reference=str(tmp_path / 'before.json'))
+    shaken = measured('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), x: {noise_density: '
+                      '2e-3 rad/s/sqrt(Hz)}, y: {noise_density: 1e-3 rad/s/sqrt(Hz), '
+                      'mean: 0.01 rad/s}}')
+    axes = dict(shaken.axes)
+    axes['gyro_z'] = replace(axes['gyro_z'], tones=(Tone(31.0, 1e-3),))
+    [finding] = standards.judge(replace(shaken, axes=axes))
+    assert finding.level == 'warn'
+    density, bias, line = finding.message.split('; ')
+    assert density.startswith('gyro_x: noise density 0.0')
+    assert density.endswith(' in the reference')
+    assert bias.startswith('gyro_y: bias 0.0')
+    assert line == 'gyro_z: a line at 31 Hz of 0.001 rad/s, none in the reference'
+
+
+def test_a_file_that_cannot_be_read_is_named_with_its_parameter(tmp_path: Path) -> None:
+    with pytest.raises(ImuAllanError, match=r'^parameter reference: .*nothing\.json: '):
+        Standards(reference=str(tmp_path / 'nothing.json'))
+
+
+def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(ros: Ros) -> None:
+    spec = written(ros.folder, 'gyro: {noise_density: 1e-4 rad/s/sqrt(Hz)}')
+    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'spec_file': spec})
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(4000)
+
+    def broken() -> list[str]:
+        return [status.message for report in reports for status in report.status
+                if status.name == f'{ros.name("imu_allan")}: specification'
+                and status.level == b'\2']
+
+    words = 'gyro_x N: the 95 % interval is above 1e-4 rad/s/sqrt(Hz)'
+    assert words in ros.until(broken)[-1]
+    assert f'specification: {words}' in node.log
