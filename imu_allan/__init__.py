@@ -15,28 +15,39 @@ from imu_allan.version import __version__
 if TYPE_CHECKING:
     from imu_allan.analysis import analyze
     from imu_allan.characterization import Characterization
+    from imu_allan.characterization.axis import characterize
     from imu_allan.errors import ImuAllanError
-    from imu_allan.noise.axis import characterize
     from imu_allan.noise.estimator import Estimator
     from imu_allan.noise.simulate import simulate
     from imu_allan.result import AxisResult, Result
     from imu_allan.timeline import TimelineOptions
+    from imu_allan.tuning.forecast import DriftForecast, predicted_drift
+    from imu_allan.tuning.state_space import state_space, StateSpace
+    from imu_allan.tuning.tune import assess, FilterTuning, tune
 
 _WHERE = {
     'analyze': 'imu_allan.analysis',
+    'assess': 'imu_allan.tuning.tune',
     'AxisResult': 'imu_allan.result',
-    'characterize': 'imu_allan.noise.axis',
+    'characterize': 'imu_allan.characterization.axis',
     'Characterization': 'imu_allan.characterization',
+    'DriftForecast': 'imu_allan.tuning.forecast',
     'Estimator': 'imu_allan.noise.estimator',
+    'FilterTuning': 'imu_allan.tuning.tune',
     'ImuAllanError': 'imu_allan.errors',
+    'predicted_drift': 'imu_allan.tuning.forecast',
     'Result': 'imu_allan.result',
     'simulate': 'imu_allan.noise.simulate',
+    'state_space': 'imu_allan.tuning.state_space',
+    'StateSpace': 'imu_allan.tuning.state_space',
     'TimelineOptions': 'imu_allan.timeline',
+    'tune': 'imu_allan.tuning.tune',
 }
 
 __all__ = [
-    'AxisResult', 'Characterization', 'Estimator', 'ImuAllanError', 'Result', 'TimelineOptions',
-    '__version__', 'analyze', 'characterize', 'simulate',
+    'AxisResult', 'Characterization', 'DriftForecast', 'Estimator', 'FilterTuning',
+    'ImuAllanError', 'Result', 'StateSpace', 'TimelineOptions', '__version__', 'analyze',
+    'assess', 'characterize', 'predicted_drift', 'simulate', 'state_space', 'tune',
 ]
 
 

@@ -1,41 +1,59 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recording in, a result out."""
+"""A recording in, a result out; or several recordings of one IMU in, one result out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import choose_topic, open_recording
-from imu_allan.result import Result
+from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
+from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.result import Remark, Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from imu_allan.characterization import Characterization
+
+_LATEST_NS = 2**63 - 1
+"""The latest stamp that 64 bits of nanoseconds hold."""
+
+Taken = tuple['Stream', 'Characterization', list[Remark]]
 
 
-def analyze(path: str | Path, topic: str | None = None, *,
+def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *,
             options: TimelineOptions = TimelineOptions(),  # noqa: B008
-            start_s: float = 0.0, duration_s: float | None = None,
+            reading: RecordingOptions = RecordingOptions(),  # noqa: B008
+            start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None,
             progress: Callable[[int], None] | None = None) -> Result:
     """
-    Characterize the IMU of a recording.
+    Characterize the IMU of a recording, or one IMU from several recordings.
 
     Parameters
     ----------
-    path : str or Path
-        A rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, a ROS 1 ``.bag`` or a CSV file.
+    path : str or Path, or a sequence of them
+        A rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, a ROS 1 ``.bag`` or a CSV file. Of
+        several the result is the joint one: one set of coefficients for all, and the spread of the
+        means from one to the next.
     topic : str, optional
-        May be left out where the recording has one Imu topic.
+        May be left out where the recording has one IMU, on one topic or in two halves.
     options : TimelineOptions, optional
         Clock, rate, gaps and motion.
-    start_s : float, optional
-        Seconds after the first message at which to begin.
+    reading : RecordingOptions, optional
+        Definitions, fields, units and topics of messages that do not speak for themselves.
+    start_s : float or 'auto', optional
+        Seconds after the first message at which to begin; 'auto' leaves out a warm-up, for which
+        the recording is read twice where there is one.
     duration_s : float, optional
         Seconds to use from there; all when left out.
     progress : callable, optional
-        Called with the bytes read so far.
+        Called with the bytes read so far, of all recordings together.
 
     Returns
     -------
@@ -44,23 +62,196 @@ def analyze(path: str | Path, topic: str | None = None, *,
     Raises
     ------
     ImuAllanError
-        If the recording cannot be read, the topic is not clear, or nothing usable is in it.
+        If a recording cannot be read, the topic is not clear, nothing usable is in it, or several
+        are not of one IMU in one setting.
 
     """
-    with open_recording(path, rate_hz=options.rate_hz) as recording:
-        name = choose_topic(recording, topic)
-        blocks: Iterable[ImuBlock] = recording.blocks(name, progress)
-        # Reading has begun in a process of its own: numerics are imported meanwhile.
-        from imu_allan.characterization import Characterization
-        stream = Characterization(kind='recording', path=str(path), topic=name, options=options)
-        if start_s > 0 or duration_s is not None:
-            blocks = between(blocks, start_s, duration_s)
-        stream.take(blocks)
-        result = stream.result(recording.remarks)
-    if not result.axes:
-        raise ImuAllanError(f'{path}: topic {name} holds no usable sample'
-                            + (' in the chosen part' if start_s or duration_s else ''))
-    return result
+    if start_s == 'auto':
+        if not isinstance(path, (str, Path)):
+            raise ImuAllanError('start auto finds the warm-up of one recording; of several give '
+                                'the time to leave out')
+        return _warmed_up(path, topic, options, reading, duration_s, progress)
+    if not isinstance(path, (str, Path)):
+        return _together(path, topic, options, reading, start_s, duration_s, progress)
+    taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress)
+    results = []
+    for stream, characterization, remarks in taken:
+        result = characterization.result(remarks)
+        if not result.axes:
+            raise ImuAllanError(f'{path}: topic {stream.topic} holds no usable sample'
+                                + (' in the chosen part' if start_s or duration_s else ''))
+        results.append(result)
+    return results[0] if len(results) == 1 else _as_one([stream for stream, *_ in taken], results)
+
+
+def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
+               reading: RecordingOptions, duration_s: float | None,
+               progress: Callable[[int], None] | None) -> Result:
+    """Analyze, and where the mean of an axis settles, again without the time that takes."""
+    cold = analyze(path, topic, options=options, reading=reading, duration_s=duration_s,
+                   progress=progress)
+    from imu_allan.characterization.findings import start_remark, steady_after_s
+    start_s = max(steady_after_s(axis) for axis in cold.axes.values())
+    length = cold.timeline.duration_s
+    if start_s <= 0 or start_s > length / 2:
+        return replace(cold, warnings=(start_remark(start_s, length), *cold.warnings))
+    left = None if duration_s is None else max(duration_s - start_s, 0.0)
+    warm = analyze(path, topic, options=options, reading=reading, start_s=start_s,
+                   duration_s=left)
+    return replace(warm, warnings=(start_remark(start_s, length), *warm.warnings))
+
+
+def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineOptions,
+              reading: RecordingOptions, start_s: float, duration_s: float | None,
+              progress: Callable[[int], None] | None) -> Result:
+    """One result for several recordings, of each half of the IMU where it has two."""
+    from imu_allan.characterization.joint import joint_result
+
+    recordings: list[list[Taken]] = []
+    before = 0
+    for path in paths:
+        taken, size = _taken(path, topic, options, reading, start_s, duration_s,
+                             _counted_on(progress, before))
+        if recordings and len(taken) != len(recordings[0]):
+            raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
+                                f'{len(recordings[0])} in {paths[0]}; choose one with --topic')
+        recordings.append(taken)
+        before += size
+    if not recordings:
+        raise ImuAllanError('a joint result needs at least two recordings')
+    results = [joint_result([characterization for _, characterization, _ in half],
+                            [remarks for *_, remarks in half])
+               for half in zip(*recordings, strict=True)]
+    streams = [stream for stream, *_ in recordings[0]]
+    return results[0] if len(results) == 1 else _as_one(streams, results)
+
+
+def _counted_on(progress: Callable[[int], None] | None, before: int
+                ) -> Callable[[int], None] | None:
+    return None if progress is None else lambda done: progress(before + done)
+
+
+def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
+           reading: RecordingOptions, start_s: float, duration_s: float | None,
+           progress: Callable[[int], None] | None) -> tuple[list[Taken], int]:
+    """Take in the streams of a recording; return them with what was found, and its size."""
+    with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
+        streams = choose_streams(recording, topic)
+        taken = []
+        for number, stream in enumerate(streams):
+            part = _shared(progress, number, len(streams), recording.size_bytes)
+            taken.append((stream, *_characterized(
+                recording, stream, options, start_s, duration_s, part)))
+        return taken, recording.size_bytes
+
+
+def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int], *,
+            options: TimelineOptions = TimelineOptions(),  # noqa: B008
+            reading: RecordingOptions = RecordingOptions(),  # noqa: B008
+            progress: Callable[[int], None] | None = None
+            ) -> Generator[tuple[Characterization, list[Remark]], None, None]:
+    """
+    Read a recording as if it came live.
+
+    Parameters
+    ----------
+    path, topic, options, reading, progress
+        As in `analyze`.
+    next_look : callable
+        Number of messages at which to look next, given that at which one has looked.
+
+    Yields
+    ------
+    stream : Characterization
+        With all that came so far; once more when the recording has ended.
+    remarks : list of Remark
+        Findings about the recording itself.
+
+    Raises
+    ------
+    ImuAllanError
+        If it cannot be read, or has not one Imu topic.
+
+    """
+    with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
+        streams = choose_streams(recording, topic)
+        if len(streams) > 1:
+            raise ImuAllanError(f'{path}: has the IMU on {len(streams)} topics; choose one of '
+                                'them with --topic')
+        characterization, blocks, remarks = _begun(recording, streams[0], options, progress)
+        taken, look = 0, next_look(0)
+        for block in blocks:
+            start = 0
+            while start < len(block):
+                stop = min(len(block), start + look - taken)
+                characterization.take([_part(block, slice(start, stop))])
+                taken, start = taken + stop - start, stop
+                if taken == look:
+                    yield characterization, remarks()
+                    look = next_look(taken)
+        characterization.finish()
+        yield characterization, remarks()
+
+
+def _characterized(recording: Recording, stream: Stream, options: TimelineOptions,
+                   start_s: float, duration_s: float | None,
+                   progress: Callable[[int], None] | None
+                   ) -> tuple[Characterization, list[Remark]]:
+    characterization, blocks, remarks = _begun(recording, stream, options, progress)
+    if start_s > 0 or duration_s is not None:
+        blocks = between(blocks, start_s, duration_s)
+    characterization.take(blocks)
+    return characterization, remarks()
+
+
+def _begun(recording: Recording, stream: Stream, options: TimelineOptions,
+           progress: Callable[[int], None] | None
+           ) -> tuple[Characterization, Iterable[ImuBlock], Callable[[], list[Remark]]]:
+    """Begin to read; the remarks are complete when the blocks are through."""
+    blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
+    # Reading has begun in a process of its own: numerics are imported meanwhile.
+    from imu_allan.characterization import Characterization
+    from imu_allan.sensor.acceleration_unit import AccelerationUnit
+
+    unit = AccelerationUnit()
+    if recording.options.accel_unit is None and recording.options.accel is None:
+        blocks = unit.each(blocks)
+    characterization = Characterization(
+        kind='recording', path=str(recording.path), topic=stream.topic, options=options)
+    return characterization, blocks, lambda: [*recording.remarks, *unit.remarks]
+
+
+def _part(block: ImuBlock, part: slice | NDArray[np.bool_]) -> ImuBlock:
+    return ImuBlock(block.header_ns[part], block.receive_ns[part], block.samples[part],
+                    block.absent[part], block.frame_id)
+
+
+def _shared(progress: Callable[[int], None] | None, number: int, parts: int, size: int
+            ) -> Callable[[int], None] | None:
+    """Let one of several readings of a recording tell its share."""
+    if progress is None or parts == 1:
+        return progress
+    return lambda done: progress((number * size + done) // parts)
+
+
+def _as_one(streams: Sequence[Stream], results: Sequence[Result]) -> Result:
+    """Join the results of gyroscope and accelerometer; each axis tells its own rate."""
+    axes = {name: replace(axis, sample_rate_hz=result.timeline.sample_rate_hz)
+            for stream, result in zip(streams, results, strict=True)
+            for name, axis in result.axes.items() if name.startswith(f'{stream.half}_')}
+    first = results[0]
+    rates = ' and '.join(
+        f'the {"gyroscope" if stream.half == "gyro" else "accelerometer"} from {stream.topic} '
+        f'at {result.timeline.sample_rate_hz or 0:.6g} Hz'
+        for stream, result in zip(streams, results, strict=True))
+    remarks = [Remark('two_rates', f'{rates}; rate, gaps and faults are those of the gyroscope')]
+    for result in results:
+        remarks += [remark for remark in result.warnings if remark not in remarks]
+    topics = list(dict.fromkeys(stream.topic for stream in streams))
+    spread = {name: found for result in results for name, found in result.turn_on_bias.items()
+              if name in axes}
+    return replace(first, source=replace(first.source, topic=', '.join(topics)), axes=axes,
+                   warnings=tuple(remarks), turn_on_bias=spread)
 
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
@@ -87,14 +278,18 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
         if not len(block):
             continue
         if begin is None:
-            begin = int(block.receive_ns[0]) + round(start_s * 1e9)
+            begin = _later(int(block.receive_ns[0]), start_s)
         keep = block.receive_ns >= begin
         if duration_s is not None:
-            keep &= block.receive_ns < begin + round(duration_s * 1e9)
-            if not keep.any() and np.all(block.receive_ns >= begin + round(duration_s * 1e9)):
+            keep &= block.receive_ns < _later(begin, duration_s)
+            if not keep.any() and np.all(block.receive_ns >= _later(begin, duration_s)):
                 return
         if keep.all():
             yield block
         elif keep.any():
-            yield ImuBlock(block.header_ns[keep], block.receive_ns[keep], block.samples[keep],
-                           block.absent[keep], block.frame_id)
+            yield _part(block, keep)
+
+
+def _later(stamp_ns: int, seconds: float) -> int:
+    """Add seconds to a stamp; what no stamp can hold is the latest that there is."""
+    return min(stamp_ns + round(min(seconds, _LATEST_NS * 1e-9) * 1e9), _LATEST_NS)

@@ -62,6 +62,8 @@ class EvenBlock:
     new_run : bool
         The length of the gap before this block is unknown (clock jump, restart, resume): nothing
         relates its place on the grid to the block before.
+    restart : bool
+        All blocks before are void: they held one value, of a sensor that had not come to life.
 
     """
 
@@ -69,6 +71,7 @@ class EvenBlock:
     first_index: int
     bridged: int = 0
     new_run: bool = False
+    restart: bool = False
 
     def __len__(self) -> int:
         """Rows of the block."""

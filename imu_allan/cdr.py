@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Serialized sensor_msgs/Imu messages to arrays, and back.
+Serialized sensor_msgs/Imu to arrays and back, in one module because the layout is the same.
 
 One message or many: messages of equal size are decoded together as rows of one array, without a
 Python object per message. The same decoder serves the topic and every container.
@@ -27,7 +27,7 @@ from struct import unpack_from
 from typing import Literal
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, shorten
 import numpy as np
 from numpy.typing import NDArray
 
@@ -106,7 +106,8 @@ def imu_layout(message: bytes | memoryview, serialization: Serialization = 'cdr'
     text = bytes(message[_TEXT_AT:text_end])
     if serialization == 'cdr':
         text = text.removesuffix(b'\0')
-    return ImuLayout(byte_order, text_end, doubles_at, text.decode('utf-8', 'replace'))
+    # Shown and saved from here on: one publisher's megabytes are not everybody's.
+    return ImuLayout(byte_order, text_end, doubles_at, shorten(text.decode('utf-8', 'replace')))
 
 
 def decode_imu(
@@ -245,7 +246,17 @@ def encode_imu_rows(
     ndarray of uint8, shape (len(block), size)
         One message a row.
 
+    Raises
+    ------
+    ImuAllanError
+        If a stamp does not fit into a message.
+
     """
+    seconds = block.header_ns // _NANOSECONDS
+    if serialization == 'cdr' and len(seconds) and not (
+            -1 << 31 <= seconds.min() <= seconds.max() < 1 << 31):
+        raise ImuAllanError('header stamps before 1901 or after 2038 cannot be written: '
+                            'builtin_interfaces/Time has 32 bits for the seconds')
     text = block.frame_id.encode()
     if serialization == 'cdr':
         text += b'\0'
@@ -259,7 +270,7 @@ def encode_imu_rows(
         len(text).to_bytes(4, 'little' if byte_order == '<' else 'big'), np.uint8)
     rows[:, _TEXT_AT:text_end] = np.frombuffer(text, np.uint8)
     fields = _fields(rows, layout, serialization)
-    fields['sec'] = block.header_ns // _NANOSECONDS
+    fields['sec'] = seconds
     fields['nanosec'] = block.header_ns % _NANOSECONDS
     fields['orientation_w'] = 1.0
     fields['orientation_covariance'] = -1.0

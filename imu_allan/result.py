@@ -1,16 +1,18 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The result of a characterization: what every writer reads and nothing changes.
+The result of a characterization, in one module because it mirrors one JSON schema.
 
-The dataclasses mirror the JSON schema ``imu_allan.result/1`` field by field. All values are in SI
-units, all times in seconds from the first sample. A number that is not known is None, never NaN.
+Every writer reads it and nothing changes it. The dataclasses mirror the JSON schema
+``imu_allan.result/1`` field by field. All values are in SI units, all times in seconds from the
+first sample. A number that is not known is None, never NaN.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 import json
 import math
+import re
 import types
 from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
 
@@ -19,6 +21,9 @@ from imu_allan.errors import ImuAllanError, shorten
 SCHEMA = 'imu_allan.result/1'
 
 Interval = tuple[float, float]
+
+_SERIES = re.compile(r'\[\n[-+.\deE,nul\s\[\]]*\]')
+"""An array of numbers, or of pairs of them, over several lines; no string holds a line break."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,9 @@ class Coefficient:
         Further recording time after which the term is expected to become observable.
     ci_halves_in_s : float or None
         Further recording time after which the interval is expected to be half as wide.
+    between : float or None
+        Spread of the value between segments or recordings beyond measurement error, a standard
+        deviation in `unit`.
 
     """
 
@@ -53,6 +61,7 @@ class Coefficient:
     upper95: float | None
     observable_in_s: float | None = None
     ci_halves_in_s: float | None = None
+    between: float | None = None
 
 
 @dataclass(frozen=True)
@@ -65,10 +74,148 @@ class Tone:
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """First-order Gauss-Markov process: standard deviation, and correlation time in seconds."""
+    """
+    First-order Gauss-Markov process: standard deviation, and correlation time in seconds.
+
+    Their 95 % intervals are known where the process was measured.
+    """
 
     sigma: float
     correlation_time_s: float
+    sigma_ci95: Interval | None = None
+    correlation_time_ci95: Interval | None = None
+
+
+@dataclass(frozen=True)
+class DriftModel:
+    """
+    What predicts the sensor: white noise, random walk and first-order Gauss-Markov processes.
+
+    Attributes
+    ----------
+    noise_density, rate_random_walk : float
+        In the units of the coefficients of that name; never negative, zero where there is none.
+    processes : tuple of GaussMarkov
+        At most four, by growing correlation time.
+    from_s, to_s : float
+        Horizons that the record speaks of.
+
+    """
+
+    noise_density: float
+    rate_random_walk: float
+    processes: tuple[GaussMarkov, ...]
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A steady drift: slope in the unit of a sample per second, with its 95 % interval."""
+
+    value: float
+    ci95: Interval
+
+
+@dataclass(frozen=True)
+class WarmUp:
+    """
+    An exponential approach to the steady value, as after switching on.
+
+    Attributes
+    ----------
+    amplitude : float
+        Of the exponential at the first sample, in the unit of a sample; signed.
+    time_constant_s : float
+    ci95 : (float, float)
+        95 % interval of the amplitude.
+
+    """
+
+    amplitude: float
+    time_constant_s: float
+    ci95: Interval
+
+
+@dataclass(frozen=True)
+class TemperatureDependence:
+    """Change of the mean per kelvin with its 95 % interval, and the range it was seen over."""
+
+    per_kelvin: float
+    ci95: Interval
+    lowest_c: float
+    highest_c: float
+
+
+@dataclass(frozen=True)
+class Trend:
+    """What moves the mean and is no noise; None for each that the data does not show."""
+
+    ramp: Ramp | None = None
+    warm_up: WarmUp | None = None
+    temperature: TemperatureDependence | None = None
+
+
+@dataclass(frozen=True)
+class Segment:
+    """
+    One of the equal parts of a record.
+
+    Attributes
+    ----------
+    start_s, duration_s : float
+    mean : float
+    noise_density : float or None
+        With its 95 % interval `ci95`; None where the part is too short.
+    ci95 : (float, float) or None
+    drift_sigma : float or None
+        Standard deviation of the slow part of the signal within the segment.
+
+    """
+
+    start_s: float
+    duration_s: float
+    mean: float
+    noise_density: float | None
+    ci95: Interval | None
+    drift_sigma: float | None
+
+
+@dataclass(frozen=True)
+class Stationarity:
+    """Whether the noise is the same in all parts of the record, and the parts."""
+
+    steady: bool
+    p_value: float | None
+    segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Mean normalised innovation squared of means over `interval_s`: 1 is right, more is doubt."""
+
+    interval_s: float
+    nis: float
+    steps: int
+
+
+@dataclass(frozen=True)
+class Coast:
+    """Predicted and observed deviation of the mean over a horizon without correction."""
+
+    horizon_s: float
+    predicted_sigma: float
+    observed_rms: float
+
+
+@dataclass(frozen=True)
+class Backtest:
+    """The drift model of one part of the record held against the rest of it."""
+
+    trained_s: float
+    tested_s: float
+    innovations: tuple[Innovations, ...]
+    coast: tuple[Coast, ...]
 
 
 @dataclass(frozen=True)
@@ -101,6 +248,27 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
+class Signal:
+    """
+    The samples over time, as lowest, mean and highest value of equal stretches.
+
+    Attributes
+    ----------
+    step_s : float
+        Length of a stretch; the first begins at the first sample. Where the clock jumped the
+        parts stand one after the other.
+    low, mean, high : tuple of float or None
+        In the unit of a sample; None for a stretch without samples.
+
+    """
+
+    step_s: float
+    low: tuple[float | None, ...]
+    mean: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
 class AxisResult:
     """Everything known about one axis."""
 
@@ -114,6 +282,12 @@ class AxisResult:
     curve: Curve
     gauss_markov: GaussMarkov | None = None
     spectrum: Spectrum | None = None
+    drift_model: DriftModel | None = None
+    trend: Trend | None = None
+    stationarity: Stationarity | None = None
+    backtest: Backtest | None = None
+    signal: Signal | None = None
+    sample_rate_hz: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""
@@ -164,14 +338,44 @@ class Remark:
 
 
 @dataclass(frozen=True)
+class RecordingPart:
+    """One recording of a joint result, with the mean of each axis in it."""
+
+    path: str
+    start_time: str | None
+    duration_s: float
+    means: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class TurnOnBias:
+    """Spread of the mean from one power-on to the next: standard deviation, 95 % interval."""
+
+    sigma: float
+    ci95: Interval
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Which unit was measured, by whom and where, as a production line keeps it."""
+
+    serial: str | None = None
+    operator: str | None = None
+    station: str | None = None
+
+
+@dataclass(frozen=True)
 class Result:
-    """The result file."""
+    """The result file; `recordings` and `turn_on_bias` are those of a joint result."""
 
     imu_allan_version: str
     source: Source
     timeline: Timeline
     axes: Mapping[str, AxisResult]
     warnings: tuple[Remark, ...] = ()
+    recordings: tuple[RecordingPart, ...] = ()
+    turn_on_bias: Mapping[str, TurnOnBias] = field(default_factory=dict)
+    inspection: Inspection | None = None
     schema: str = field(default=SCHEMA)
 
     def to_dict(self) -> dict[str, Any]:
@@ -180,8 +384,9 @@ class Result:
         return {'schema': plain.pop('schema'), **plain}
 
     def to_json(self) -> str:
-        """Return the JSON text; numbers are written so that they read back exactly."""
-        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + '\n'
+        """Return the JSON text, a series on one line; numbers read back exactly."""
+        text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+        return _SERIES.sub(_on_one_line, text) + '\n'
 
     @classmethod
     def from_dict(cls, document: object, name: str = 'result') -> 'Result':
@@ -199,6 +404,10 @@ class Result:
                 f'{name}: not an imu_allan result file (no "schema": "{SCHEMA}"); '
                 'write one with: imu_allan analyze RECORDING --json FILE')
         return _typed(cls, document, name)  # type: ignore[no-any-return]
+
+
+def _on_one_line(series: re.Match[str]) -> str:
+    return ' '.join(series[0].split()).replace('[ ', '[').replace(' ]', ']')
 
 
 def _plain(value: Any) -> Any:

@@ -198,3 +198,11 @@ def test_a_changed_byte_gives_a_message_or_a_refusal(place, value):
         block(1, frame_id), header_ns=np.array([stamp]), samples=sample.reshape(1, 6),
         absent=np.array([absent])))
     assert decode_imu(again.tobytes())[1].tobytes() == sample.tobytes()
+
+
+def test_megabytes_of_frame_id_are_shortened_where_they_come_in():
+    one = ImuBlock(np.array([1]), np.array([2]), np.ones((1, 6)), np.zeros((1, 2), np.bool_),
+                   'a' * 500_000 + 'b' * 500_000)
+    [block] = decode_imu_rows(encode_imu_rows(one), one.receive_ns)
+    assert block.frame_id == 'a' * 99 + '…' + 'b' * 99
+    assert block.samples.tolist() == one.samples.tolist()

@@ -16,9 +16,9 @@ import sys
 import time
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.model import parse_model
 from imu_allan.recordings.write import write_recording
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import load_result
 import pytest
 
@@ -74,7 +74,7 @@ def files_in(folder: Path) -> list[str]:
 
 def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file(
         tmp_path, recording):
-    with mounted(tmp_path / 'small', 'size=200k') as disk:
+    with mounted(tmp_path / 'small', 'size=300k') as disk:
         done = command('analyze', recording, '--output', disk / 'out', '--no-progress')
         assert_one_line(done, 'No space left on device')
         # What was complete before the disk was full is there and whole.

@@ -38,14 +38,14 @@ import sys
 
 class Refuse:
     def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in {'rosbags', 'mcap', 'plotly', 'pint', 'lz4', 'zstandard'}:
+        if name.partition('.')[0] in {'rosbags', 'mcap', 'pint', 'lz4', 'zstandard'}:
             raise ImportError(f'{name} is not in the distribution')
 
 sys.meta_path.insert(0, Refuse())
 from imu_allan.characterization import Characterization
-from imu_allan.noise.model import NoiseModel
+from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.noise.terms import AXES
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.filters import export
 from imu_allan.writers.plot import overview_figure, render
 

@@ -40,20 +40,20 @@ NEEDS_ROS = {
 NEEDS_NETWORK = {
     'pip install .': 'test_packaging.py',
     "pip install '.[ros]'": 'the environment of this test',
-    'pip install --user --break-system-packages rosbags mcap lz4 zstandard plotly':
+    'pip install --user --break-system-packages rosbags mcap lz4 zstandard':
         'the environment of this test',
     'make setup': 'the environment of this test',
 }
 
-MAKE = {'make demo', 'make demo RECORDING=path/to/bag', 'make test', 'make lint'}
+MAKE = {'make demo', 'make demo RECORDING=path/to/bag', 'make test', 'make test-fast', 'make lint'}
 
 
 def commands(page: str) -> list[str]:
-    """Give the lines of all blocks of shell commands of a page."""
+    """Give the commands of all blocks of a page, those over several lines in one."""
     blocks = re.findall(r'^```bash\n(.*?)^```', (ROOT / page).read_text(),
                         re.MULTILINE | re.DOTALL)
     lines = [re.sub(r'\s{2,}#.*', '', line).strip()
-             for block in blocks for line in block.splitlines()]
+             for block in blocks for line in re.sub(r'\\\n\s*', '', block).splitlines()]
     return [line for line in lines if line]
 
 

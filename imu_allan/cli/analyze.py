@@ -3,26 +3,33 @@
 """Characterize one or more recordings."""
 
 import argparse
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, Future, wait
-from contextlib import contextmanager
-from dataclasses import dataclass
-from itertools import chain, count as naturals
 from pathlib import Path
-import re
-import signal
 import sys
-from typing import Any, TYPE_CHECKING, TypeVar
+from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import count, duration, moment, positive_number
+from imu_allan.cli.arguments import (
+    add_inspection,
+    count,
+    duration,
+    inspection_of,
+    start,
+)
+from imu_allan.cli.fleet import (
+    complaint_of,
+    done_before,
+    FEW,
+    Gathering,
+    line,
+    without_coefficient,
+)
 from imu_allan.cli.progress import progress_bar
+from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.workers import executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.writers.consumers import CONSUMER_TITLES
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
-
-T = TypeVar('T')
 
 
 def register(verbs: Any) -> None:
@@ -31,7 +38,7 @@ def register(verbs: Any) -> None:
         'analyze', help='characterize recordings',
         description='Allan deviation and noise coefficients of every axis, from recordings of '
                     'an IMU at rest: a rosbag2 folder (sqlite3 or MCAP), a bare .mcap or .db3, '
-                    'a ROS 1 .bag, or a CSV.')
+                    'a ROS 1 .bag, a PX4 .ulg, a CSV, or a folder of several.')
     parser.add_argument('recordings', metavar='RECORDING', nargs='+')
     topics = parser.add_mutually_exclusive_group()
     topics.add_argument('--topic', metavar='NAME',
@@ -39,17 +46,37 @@ def register(verbs: Any) -> None:
     topics.add_argument('--all-topics', action='store_true', help='every Imu topic in turn')
     parser.add_argument('--output', metavar='DIR',
                         help='write result.json, curve.csv, allan_deviation.png and report.html '
-                             'here; with several recordings or topics, into a folder for each')
+                             'here; with several recordings or topics, into a folder for each, '
+                             'and fleet.html, fleet.csv and fleet.json beside them')
+    parser.add_argument('--together', action='store_true',
+                        help='the recordings are of one IMU: one result by their joint '
+                             'likelihood, with the spread of the mean from one to the next '
+                             '(turn-on bias)')
+    parser.add_argument('--name-from', metavar='SOURCE', default='file',
+                        help='what a unit among several is called: file (the recording, default), '
+                             'folder (the one it lies in), or a regular expression on the path '
+                             'whose first group is the name')
+    parser.add_argument('--resume', action='store_true',
+                        help='with --output: leave out the recordings whose folder holds a result '
+                             'that is newer')
+    add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
-    parser.add_argument('--rate', metavar='HZ', type=positive_number,
-                        help='sample rate, instead of the one measured from the stamps; needed '
-                             'for a CSV without a time column')
+    parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
+                        choices=tuple(CONSUMER_TITLES),
+                        help='configuration of a filter, too (one of: '
+                             f'{", ".join(CONSUMER_TITLES)}; may be given several times): into '
+                             '--output DIR, or else on standard output, and the table on standard '
+                             'error')
+    parser.add_argument('--units', choices=('datasheet', 'si'), default='datasheet',
+                        help='of the table (default: %(default)s)')
+    add_recording_options(parser)
     parser.add_argument('--force-rate', action='store_true',
                         help='use --rate even if the stamps advance at another rate')
     parser.add_argument('--clock', choices=('header', 'receive'),
                         help='stamps to trust (default: header, unless they are unusable)')
-    parser.add_argument('--start', metavar='TIME', type=moment, default=0.0,
-                        help='leave out the beginning, as long as this (10 or 10s, 5min, 2h)')
+    parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
+                        help='leave out the beginning, as long as this (10 or 10s, 5min, 2h), or '
+                             'auto: the warm-up')
     parser.add_argument('--duration', metavar='TIME', type=duration,
                         help='use only as much (30min, 3h)')
     parser.add_argument('--motion', choices=('exclude', 'keep'), default='exclude',
@@ -63,41 +90,63 @@ def register(verbs: Any) -> None:
     parser.set_defaults(run=run, parser=parser)
 
 
-@dataclass(frozen=True)
-class _Task:
-    """One result to be made."""
-
-    path: str
-    topic: str | None
-    options: Mapping[str, Any]
-    start_s: float
-    duration_s: float | None
-    size_bytes: int
-    folder: Path | None
-
-
 def run(args: argparse.Namespace) -> int:
     """Characterize every recording; each result is shown once it and those before it are done."""
-    if args.json is not None and len(args.recordings) > 1:
+    from imu_allan.recordings import recordings_in
+
+    args.recordings = [str(path) for given in args.recordings for path in recordings_in(given)]
+    if args.together and (len(args.recordings) < 2 or args.all_topics or args.resume):
+        args.parser.error('--together takes several recordings of one topic, and no --resume')
+    apart = len(args.recordings) > 1 and not args.together
+    if args.json is not None and apart:
         args.parser.error('--json takes one recording; use --output DIR for several')
+    if args.consumers and args.output is None and apart:
+        args.parser.error('--for takes one recording; use --output DIR for several')
     if args.force_rate and args.rate is None:
         args.parser.error('--force-rate needs --rate')
+    if args.serial is not None and apart:
+        args.parser.error('--serial is of one unit; several are named by --name-from')
+    if args.resume and args.output is None:
+        args.parser.error('--resume needs --output')
     complaints: list[ImuAllanError] = []
-    tasks = _tasks(args, complaints)
+    gathering = Gathering(None if args.output is None else Path(args.output))
+    tasks = _tasks(args, complaints, gathering)
     if args.json is not None and len(tasks) > 1:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             '--json; choose one with --topic or use --output DIR')
+    if args.consumers and args.output is None and len(tasks) > 1:
+        raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
+                            '--for; choose one with --topic or use --output DIR')
+    before = done_before(tasks) if args.resume else {}
+    for task in tasks:
+        if task.unit in before:
+            gathering.add(task, before[task.unit])
+            print(f'{printable(task.unit)}: done before')
+    todo = [task for task in tasks if task.unit not in before]
     label = printable(tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings')
-    with progress_bar(label, sum(task.size_bytes for task in tasks),
+    with progress_bar(label, sum(task.size_bytes for task in todo),
                       wanted=not args.no_progress) as progress, \
-            _executor(args.jobs, args.dask) as executor:
-        for shown, (task, future) in enumerate(_in_order(executor, tasks, progress)):
+            executor(args.jobs, args.dask) as workers:
+        for shown, (task, future) in enumerate(in_order(workers, todo, progress)):
             try:
                 result = future.result()
             except ImuAllanError as error:
                 complaints.append(error)
+                gathering.fail(task.unit, task.path, error)
                 continue
-            _hand_out(result, task.folder, args.json, first=not shown)
+            except Exception as error:
+                if not apart:
+                    raise
+                complaints.append(complaint_of(error, task.path))
+                gathering.fail(task.unit, task.path, complaints[-1])
+                continue
+            gathering.add(task, result)
+            with progress.aside():
+                _hand_out(task, result, args, first=not shown, brief=len(tasks) > FEW)
+            if (nothing := without_coefficient(result, task.path)) is not None:
+                complaints.append(nothing)
+    if apart:
+        gathering.finish()
     for complaint in complaints[:-1]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if complaints:
@@ -105,152 +154,62 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tasks(args: argparse.Namespace, complaints: list[ImuAllanError]) -> list[_Task]:
+def _tasks(args: argparse.Namespace, complaints: list[ImuAllanError], gathering: Gathering
+           ) -> list[Task]:
+    """List what is to be done; what cannot be opened is added to `complaints`."""
+    from imu_allan.fleet.names import name_pattern, unit_name
     from imu_allan.recordings import open_recording
 
     options = {'clock': args.clock or 'auto', 'rate_hz': args.rate,
                'force_rate': args.force_rate, 'motion': args.motion}
+    reading = recording_options(args)
+    source = name_pattern(args.name_from)
+    units = {path: unit_name(path, source) for path in args.recordings}
     found: list[tuple[str, str | None, int]] = []
     for path in args.recordings:
         try:
-            with open_recording(path, rate_hz=args.rate) as recording:
+            with open_recording(path, options=reading) as recording:
                 topics: list[str | None] = [args.topic] if not args.all_topics else [
                     topic.name for topic in recording.topics] or [None]
                 found.extend((path, topic, recording.size_bytes) for topic in topics)
         except ImuAllanError as error:
             complaints.append(error)
+            gathering.fail(units[path], path, error)
     output = None if args.output is None else Path(args.output)
-    names = _distinct([_folder_name(path, topic) for path, topic, _ in found])
+    if args.together:
+        if complaints:
+            raise complaints[0]
+        # Nothing is left out silently of what is to be one result.
+        return [Task(' + '.join(args.recordings), args.topic, options, args.start, args.duration,
+                     sum(size for _, _, size in found), output, 'together', inspection_of(args),
+                     tuple(args.consumers), reading, tuple(args.recordings))]
+    names = folder_names([(path, topic) for path, topic, _ in found], units)
+    inspection = inspection_of(args)
     return [
-        _Task(path, topic, options, args.start, args.duration, size,
-              None if output is None else output if len(found) == 1 else output / name)
+        Task(path, topic, options, args.start, args.duration, size,
+             None if output is None else output if len(found) == 1 == len(units) else
+             output / name, name, inspection, tuple(args.consumers), reading)
         for (path, topic, size), name in zip(found, names, strict=True)]
 
 
-def _folder_name(path: str, topic: str | None) -> str:
-    """Name a folder after a recording; nothing in a topic's name leads out of its parent."""
-    resolved = Path(path).resolve()
-    name = resolved.name if resolved.is_dir() else resolved.stem
-    if topic is not None:
-        name += '_' + topic.strip('/')
-    return re.sub(r'[^\w.-]+', '_', name).lstrip('.') or 'recording'
-
-
-def _distinct(names: list[str]) -> list[str]:
-    taken: list[str] = []
-    for name in names:
-        candidates = chain([name], (f'{name}-{number}' for number in naturals(2)))
-        taken.append(next(candidate for candidate in candidates if candidate not in taken))
-    return taken
-
-
-def _characterize(task: _Task, progress: Callable[[int], None] | None = None) -> 'Result':
-    from imu_allan.analysis import analyze
-    from imu_allan.timeline import TimelineOptions
-
-    return analyze(task.path, task.topic, options=TimelineOptions(**task.options),
-                   start_s=task.start_s, duration_s=task.duration_s, progress=progress)
-
-
-def _hand_out(result: 'Result', folder: Path | None, json: str | None, *, first: bool) -> None:
+def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: bool,
+              brief: bool) -> None:
+    """Show a result; its folder has been written already."""
+    from imu_allan.writers.filters import export
     from imu_allan.writers.result_file import save_result
     from imu_allan.writers.table import print_result
 
-    if json is not None:
-        save_result(result, json)
-    if folder is not None:
-        from imu_allan.writers.folder import save_folder
-        save_folder(result, folder)
-    if not first:
-        print()
-    print_result(result)
-    sys.stdout.flush()
-
-
-def _in_order(executor: Executor, tasks: list[_Task],
-              progress: Callable[[int], None]) -> 'Iterator[tuple[_Task, Future[Result]]]':
-    """Submit every task; yield each with its finished future, in the order of `tasks`."""
-    waiting: deque[tuple[_Task, Future[Result]]] = deque()
-    done_bytes = 0
-    for task in tasks:
-        if isinstance(executor, _InThisProcess):
-            future = executor.submit(_characterize, task,
-                                     lambda done, before=done_bytes: progress(before + done))
-        else:
-            future = executor.submit(_characterize, task)
-        waiting.append((task, future))
-        while waiting and waiting[0][1].done():
-            done_bytes += waiting[0][0].size_bytes
-            yield waiting.popleft()
-    while waiting:
-        wait([waiting[0][1]])
-        done_bytes += waiting[0][0].size_bytes
-        progress(done_bytes)
-        yield waiting.popleft()
-
-
-class _InThisProcess(Executor):
-    """Works at the moment of submission, so that Ctrl-C and progress need no messenger."""
-
-    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
-        future: Future[T] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
-@contextmanager
-def _executor(jobs: int, dask: str | None) -> Iterator[Executor]:
-    """Where the work is done: here, in processes of this machine, or on a Dask cluster."""
-    if dask is not None:
-        with _dask_client(dask) as client:
-            yield client.get_executor(pure=False)
-    elif jobs == 1:
-        yield _InThisProcess()
+    if args.json is not None:
+        save_result(result, args.json)
+    configurations = [] if task.folder is not None else [
+        export(result, consumer).text for consumer in args.consumers]
+    table = sys.stderr if configurations else sys.stdout
+    if brief:
+        print(line(task.unit, result))
     else:
-        with _processes(jobs) as executor:
-            yield executor
-
-
-@contextmanager
-def _processes(jobs: int) -> Iterator[Executor]:
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
-    import multiprocessing
-
-    executor = ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _die_of_sigint)
-    try:
-        yield executor
-    except BrokenProcessPool:
-        raise ImuAllanError('--jobs: a worker process was ended from outside, perhaps for want '
-                            'of memory; try fewer jobs') from None
-    except BaseException:
-        executor.shutdown(wait=False, cancel_futures=True)
-        for worker in multiprocessing.active_children():
-            worker.terminate()
-        raise
-    executor.shutdown()
-
-
-def _die_of_sigint() -> None:
-    # Ctrl-C reaches the whole process group: the workers end without a word of their own.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-@contextmanager
-def _dask_client(address: str) -> Iterator[Any]:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ImuAllanError('--dask: the package distributed is not installed; '
-                            "pip install 'imu_allan[fleet]'") from None
-    try:
-        client = Client(  # type: ignore[no-untyped-call]
-            address, timeout=10, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
-                            'dask scheduler') from error
-    with client:
-        yield client
+        if not first:
+            print(file=table)
+        print_result(result, to=table, units=args.units)
+    table.flush()
+    print('\n'.join(configurations), end='')
+    sys.stdout.flush()

@@ -3,10 +3,17 @@
 """Types of command line arguments: what is out of range is wrong usage, told before any work."""
 
 import argparse
+from dataclasses import replace
 import math
 import re
+from typing import Literal, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from imu_allan.result import Result
 
 _SECONDS = {'': 1.0, 's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
+_LONGEST_S = 3.2e9
+"""A hundred years: with any stamp of today it still fits into 64 bits of nanoseconds."""
 
 
 def positive_number(text: str) -> float:
@@ -32,7 +39,14 @@ def moment(text: str) -> float:
     value = _number(match[1]) * _SECONDS[match[2]]
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
+    if value > _LONGEST_S:
+        raise argparse.ArgumentTypeError(f'{text} is more than a hundred years')
     return value
+
+
+def start(text: str) -> float | Literal['auto']:
+    """Read a time as `moment` does, or the word auto."""
+    return 'auto' if text.strip() == 'auto' else moment(text)
 
 
 def count(text: str) -> int:
@@ -54,6 +68,29 @@ def whole_number(text: str) -> int:
     return value
 
 
+def add_inspection(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which unit is measured, by whom and where."""
+    parser.add_argument('--serial', metavar='TEXT', help='serial number of the unit')
+    parser.add_argument('--operator', metavar='TEXT', help='who measures')
+    parser.add_argument('--station', metavar='TEXT', help='where it is measured')
+
+
+def inspection_of(args: argparse.Namespace) -> dict[str, str]:
+    """Return what those options say, without what they leave out."""
+    return {key: value for key in ('serial', 'operator', 'station')
+            if (value := getattr(args, key)) is not None}
+
+
+def inspected(result: 'Result', args: argparse.Namespace) -> 'Result':
+    """Enter what those options say into a result; what they leave out stays as it was."""
+    from imu_allan.result import Inspection
+
+    given = inspection_of(args)
+    if not given:
+        return result
+    return replace(result, inspection=replace(result.inspection or Inspection(), **given))
+
+
 def _number(text: str) -> float:
     try:
         value = float(text)
@@ -62,3 +99,15 @@ def _number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f'{text} is not a finite number')
     return value
+
+
+def factors(text: str) -> dict[str, float]:
+    """Read factors for N and K, such as ``N=2,K=5``."""
+    found: dict[str, float] = {}
+    for part in text.split(','):
+        name, equals, value = (piece.strip() for piece in part.partition('='))
+        if name not in ('N', 'K') or not equals or name in found:
+            raise argparse.ArgumentTypeError(
+                f'{text!r} is not of the form N=2,K=5: a factor for N, for K, or for both')
+        found[name] = positive_number(value)
+    return found

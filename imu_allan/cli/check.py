@@ -3,66 +3,122 @@
 """Compare a result or a recording with a datasheet."""
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import positive_number
-from imu_allan.errors import printable
+from imu_allan.cli.arguments import (
+    add_inspection,
+    duration,
+    inspected,
+    positive_number,
+)
+from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
+    from imu_allan.sensor.noise_model import NoiseModel
+    from imu_allan.writers.datasheet import Verdict
 
 EXIT_FAILED = 3
+EXIT_CANNOT_TELL = 4
 
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'check', help='compare with a datasheet: pass, fail or cannot tell',
-        description='Compare each coefficient with the limit of a datasheet: pass where the '
-                    'measured 95 % interval lies below it, fail where it lies above, cannot '
-                    'tell where it reaches across or the coefficient is not observable. '
-                    'Exit status 3 if any fails.')
+        description='Compare each quantity with the limit of a datasheet: pass where the '
+                    'measured 95 % interval (or upper bound) lies below it, fail where it lies '
+                    'above, cannot tell where it reaches across. A constant, missing or dead axis '
+                    'fails. Exit status 3 if any fails; with --strict 4 if any cannot be told.')
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',
                         help='result file (.json), or anything that analyze takes')
     parser.add_argument('--spec', metavar='FILE', required=True,
                         help='datasheet (YAML with units; see config/ for examples)')
+    parser.add_argument('--strict', action='store_true',
+                        help='exit status 4 where nothing fails but something cannot be told')
+    parser.add_argument('--min-duration', metavar='TIME', type=duration, default=0.0,
+                        help='from a shorter record nothing passes (30min, 3h)')
+    parser.add_argument('--live', action='store_true',
+                        help='read a recording as if it came live, and stop as soon as the '
+                             'verdict is certain: wrong in at most one unit of twenty')
+    parser.add_argument('--margin', metavar='PERCENT', type=positive_number, default=10.0,
+                        help='with --live: a unit nearer to its limit is called neither good nor '
+                             'bad (default: %(default)g)')
     parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON')
     parser.add_argument('--junit', metavar='FILE', help='write the verdicts as JUnit XML')
+    parser.add_argument('--certificate', metavar='FILE',
+                        help='write the verdicts as a page to print, one A4 sheet (HTML)')
+    add_inspection(parser)
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
-    parser.add_argument('--rate', metavar='HZ', type=positive_number,
-                        help='sample rate of a recording, instead of the one measured')
+    add_recording_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the verdicts, write what was asked for, and return 3 if any coefficient fails."""
-    from imu_allan.noise.model import load_model
+    """Print the verdicts, write what was asked for, and return the status that they call for."""
+    from imu_allan.sensor.noise_model import load_model
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.datasheet import check, overall, to_json, to_junit, verdict_table
+    from imu_allan.writers.datasheet import (
+        certificate_html,
+        check,
+        summary,
+        to_json,
+        to_junit,
+        verdict_table,
+    )
     from rich.console import Console
 
     specification = load_model(args.spec)
-    result = _result(args)
-    verdicts = check(result, specification)
-    if args.json is not None:
-        write_atomically(args.json, to_json(verdicts, result, specification).encode())
-    if args.junit is not None:
-        write_atomically(args.junit, to_junit(verdicts, result, specification).encode())
+    if args.live:
+        result, verdicts = _live(args, specification)
+    else:
+        result = _result(args)
+        verdicts = check(result, specification, shortest_s=args.min_duration)
+    result = inspected(result, args)
+    for path, writer in ((args.json, to_json), (args.junit, to_junit),
+                         (args.certificate, certificate_html)):
+        if path is not None:
+            write_atomically(path, writer(verdicts, result, specification).encode())
     console = Console()
     if not console.is_terminal:
         console.width = 130
     console.print(verdict_table(verdicts, specification.name or args.spec))
-    outcome = overall(verdicts)
+    outcome, sentences = summary(verdicts)
     print(f'{outcome}: {printable(args.source)} against '
           f'{printable(specification.name or args.spec)}')
-    for verdict in verdicts:
-        if verdict.verdict == 'cannot tell':
-            print(f'  {verdict.reason}')
+    for sentence in sentences:
+        print(f'  {sentence}')
     sys.stdout.flush()
+    if outcome == 'cannot tell':
+        return EXIT_CANNOT_TELL if args.strict else 0
     return EXIT_FAILED if outcome == 'fail' else 0
+
+
+def _live(args: argparse.Namespace, specification: 'NoiseModel'
+          ) -> 'tuple[Result, list[Verdict]]':
+    """Read until the verdict is certain, and say after how long it was."""
+    from imu_allan.analysis import growing
+    from imu_allan.timeline import TimelineOptions
+    from imu_allan.wording import duration as said
+    from imu_allan.writers.datasheet.live import next_look, standing
+
+    if Path(args.source).suffix == '.json':
+        raise ImuAllanError(f'{args.source}: --live needs a recording, not a result')
+    looks = growing(args.source, args.topic, next_look, reading=recording_options(args),
+                    options=TimelineOptions(rate_hz=args.rate))
+    with closing(looks):
+        for stream, _ in looks:
+            found = standing(stream, specification, margin=args.margin / 100,
+                             shortest_s=args.min_duration)
+            if found.decided:
+                break
+        print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
+        return stream.result(), list(found.verdicts)
 
 
 def _result(args: argparse.Namespace) -> 'Result':
@@ -76,8 +132,9 @@ def _result(args: argparse.Namespace) -> 'Result':
     from imu_allan.recordings import open_recording
     from imu_allan.timeline import TimelineOptions
 
-    with open_recording(args.source, rate_hz=args.rate) as recording:
+    reading = recording_options(args)
+    with open_recording(args.source, options=reading) as recording:
         size = recording.size_bytes
     with progress_bar(printable(args.source), size, wanted=not args.no_progress) as progress:
-        return imu_allan.analyze(args.source, args.topic, progress=progress,
+        return imu_allan.analyze(args.source, args.topic, progress=progress, reading=reading,
                                  options=TimelineOptions(rate_hz=args.rate))

@@ -7,24 +7,38 @@ import os
 from pathlib import Path
 from typing import Any
 
-from imu_allan.cli.arguments import positive_number
-from imu_allan.writers.filters import CONSUMERS
+from imu_allan.cli.arguments import duration, factors, positive_number
+from imu_allan.writers.consumers import CONSUMER_TITLES
 
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'export', help='write the configuration of a filter from a result',
-        description='Write noise density and rate random walk as a filter wants them: its keys, '
-                    'its units, continuous or per sample. The worst axis counts; where a '
-                    'coefficient is not observable its 95 % upper bound stands in.')
+        description='Write what a filter wants to know about the noise: its keys, its units, '
+                    'continuous or per sample. The numbers are tuned for what usually corrects '
+                    'this filter; the file says what they are expected to reach. The worst axis '
+                    'counts.')
     parser.add_argument('result', metavar='RESULT',
                         help='result file, written by: imu_allan analyze RECORDING --json RESULT')
     parser.add_argument('--for', dest='consumer', metavar='NAME', required=True,
-                        choices=tuple(CONSUMERS), help='one of: ' + ', '.join(CONSUMERS))
+                        choices=tuple(CONSUMER_TITLES),
+                        help='one of: ' + ', '.join(CONSUMER_TITLES))
     parser.add_argument('--rate', metavar='HZ', type=positive_number,
                         help='rate at which the filter takes samples or predicts (default: the '
                              "result's sample rate; 100 for px4, 83 for ardupilot)")
+    parser.add_argument('--as-measured', action='store_true',
+                        help='the coefficients as measured, not tuned')
+    parser.add_argument('--aiding', metavar='TIME', type=duration,
+                        help='time between two corrections of the filter (default: what is usual '
+                             'for it; the file says what that is)')
+    parser.add_argument('--coast', metavar='TIME', type=duration,
+                        help='the longest time without any (default: 60s; 10min for simulators)')
+    parser.add_argument('--conservative', action='store_true',
+                        help='not overconfident more than 5 %% of the time, on a sensor like in '
+                             'this recording')
+    parser.add_argument('--inflate', metavar='N=2,K=5', type=factors, default={},
+                        help='factors on top of the numbers; they are written into the file')
     parser.add_argument('--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
     parser.set_defaults(run=run)
@@ -33,10 +47,12 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.filters import export
+    from imu_allan.writers.filters import export, Wishes
     from imu_allan.writers.result_file import load_result
 
-    config = export(load_result(args.result), args.consumer, args.rate)
+    wishes = Wishes(args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
+                    args.inflate)
+    config = export(load_result(args.result), args.consumer, None, wishes)
     if args.output is None:
         print(config.text, end='')
         return 0

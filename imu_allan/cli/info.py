@@ -3,18 +3,25 @@
 """Say what a recording holds, before it is analyzed."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import positive_number
 from imu_allan.cli.progress import progress_bar
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.errors import ImuAllanError, printable, shorten
 
 if TYPE_CHECKING:
+    from imu_allan.block import ImuBlock
     from imu_allan.recordings import Recording
     from imu_allan.timeline import TimelineSummary
 
 _LISTED = 5
+"""Gaps and motions told one by one."""
+_MOST_READ = 20
+"""Imu topics that are read, each of which goes through the whole recording."""
+_MOST_NAMED = 200
+"""Other topics told by name; a robot has fewer."""
 
 
 def register(verbs: Any) -> None:
@@ -24,38 +31,58 @@ def register(verbs: Any) -> None:
         description='Imu topics of a recording with count, duration, rate, gaps and clock faults. '
                     'Every message is read, none is analyzed.')
     parser.add_argument('recording', metavar='RECORDING')
-    parser.add_argument('--rate', metavar='HZ', type=positive_number,
-                        help='sample rate of a CSV without a time column')
+    add_recording_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what the recording holds."""
+    """Print what the recording holds, or each recording of a folder of several."""
+    from imu_allan.recordings import recordings_in
+
+    for number, path in enumerate(recordings_in(args.recording)):
+        if number:
+            print()
+        _print_recording(path, args)
+    return 0
+
+
+def _print_recording(path: Path, args: argparse.Namespace) -> None:
     from imu_allan.recordings import choose_topic, open_recording
 
-    with open_recording(args.recording, rate_hz=args.rate) as recording:
+    with open_recording(path, options=recording_options(args)) as recording:
         if len(recording.topics) < 2:
             choose_topic(recording)
         print(f'{printable(recording.path)}  {_amount(recording.size_bytes)}')
-        total = recording.size_bytes * len(recording.topics)
+        read = recording.topics[:_MOST_READ]
+        total = recording.size_bytes * len(read)
         with progress_bar(printable(recording.path), total,
                           wanted=not args.no_progress) as progress:
             reports = [
                 _report(recording, topic.name, args.rate, _after(progress, i, recording))
-                for i, topic in enumerate(recording.topics)]
+                for i, topic in enumerate(read)]
         for report in reports:
             print()
             for line in report:
                 print(line)
-        if recording.other_topics:
-            print()
-            print(f'{len(recording.other_topics)} topics of other types:')
-            for name, kind in sorted(recording.other_topics.items()):
-                print(f'  {printable(name)}  {printable(kind)}')
+        _list('more Imu topics', [
+            (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
+            for topic in recording.topics[_MOST_READ:]])
+        _list('topics of other types', sorted(recording.other_topics.items()))
+        _list('of them might hold an IMU and are not read', sorted(recording.reasons.items()))
         for remark in recording.remarks:
             print(f'warning: {printable(remark.message)}')
-    return 0
+
+
+def _list(what: str, topics: list[tuple[str, str]]) -> None:
+    """Print names, each with a word about it, where there are any."""
+    if topics:
+        print()
+        print(f'{len(topics)} {what}:')
+        for name, word in topics[:_MOST_NAMED]:
+            print(f'  {printable(shorten(name))}  {printable(shorten(word))}'.rstrip())
+        if len(topics) > _MOST_NAMED:
+            print(f'  and {len(topics) - _MOST_NAMED} more')
 
 
 def _after(progress: Callable[[int], None], topics: int,
@@ -65,13 +92,19 @@ def _after(progress: Callable[[int], None], topics: int,
 
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             progress: Callable[[int], None]) -> list[str]:
+    from imu_allan.recordings import read_blocks
+    from imu_allan.sensor.acceleration_unit import AccelerationUnit
     from imu_allan.timeline import TimelineOptions, TimelineStage
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
+    unit = AccelerationUnit()
     failure = ''
     count = 0
     try:
-        for block in recording.blocks(topic, progress):
+        blocks: Iterator[ImuBlock] = read_blocks(recording, topic, progress)
+        if recording.options.accel_unit is None and recording.options.accel is None:
+            blocks = unit.each(blocks)
+        for block in blocks:
             count += len(block)
             if not failure:
                 try:
@@ -82,17 +115,21 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             stage.flush()
     except ImuAllanError as error:
         failure = str(error)
-    lines = [printable(topic)]
+    lines = [printable(shorten(topic))]
+    messages = recording.imu(topic).messages
     rows = [('messages', f'{count:,}')]
+    if messages.fields is not None:
+        rows.insert(0, ('read as', messages.told()))
     if failure:
         rows.append(('unusable', failure))
     else:
         rows += _timeline_rows(stage.summary())
+    rows += [('warning', remark.message) for remark in unit.remarks]
     return lines + [f'  {name:<12}{printable(text)}' for name, text in rows]
 
 
 def _timeline_rows(summary: 'TimelineSummary') -> list[tuple[str, str]]:
-    from imu_allan.writers.table import duration
+    from imu_allan.wording import duration
 
     timeline = summary.timeline
     rows = [('frame_id', summary.frame_id or '(empty)')]
@@ -104,7 +141,8 @@ def _timeline_rows(summary: 'TimelineSummary') -> list[tuple[str, str]]:
                   else f', jitter {duration(abs(summary.jitter_s))}')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
     rows.append(('clock', 'none usable, samples are counted' if summary.clock is None
-                 else f'{summary.clock} stamps'))
+                 else f'{summary.clock} stamps'
+                 + (f': {summary.stamps_read}' if summary.stamps_read else '')))
     absent = [name for name, present in zip(_axis_names(), summary.present, strict=True)
               if not present]
     if absent:

@@ -14,7 +14,7 @@ import errno
 import os
 import sys
 
-from imu_allan.cli import analyze, check, export, info, report, simulate
+from imu_allan.cli import analyze, check, export, info, report, simulate, tune
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.version import __version__
 
@@ -22,6 +22,9 @@ EXIT_DONE = 0
 EXIT_KNOWN_ERROR = 1
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
+_INSTALLED_AS = {name: name for name in (
+    'isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')}
+"""Packages that an installation by rosdep may lack, as pip calls them."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 DESCRIPTION = """\
@@ -31,7 +34,7 @@ its 95 % interval, from a recording made while the IMU lay still.
 
 EPILOG = """\
 exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
-3 check found a specification that is not met.
+3 check found a specification that is not met; 4 check --strict cannot tell.
 """
 
 
@@ -42,7 +45,7 @@ def command_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='version', version=f'imu_allan {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
-    for verb in (analyze, info, simulate, check, export, report):
+    for verb in (analyze, info, simulate, check, tune, export, report):
         verb.register(verbs)
     return parser
 
@@ -67,6 +70,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(status)
     except ImuAllanError as error:
         return _fail(str(error))
+    except ModuleNotFoundError as error:
+        package = _INSTALLED_AS.get((error.name or '').partition('.')[0])
+        if package is None:
+            raise
+        return _fail(f'needs the Python package {package}, which is not installed; rosdep does '
+                     f'not know it: pip install {package}')
     except BrokenPipeError:
         _drop_stdout()
         return EXIT_BROKEN_PIPE

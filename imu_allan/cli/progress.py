@@ -2,14 +2,51 @@
 # SPDX-License-Identifier: Apache-2.0
 """The progress bar of long work: on a terminal only, on stderr, gone when the work is done."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+
+class ProgressBar:
+    """
+    A bar, or none; called with the amount done so far.
+
+    Parameters
+    ----------
+    bar : (rich.progress.Progress, rich.progress.TaskID), optional
+        What is shown; by default nothing is.
+
+    """
+
+    def __init__(self, bar: 'tuple[Progress, TaskID] | None' = None) -> None:
+        self._bar = bar
+
+    def __call__(self, done: int) -> None:
+        """Show how much is done."""
+        if self._bar is not None:
+            progress, task = self._bar
+            progress.update(task, completed=done)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Take the bar off the terminal for as long as something else is written there."""
+        if self._bar is None:
+            yield
+            return
+        self._bar[0].stop()
+        try:
+            yield
+        finally:
+            self._bar[0].start()
 
 
 @contextmanager
 def progress_bar(label: str, total: int, *, wanted: bool = True,
-                 in_bytes: bool = True) -> Iterator[Callable[[int], None]]:
+                 in_bytes: bool = True) -> Iterator[ProgressBar]:
     """
     Show how far the work is and when it will be done.
 
@@ -26,12 +63,12 @@ def progress_bar(label: str, total: int, *, wanted: bool = True,
 
     Yields
     ------
-    callable
+    ProgressBar
         To be called with the amount done so far.
 
     """
     if not wanted or not sys.stderr.isatty():
-        yield lambda _: None
+        yield ProgressBar()
         return
     from rich.console import Console
     from rich.progress import (
@@ -49,4 +86,4 @@ def progress_bar(label: str, total: int, *, wanted: bool = True,
     columns.append(TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(label, total=total)
-        yield lambda done: progress.update(task, completed=done)
+        yield ProgressBar((progress, task))

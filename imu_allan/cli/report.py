@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from imu_allan.errors import ImuAllanError
+
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
@@ -19,28 +21,46 @@ def register(verbs: Any) -> None:
     parser.add_argument('--output', metavar='DIR', default='.',
                         help='folder to write to (default: this folder)')
     parser.add_argument('--format', metavar='LIST', type=_formats, default=('png', 'svg', 'pdf'),
-                        help='plots to write, of png, svg, pdf (default: all three)')
+                        help='what to write besides, of png, svg, pdf, and of one result latex: a '
+                             'table, a paragraph on the method and its references (default: '
+                             'png,svg,pdf)')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
-    from imu_allan.writers.folder import save_comparison, save_report
+    from imu_allan.writers.folder import (
+        MOST_COMPARED,
+        save_comparison,
+        save_latex,
+        save_report,
+    )
     from imu_allan.writers.result_file import load_result
 
     results = [load_result(path) for path in args.results]
+    pictures = tuple(name for name in args.format if name != 'latex')
+    if len(results) > 1 and pictures != args.format:
+        raise ImuAllanError('--format latex takes one result')
     if len(results) == 1:
-        paths = save_report(results[0], args.output, args.format)
+        paths = save_report(results[0], args.output, pictures)
+        if pictures != args.format:
+            paths += save_latex(results[0], args.output)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of
         from rich.console import Console
 
         names = names_of([Path(path) for path in args.results])
-        paths = save_comparison(dict(zip(names, results, strict=True)), args.output, args.format)
+        paths = save_comparison(dict(zip(names, results, strict=True)), args.output, pictures)
         console = Console()
         if not console.is_terminal:
             console.width = 130
-        console.print(difference_table(compare(dict(zip(names, results, strict=True)))))
+        named = dict(zip(names, results, strict=True))
+        if len(named) > MOST_COMPARED:
+            from imu_allan.writers.fleet import Fleet, population_table
+
+            console.print(population_table(Fleet(named)))
+        else:
+            console.print(difference_table(compare(named)))
     for path in paths:
         print(path)
     return 0
@@ -48,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _formats(text: str) -> tuple[str, ...]:
     formats = tuple(dict.fromkeys(part.strip() for part in text.split(',')))
-    unknown = [part for part in formats if part not in ('png', 'svg', 'pdf')]
+    unknown = [part for part in formats if part not in ('png', 'svg', 'pdf', 'latex')]
     if unknown:
-        raise argparse.ArgumentTypeError(f'{unknown[0]!r} is not one of png, svg, pdf')
+        raise argparse.ArgumentTypeError(f'{unknown[0]!r} is not one of png, svg, pdf, latex')
     return formats

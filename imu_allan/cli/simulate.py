@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _START_NS = 1_767_225_600 * 10**9
 """2026-01-01: the same command writes the same file on every day."""
+_MOST_SAMPLES = 10**11
+"""Three years at 1 kHz, and 37 TB."""
 
 
 def register(verbs: Any) -> None:
@@ -44,14 +46,17 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the recording and print its path."""
-    from imu_allan.noise.model import load_model
     from imu_allan.recordings.write import write_recording
-    from imu_allan.simulator import find_model, simulated_blocks
+    from imu_allan.sensor.noise_model import load_model
+    from imu_allan.sensor.simulated_imu import find_model, simulated_blocks
 
     model = load_model(find_model(args.model))
     output = Path(args.output if args.output is not None else Path(args.model).stem)
     if output.exists():
         raise ImuAllanError(f'{output}: exists already; name another folder with --output')
+    if args.rate * args.duration > _MOST_SAMPLES:
+        raise ImuAllanError(f'--duration {args.duration:g} at --rate {args.rate:g}: more than '
+                            f'{_MOST_SAMPLES:,} samples; simulate for less or at a lower rate')
     samples = round(args.rate * args.duration)
     if samples < 1:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '

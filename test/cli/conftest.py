@@ -4,9 +4,9 @@
 
 from pathlib import Path
 
-from imu_allan.noise.model import NoiseModel, parse_model
 from imu_allan.recordings.write import write_recording
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import NoiseModel, parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
 import pytest
 
 RATE_HZ = 100.0

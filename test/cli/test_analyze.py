@@ -15,11 +15,12 @@ import time
 import imu_allan
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
-from imu_allan.noise.model import NoiseModel
 from imu_allan.recordings.write import write_recording
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.sensor.simulated_imu import simulated_blocks
 import numpy as np
 import pytest
+import yaml
 
 RATE_HZ = 100.0
 SAMPLES = 30_000
@@ -55,6 +56,42 @@ def test_output_folder_holds_result_curve_plot_and_report(
     assert (output / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')
 
 
+def test_a_configuration_comes_in_the_same_command_alone_on_stdout(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(recording), '--for', 'kalibr']) == 0
+    shown = capsys.readouterr()
+    assert set(yaml.safe_load(shown.out)) == {
+        'accelerometer_noise_density', 'accelerometer_random_walk', 'gyroscope_noise_density',
+        'gyroscope_random_walk', 'rostopic', 'update_rate'}
+    assert 'angle random walk' in shown.err
+
+
+def test_configurations_go_into_the_folder_where_there_is_one(
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(recording), '--for', 'kalibr', '--for', 'px4',
+                 '--output', str(tmp_path)]) == 0
+    assert {'imu.yaml', 'px4_imu.params'} <= {path.name for path in tmp_path.iterdir()}
+    shown = capsys.readouterr()
+    assert shown.err == ''
+    assert 'angle random walk' in shown.out
+
+
+def test_one_configuration_of_several_recordings_is_wrong_usage(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(['analyze', str(recording), str(recording), '--for', 'kalibr'])
+    assert end.value.code == 2
+    assert '--for takes one recording; use --output DIR for several' in capsys.readouterr().err
+
+
+def test_the_table_may_be_in_si_units(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(recording), '--units', 'si']) == 0
+    shown = capsys.readouterr().out
+    assert 'rad/s/sqrt(Hz)' in shown
+    assert 'deg/h' not in shown
+
+
 def test_several_recordings_get_folders_of_their_own_and_tables_in_order(
         recording: Path, tmp_path: Path, model: NoiseModel,
         capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +100,7 @@ def test_several_recordings_get_folders_of_their_own_and_tables_in_order(
     shown = capsys.readouterr().out
     assert shown.index(str(recording)) < shown.index(str(other))
     rates = {folder.name: json.loads((folder / 'result.json').read_text())['timeline'][
-        'sample_rate_hz'] for folder in (tmp_path / 'out').iterdir()}
+        'sample_rate_hz'] for folder in (tmp_path / 'out').iterdir() if folder.is_dir()}
     assert rates == {'at_rest': pytest.approx(100), 'at_rest-2': pytest.approx(50)}
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
-from imu_allan.noise.model import NoiseModel
 from imu_allan.recordings.write import write_recording
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.sensor.simulated_imu import simulated_blocks
 import numpy as np
+from other_types import full_definition, imu, store_with, write_mcap
 import pytest
 
 START_NS = 1_700_000_000 * 10**9
@@ -23,7 +24,8 @@ def test_clean_recording_is_described(
     assert shown.err == ''
     for line in ('/imu/data_raw', '  messages    30,000', '  duration    5 min',
                  '  start       2023-11-14T22:13:20Z', '  frame_id    imu_link',
-                 '  clock       header stamps', '  faults      none'):
+                 '  clock       header stamps: each stamp shows its place, single missing samples '
+                 'are seen', '  faults      none'):
         assert f'{line}\n' in shown.out
     assert '  rate        100 Hz' in shown.out
 
@@ -50,7 +52,7 @@ def test_gaps_and_faults_are_counted(
 
 def test_sensor_that_is_not_there_is_named(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from imu_allan.noise.model import parse_model
+    from imu_allan.sensor.noise_model import parse_model
     gyro = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
     path = write_recording(tmp_path / 'gyro', simulated_blocks(gyro, 100.0, 500))
     assert main(['info', str(path)]) == 0
@@ -82,3 +84,32 @@ def test_clock_faults_of_a_real_recording_are_counted(capsys: pytest.CaptureFixt
     assert '347 repeated header stamps' in odometry
     assert '31 backward header stamps' in odometry
     assert 'nav_msgs/msg/Odometry' in odometry
+
+
+def test_an_imu_inside_another_message_is_named_with_how_it_is_read(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kind = 'my_driver/msg/Stamped'
+    store = store_with({kind: 'string raw\nsensor_msgs/Imu imu\n'})
+    for name in ('run_10', 'run_9'):
+        (tmp_path / name).mkdir()
+        write_mcap(tmp_path / name / 'a.mcap', kind, full_definition(store, kind),
+                   [store.serialize_cdr(store.types[kind]('a', imu(store, number)), kind)
+                    for number in range(20)])
+    assert main(['info', str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.index('run_9') < shown.index('run_10')
+    assert shown.count('  read as     my_driver/msg/Stamped, its field imu '
+                       '(sensor_msgs/msg/Imu)\n') == 2
+
+
+def test_a_topic_that_might_hold_an_imu_is_listed_with_the_reason(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = store_with({})
+    path = write_mcap(tmp_path / 'a.mcap', 'sensor_msgs/msg/Imu',
+                      full_definition(store, 'sensor_msgs/msg/Imu'),
+                      [store.serialize_cdr(imu(store, number), 'sensor_msgs/msg/Imu')
+                       for number in range(20)], topic='/imu')
+    assert main(['info', str(path), '--gyro', 'rate', '--gyro-topic', '/other']) == 0
+    assert '/imu\n' in capsys.readouterr().out
+    assert main(['info', str(path), '--gyro', 'rate']) == 1
+    assert 'sensor_msgs/msg/Imu has no field rate' in capsys.readouterr().err

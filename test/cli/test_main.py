@@ -41,7 +41,7 @@ def test_help_of_a_verb_explains_each_of_its_options(
 
 
 @pytest.mark.parametrize('heavy', ['numpy', 'scipy', 'matplotlib', 'rich', 'rosbags', 'mcap',
-                                   'pint', 'jinja2', 'plotly', 'yaml', 'rclpy', 'distributed'])
+                                   'pint', 'jinja2', 'yaml', 'rclpy', 'distributed'])
 def test_building_the_parser_loads_nothing_heavy(heavy: str) -> None:
     code = ('import sys; from imu_allan.cli.main import command_parser; command_parser(); '
             f'sys.exit({heavy!r} in sys.modules)')

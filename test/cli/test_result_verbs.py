@@ -4,6 +4,7 @@
 
 import json
 from pathlib import Path
+import re
 import xml.etree.ElementTree as ElementTree
 
 import imu_allan
@@ -99,6 +100,79 @@ def test_a_doubt_is_explained_and_is_no_failure(result_file, tmp_path, capsys):
     assert 'record for longer' in out
 
 
+def test_strict_gives_a_doubt_a_status_of_its_own(result_file, tmp_path, capsys):
+    (tmp_path / 'spec.yaml').write_text('gyro: {x: {rate_random_walk: 1 deg/h/sqrt(h)}}')
+    assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml'),
+                 '--strict']) == 4
+    (tmp_path / 'spec.yaml').write_text('gyro: {x: {rate_random_walk: 9000 deg/h/sqrt(h)}}')
+    assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml'),
+                 '--strict']) == 0
+    capsys.readouterr()
+    assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml'),
+                 '--strict', '--min-duration', '1h']) == 4
+    assert capsys.readouterr().out.splitlines()[-1] == \
+        '  gyro_x K: 5 min of data, and no less than 60 min may pass'
+
+
+def test_a_constant_sensor_fails_its_check(tmp_path, capsys):
+    rows = '\n'.join(f'{i / 100},0.5,0.25,{(i * i) % 7}' for i in range(1000))
+    (tmp_path / 'dead.csv').write_text(f'time_s,gyro_x,gyro_y,gyro_z\n{rows}\n')
+    (tmp_path / 'spec.yaml').write_text('gyro: {x: {noise_density: 9 deg/sqrt(h)}}')
+    assert main(['check', str(tmp_path / 'dead.csv'), '--spec', str(tmp_path / 'spec.yaml')]) == 3
+    assert capsys.readouterr().out.splitlines()[-1] == \
+        '  gyro_x N: the axis is constant: every sample is 0.5 rad/s'
+
+
+def test_unit_operator_and_station_go_into_every_paper(result_file, tmp_path, capsys):
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.5 deg/sqrt(h)}')
+    assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml'),
+                 '--serial', 'A-17', '--operator', 'mk', '--station', 'bench 3',
+                 '--json', str(tmp_path / 'c.json'), '--junit', str(tmp_path / 'c.xml'),
+                 '--certificate', str(tmp_path / 'c.html')]) == 0
+    capsys.readouterr()
+    said = {'serial': 'A-17', 'operator': 'mk', 'station': 'bench 3'}
+    assert json.loads((tmp_path / 'c.json').read_text())['inspection'] == said
+    properties = ElementTree.parse(tmp_path / 'c.xml').find('testsuite').find('properties')
+    assert {p.get('name'): p.get('value') for p in properties} == said
+    page = (tmp_path / 'c.html').read_text()
+    assert all(f'<dd>{word}</dd>' in page for word in said.values())
+
+
+@pytest.mark.parametrize(('limit', 'status', 'word'), [
+    ('0.01 deg/s/sqrt(Hz)', 0, 'pass'), ('0.004 deg/s/sqrt(Hz)', 3, 'fail'),
+    ('0.005 deg/s/sqrt(Hz)', 0, 'cannot tell')])
+def test_a_live_check_ends_as_soon_as_the_verdict_is_certain(
+        recording, tmp_path, capsys, limit, status, word):
+    (tmp_path / 'spec.yaml').write_text(f'gyro: {{noise_density: {limit}}}')
+    assert main(['check', str(recording), '--spec', str(tmp_path / 'spec.yaml'), '--live',
+                 '--json', str(tmp_path / 'c.json')]) == status
+    said = capsys.readouterr().out
+    seconds = float(re.match(r'certain after ([\d.]+) s', said)[1])
+    # Of the five minutes of the recording.
+    assert seconds < 60
+    document = json.loads((tmp_path / 'c.json').read_text())
+    assert document['verdict'] == word
+    if word != 'pass':
+        assert f' {limit}' in said.splitlines()[-1]
+
+
+def test_a_live_check_of_a_constant_sensor_fails_at_once(tmp_path, capsys):
+    rows = '\n'.join(f'{i / 100},0.5' for i in range(5000))
+    (tmp_path / 'dead.csv').write_text(f'time_s,gyro_x\n{rows}\n')
+    (tmp_path / 'spec.yaml').write_text('gyro: {x: {noise_density: 9 deg/sqrt(h)}}')
+    assert main(['check', str(tmp_path / 'dead.csv'), '--spec', str(tmp_path / 'spec.yaml'),
+                 '--live']) == 3
+    assert capsys.readouterr().out.splitlines()[-1] == \
+        '  gyro_x N: the axis is constant: every sample is 0.5 rad/s'
+
+
+def test_a_live_check_of_a_result_is_one_line(result_file, tmp_path, capsys):
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 9 deg/sqrt(h)}')
+    assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml'), '--live']) == 1
+    assert capsys.readouterr().err == \
+        f'imu_allan: {result_file}: --live needs a recording, not a result\n'
+
+
 def test_a_spec_without_a_unit_is_one_line_and_status_1(result_file, tmp_path, capsys):
     (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.03}')
     assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml')]) == 1
@@ -127,6 +201,21 @@ def test_report_of_two_results_compares_them(result_file, tmp_path, capsys):
     for axis in AXES:
         assert f'{axis}' in out
     assert '+0.00' in out
+
+
+def test_more_results_than_colours_are_compared_as_a_population(result_file, tmp_path, capsys):
+    paths = []
+    for number in range(1, 9):
+        paths.append(tmp_path / f'unit{number}.json')
+        paths[-1].write_bytes(result_file.read_bytes())
+    assert main(['report', *map(str, paths), '--output', str(tmp_path), '--format', 'png']) == 0
+    out = capsys.readouterr().out
+    assert '8 units' in out
+    assert '8 of 8' in out
+    page = (tmp_path / 'comparison.html').read_text()
+    assert '8 results compared' in page
+    assert 'unit8' in page
+    assert (tmp_path / 'comparison.png').exists()
 
 
 def test_an_unknown_format_is_wrong_usage(result_file, capsys):

@@ -7,7 +7,7 @@ import sys
 
 import imu_allan
 from imu_allan.cli.main import main
-from imu_allan.recordings import open_recording
+from imu_allan.recordings import open_recording, read_blocks
 import numpy as np
 import pytest
 
@@ -32,7 +32,7 @@ def test_analysis_of_a_simulated_recording_finds_the_model(
 
 def read(path: Path) -> np.ndarray:
     with open_recording(path) as recording:
-        return np.concatenate([block.samples for block in recording.blocks('/imu/data_raw')])
+        return np.concatenate([block.samples for block in read_blocks(recording, '/imu/data_raw')])
 
 
 def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from math import log, pi
 from pathlib import Path
 import re
 
-from imu_allan.noise.model import load_model
-from imu_allan.noise.units import parse
+from imu_allan.sensor.noise_model import load_model
+from imu_allan.sensor.units import parse
 import numpy as np
 import pytest
 from scipy.integrate import quad

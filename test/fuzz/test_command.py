@@ -6,18 +6,15 @@ from dataclasses import replace
 import json
 from pathlib import Path
 from random import Random
-import subprocess
-import sys
-import tempfile
 
-from bags import block, IMU, write_db3, write_metadata
+from bags import block, IMU, write_bag, write_db3, write_metadata
 from imu_allan.errors import printable
-from imu_allan.noise.model import parse_model
 from imu_allan.recordings.write import write_recording
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from measured_command import run
 from mutations import assert_harmless_on_a_terminal, mutated_bytes
 import pytest
-from test_ros1_bag import write_bag
 import yaml
 
 LONGEST_S = 10.0
@@ -25,28 +22,6 @@ LARGEST_KB = 500_000
 MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
                     'accel: {noise_density: 150 ug/sqrt(Hz)}')
 HOSTILE = '\x1b[31m\x1b]0;t\x07</script><script>alert(1)</script>\n- [bold]a: {b}"\'$x^2$ {{7*7}}'
-
-
-# The largest memory of a process begins with that of the one that started it: a small one.
-METER = """
-import json, os, subprocess, sys
-process = subprocess.Popen(sys.argv[2:])
-_, status, usage = os.wait4(process.pid, 0)
-with open(sys.argv[1], 'w') as file:
-    json.dump([os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime,
-               usage.ru_maxrss], file)
-"""
-
-
-def run(*arguments: object) -> tuple[int, str, str, float, int]:
-    """Run the command; returns status, stdout, stderr, CPU time in s and largest memory in kB."""
-    with tempfile.TemporaryDirectory() as folder:
-        measured = Path(folder, 'measured')
-        done = subprocess.run(
-            [sys.executable, '-c', METER, str(measured), sys.executable, '-m', 'imu_allan',
-             *map(str, arguments)], capture_output=True, text=True, timeout=120, check=True)
-        status, seconds, kilobytes = json.loads(measured.read_text())
-    return status, done.stdout, done.stderr, seconds, kilobytes
 
 
 def sources(folder: Path) -> dict[str, tuple[Path, Path]]:

@@ -6,8 +6,8 @@ from pathlib import Path
 from random import Random
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.model import load_model
 from imu_allan.noise.terms import AXES
+from imu_allan.sensor.noise_model import load_model
 from mutations import each, mutated_bytes, mutated_text, run_command
 import numpy as np
 import pytest

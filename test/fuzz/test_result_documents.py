@@ -13,9 +13,9 @@ import xml.etree.ElementTree as ET
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.model import parse_model
 from imu_allan.result import GaussMarkov, Remark, Result, Span, Tone
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.report import report_html

@@ -7,8 +7,8 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.noise.model import parse_model
-from imu_allan.simulator import simulated_blocks
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 from mutations import each, EXTREMES, mutated_bytes, mutated_text, NUMBERS
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import pytest
 
 checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
+same_imu = pytest.importorskip('imu_allan.node.same_imu')
 resuming = pytest.importorskip('imu_allan.node.resuming')
 
 MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
@@ -77,7 +78,7 @@ def resumed(content: bytes) -> bool:
     """Go on with a state as the node does; False if it is refused."""
     try:
         run = resuming.unpack(checkpoint.decode_state(content), SETUP)
-        resuming.Trial(run)
+        same_imu.Trial(same_imu.Signature.of(run.summary()))
     except checkpoint.UnusableState as error:
         assert error.reason in ('damaged', 'foreign', 'newer', 'topic', 'settings')
         return False

@@ -1,0 +1,126 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several recordings as a fleet: what is done already, and what is gathered on the way."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+import sys
+import traceback
+from typing import TYPE_CHECKING
+
+from imu_allan.cli.workers import Task
+from imu_allan.errors import ImuAllanError, printable
+
+if TYPE_CHECKING:
+    from imu_allan.result import Result
+
+FEW = 7
+"""Results up to which each is printed as a table; of more a line each."""
+
+
+class Gathering:
+    """The results of many recordings as they come in, without what a fleet does not need."""
+
+    def __init__(self, output: Path | None) -> None:
+        self._output = output
+        self._results: dict[str, Result] = {}
+        self._failures: list[tuple[str, str, str]] = []
+
+    def add(self, task: Task, result: 'Result') -> None:
+        """Take in a result."""
+        # Signal and spectrum are most of a result; of a thousand they would fill the memory.
+        axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
+                for name, axis in result.axes.items()}
+        self._results[task.unit] = replace(result, axes=axes)
+
+    def fail(self, unit: str, path: str, error: BaseException) -> None:
+        """Take in that nothing came of a recording."""
+        self._failures.append((unit, path, str(error)))
+
+    def finish(self) -> None:
+        """Write the fleet's files, if there is a folder for them, and print what it has to say."""
+        from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
+        from rich.console import Console
+
+        if self._output is None or len(self._results) + len(self._failures) < 2:
+            return
+        fleet = Fleet(self._results, {unit: unit for unit in self._results},
+                      tuple(Failure(*failure) for failure in self._failures))
+        paths = save_fleet(fleet, self._output)
+        console = Console()
+        if not console.is_terminal:
+            console.width = 130
+        console.print()
+        console.print(population_table(fleet))
+        print(paths[-1])
+
+
+def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
+    """
+    Return the results that an earlier run has left, by unit.
+
+    A result counts if its file is whole, names the same recording and topic, and is not older
+    than the recording.
+    """
+    from imu_allan.writers.result_file import load_result
+
+    found = {}
+    for task in tasks:
+        if task.folder is None:
+            continue
+        file = task.folder / 'result.json'
+        with suppress(ImuAllanError, OSError):
+            result = load_result(file)
+            same = result.source.path == task.path and task.topic in (None, result.source.topic)
+            if same and file.stat().st_mtime >= _changed(Path(task.path)):
+                found[task.unit] = result
+    return found
+
+
+def _changed(path: Path) -> float:
+    """When a recording was last written to: the newest of its files."""
+    files = [path, *path.iterdir()] if path.is_dir() else [path]
+    return max(file.stat().st_mtime for file in files)
+
+
+def line(unit: str, result: 'Result') -> str:
+    """Return a result in one line."""
+    from imu_allan.sensor.units import engineering
+    from imu_allan.wording import duration, number, SENSORS
+
+    parts = [duration(result.timeline.duration_s)]
+    for sensor in SENSORS:
+        found = [axis.coefficients['noise_density'] for name, axis in result.axes.items()
+                 if name.startswith(sensor)]
+        values = [c.value for c in found if c.value is not None]
+        if values:
+            worst, shown_unit = engineering(max(values), found[0].unit)
+            parts.append(f'{sensor} N {number(worst)} {shown_unit}')
+    if result.warnings:
+        parts.append(f'{len(result.warnings)} remarks')
+    return f'{printable(unit)}: {", ".join(parts)}'
+
+
+def complaint_of(error: BaseException, path: str) -> ImuAllanError:
+    """Return what stops one recording of several; what is unexpected shows where it came from."""
+    if isinstance(error, ImuAllanError):
+        return error
+    traceback.print_exception(error)
+    sys.stderr.flush()
+    return ImuAllanError(f'{path}: an unexpected {type(error).__name__} ({error}); '
+                         'the traceback above shows a bug, please report it')
+
+
+def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
+    """Return the complaint about a recording of which no axis shows any coefficient."""
+    if any(found.observable or found.upper95 is not None
+           for axis in result.axes.values() for found in axis.coefficients.values()):
+        return None
+    if result.axes and all(axis.curve.adev and not any(axis.curve.adev)
+                           for axis in result.axes.values()):
+        return ImuAllanError(f'{path}: no coefficient: every axis is constant, there is no noise '
+                             'to measure; look whether the IMU works and is read out')
+    return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '
+                         'record for longer')

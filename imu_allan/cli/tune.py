@@ -1,0 +1,124 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Show what a filter needs, and what it would reach with other numbers."""
+
+import argparse
+import json
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+from imu_allan.cli.arguments import duration, positive_number
+from imu_allan.errors import ImuAllanError, printable
+
+if TYPE_CHECKING:
+    from imu_allan.result import Result
+
+
+def register(verbs: Any) -> None:
+    """Add the verb and its options to the command."""
+    parser = verbs.add_parser(
+        'tune', help='what a filter needs, and how far it can trust that',
+        description='Choose noise density and bias numbers for a filter by how often something '
+                    'corrects it and how long it must do without, and show beside them what the '
+                    'measured coefficients, ten times K, and the full drift model would reach. '
+                    'Then the drift without any correction.')
+    parser.add_argument('result', metavar='RESULT',
+                        help='result file, written by: imu_allan analyze RECORDING --json RESULT')
+    parser.add_argument('--aiding', metavar='TIME', type=duration, default=0.1,
+                        help='time between two corrections of the filter (default: 0.1s)')
+    parser.add_argument('--coast', metavar='TIME', type=duration, default=60.0,
+                        help='the longest time without any (default: 60s)')
+    parser.add_argument('--bias', choices=('random_walk', 'gauss_markov'), default='random_walk',
+                        help='what the filter takes its bias for (default: random_walk)')
+    parser.add_argument('--calibration', metavar='TIME', type=duration, default=60.0,
+                        help='how long the bias is averaged before a drift (default: 60s)')
+    parser.add_argument('--verify', metavar='OTHER',
+                        help='hold the numbers against another recording or result: another day, '
+                             'or with the motors on, standing still now and then')
+    parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
+    parser.add_argument('--rate', metavar='HZ', type=positive_number,
+                        help='sample rate of the other recording, instead of the one measured')
+    parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
+    parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the tables, and write what was asked for."""
+    from imu_allan.writers.atomic import write_atomically
+    from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.tuning_table import (
+        forecast_sentences,
+        forecast_table,
+        tuning_document,
+        tuning_table,
+    )
+    from rich.console import Console
+
+    if args.coast < args.aiding:
+        raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
+                            's: a filter coasts for at least one interval')
+    result = load_result(args.result)
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = 130
+    console.print(tuning_table(result, args.aiding, args.coast, args.bias))
+    console.print(forecast_table(result, args.calibration))
+    sys.stdout.flush()
+    for sentence in forecast_sentences(result, args.calibration):
+        print(sentence)
+    for sentence in _beyond(result, args.coast):
+        print(sentence)
+    if args.json is not None:
+        document = tuning_document(result, args.aiding, args.coast, args.bias,
+                                   args.calibration)
+        write_atomically(args.json, (json.dumps(document, indent=2, allow_nan=False)
+                                     + '\n').encode())
+    if args.verify is not None:
+        console.print(_verification(args, result))
+    return 0
+
+
+def _beyond(result: 'Result', coast_s: float) -> list[str]:
+    from imu_allan.wording import duration as spoken
+
+    known = [axis.drift_model.to_s for axis in result.axes.values()
+             if axis.drift_model is not None]
+    if coast_s <= min(known) * (1 + 1e-6):
+        return []
+    return [f'{spoken(coast_s)} without correction is beyond what this recording knows '
+            f'({spoken(min(known))}): the numbers are widened; record for '
+            f'{spoken(3 * coast_s)} to know.']
+
+
+def _verification(args: argparse.Namespace, result: 'Result') -> Any:
+    from imu_allan.tuning.tune import tune
+    from imu_allan.tuning.verification import verify
+    from imu_allan.writers.tuning_table import verification_table
+
+    other = _other(args)
+    found = {name: verify(axis, other.axes[name], tune(axis, args.aiding, args.coast))
+             for name, axis in result.axes.items()
+             if axis.drift_model is not None and name in other.axes
+             and other.axes[name].drift_model is not None}
+    if not found:
+        raise ImuAllanError(f'{args.verify}: no axis has a drift model in both recordings')
+    return verification_table(found, printable(args.verify))
+
+
+def _other(args: argparse.Namespace) -> 'Result':
+    from imu_allan.writers.result_file import load_result
+
+    if Path(args.verify).suffix == '.json':
+        return load_result(args.verify)
+    import imu_allan
+    from imu_allan.cli.progress import progress_bar
+    from imu_allan.recordings import open_recording
+    from imu_allan.timeline import TimelineOptions
+
+    with open_recording(args.verify, rate_hz=args.rate) as recording:
+        size = recording.size_bytes
+    with progress_bar(printable(args.verify), size, wanted=not args.no_progress) as progress:
+        return imu_allan.analyze(args.verify, args.topic, progress=progress,
+                                 options=TimelineOptions(rate_hz=args.rate))

@@ -1,0 +1,338 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Several recordings and who works on them, in one module because all workers do the same task.
+
+What to make of each, into which folder, and by whom. The work is done in this process, in others
+of this machine or on a Dask cluster. Python's own process pools start their workers in a way that
+imports from the current folder first, which may be a recording that somebody else made; those of
+this module are isolated.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from itertools import count as naturals
+import os
+from pathlib import Path
+import pickle
+from queue import SimpleQueue
+import re
+import signal
+import subprocess
+import sys
+import threading
+from typing import Any, IO, Literal, TYPE_CHECKING, TypeVar
+
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.isolated import portable, start_python
+
+if TYPE_CHECKING:
+    from imu_allan.recordings import RecordingOptions
+    from imu_allan.result import Result
+
+T = TypeVar('T')
+
+_LONGEST_FOLDER_NAME = 200
+"""Bytes of a folder's name; file systems take 255, and a number may have to be added."""
+_PATIENCE_S = 15.0
+"""How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """
+    One result to be made.
+
+    Attributes
+    ----------
+    path : str
+        The recording.
+    topic : str or None
+        None where the recording has one Imu topic.
+    options : mapping
+        Of `TimelineOptions`.
+    start_s, duration_s : float
+        The part to use; a duration of None means all the rest.
+    size_bytes : int
+        Of the recording, for progress.
+    folder : Path or None
+        Where to write the result.
+    unit : str
+        What the recording is called among others.
+    inspection : mapping
+        Of `Inspection`; empty where nothing was said.
+    exports : tuple of str
+        Consumers whose configurations are written into the folder.
+    reading : RecordingOptions or None
+        How the recording is to be read.
+    together : tuple of str
+        Recordings of one IMU that make one result; empty where it is one recording.
+
+    """
+
+    path: str
+    topic: str | None
+    options: Mapping[str, Any]
+    start_s: float | Literal['auto']
+    duration_s: float | None
+    size_bytes: int
+    folder: Path | None
+    unit: str = ''
+    inspection: Mapping[str, str] = field(default_factory=dict)
+    exports: tuple[str, ...] = ()
+    reading: 'RecordingOptions | None' = None
+    together: tuple[str, ...] = ()
+
+
+def characterize(task: Task, progress: Callable[[int], None] | None = None) -> 'Result':
+    """Make the result of a task and write its folder: where the work is done, not one by one."""
+    from imu_allan.analysis import analyze
+    from imu_allan.recordings import RecordingOptions
+    from imu_allan.result import Inspection
+    from imu_allan.timeline import TimelineOptions
+
+    result = analyze(list(task.together) or task.path, task.topic,
+                     options=TimelineOptions(**task.options),
+                     reading=task.reading or RecordingOptions(), start_s=task.start_s,
+                     duration_s=task.duration_s, progress=progress)
+    if task.inspection:
+        result = replace(result, inspection=Inspection(**task.inspection))
+    if task.folder is not None:
+        from imu_allan.writers.folder import save_folder
+        save_folder(result, task.folder, task.exports)
+    return result
+
+
+# ------------------------------------------------------------------------------- into which folder
+
+def folder_names(recordings: Sequence[tuple[str, str | None]],
+                 units: Mapping[str, str] | None = None) -> list[str]:
+    """
+    Name a folder after each recording and topic, every name once.
+
+    Parameters
+    ----------
+    recordings : sequence of (str, str or None)
+        Path and topic. Nothing in a topic's name leads out of the folder above, and no name is
+        longer than a file system takes.
+    units : mapping of str to str, optional
+        What the unit of each path is called; the recording's own name by default.
+
+    """
+    from imu_allan.fleet.names import unit_name
+
+    taken: set[str] = set()
+    numbers: dict[str, Iterator[int]] = {}
+    stems = units or {path: unit_name(path) for path in {path for path, _ in recordings}}
+    names = []
+    for path, topic in recordings:
+        first = name = _folder_name(stems[path], topic)
+        # Where capitals count for nothing, two names that differ in them are one folder.
+        while name.casefold() in taken:
+            name = f'{first}-{next(numbers.setdefault(first.casefold(), naturals(2)))}'
+        taken.add(name.casefold())
+        names.append(name)
+    return names
+
+
+def _folder_name(stem: str, topic: str | None) -> str:
+    name = stem if topic is None else f'{stem}_{topic.strip("/")}'
+    name = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
+    return name.encode()[:_LONGEST_FOLDER_NAME].decode(errors='ignore') or 'recording'
+
+
+# -------------------------------------------------------------------------------------- by whom
+
+@contextmanager
+def executor(jobs: int, dask: str | None) -> Iterator[Executor]:
+    """
+    Give whatever works: this process, `jobs` others of this machine, or a Dask cluster.
+
+    Raises
+    ------
+    ImuAllanError
+        If the cluster cannot be used.
+
+    """
+    if dask is not None:
+        with _dask_client(dask) as client:
+            yield client.get_executor(pure=False)
+    elif jobs == 1:
+        yield _ThisProcess()
+    else:
+        with _WorkerProcesses(jobs) as workers:
+            yield workers
+
+
+def in_order(workers: Executor, tasks: Sequence[Task],
+             progress: Callable[[int], None]) -> 'Iterator[tuple[Task, Future[Result]]]':
+    """Submit every task; yield each with its finished future, in the order of `tasks`."""
+    waiting: deque[tuple[Task, Future[Result]]] = deque()
+    done_bytes = 0
+    for task in tasks:
+        if isinstance(workers, _ThisProcess):
+            future = workers.submit(characterize, task,
+                                    lambda done, before=done_bytes: progress(before + done))
+        else:
+            future = workers.submit(characterize, task)
+        waiting.append((task, future))
+        while waiting and waiting[0][1].done():
+            done_bytes += waiting[0][0].size_bytes
+            yield waiting.popleft()
+    while waiting:
+        wait([waiting[0][1]])
+        done_bytes += waiting[0][0].size_bytes
+        progress(done_bytes)
+        yield waiting.popleft()
+
+
+class _ThisProcess(Executor):
+    """Works at the moment of submission, so that Ctrl-C and progress need no messenger."""
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class _WorkerProcesses(Executor):
+    """Works in processes of this machine, each served by a thread of this one."""
+
+    def __init__(self, jobs: int) -> None:
+        self._threads = ThreadPoolExecutor(jobs)
+        self._of_thread = threading.local()
+        self._started: list[subprocess.Popen[bytes]] = []
+        self._given_up = False
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
+        return self._threads.submit(self._ask, fn, args, kwargs)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Let the workers end; at once where an exception leaves the context."""
+        if kind is not None:
+            self._given_up = True
+            self._threads.shutdown(wait=False, cancel_futures=True)
+            for process in self._started:
+                process.terminate()
+        self._threads.shutdown()
+        for process in self._started:
+            _close(process)
+
+    def _ask(self, fn: Callable[..., T], args: Any, kwargs: Any) -> T:
+        """Have a task done by the process of this thread."""
+        process = getattr(self._of_thread, 'process', None)
+        if process is None:
+            process = self._of_thread.process = self._start()
+        tasks, answers = _pipes(process)
+        try:
+            with open(tasks.fileno(), 'wb', closefd=False) as stdin:
+                pickle.dump((fn, args, kwargs), stdin)
+            with open(answers.fileno(), 'rb', closefd=False) as stdout:
+                value, failure = pickle.load(stdout)
+        except (BrokenPipeError, EOFError, pickle.UnpicklingError):
+            # The next task gets another process.
+            self._of_thread.process = None
+            raise ImuAllanError(
+                f'--jobs: the process that worked on {_first(args)} was ended from outside, '
+                'perhaps for want of memory; try fewer jobs') from None
+        if failure is not None:
+            error, where = failure
+            raise error from (None if isinstance(error, (ImuAllanError, OSError))
+                              else RuntimeError(f'in a worker process:\n{where}'))
+        answer: T = value
+        return answer
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        try:
+            # In a session of its own, Ctrl-C does not reach it: it ends with its standard input.
+            process = start_python(__name__, 'serve', stdout=subprocess.PIPE,
+                                   start_new_session=True)
+        except OSError as error:
+            raise ImuAllanError(f'--jobs: no further process can be started ({error.strerror}); '
+                                'try fewer jobs') from error
+        self._started.append(process)
+        if self._given_up:
+            process.terminate()
+        return process
+
+
+def serve() -> None:
+    """Be a worker process: do what comes on standard input until that is closed."""
+    signal.signal(signal.SIGTERM, _end_in_peace)
+    answers = os.fdopen(os.dup(1), 'wb')
+    # What a library might print must not get among the answers.
+    os.dup2(2, 1)
+    tasks: SimpleQueue[tuple[Callable[..., Any], Any, Any]] = SimpleQueue()
+    threading.Thread(target=_receive, args=(tasks,), daemon=True).start()
+    with suppress(SystemExit, BrokenPipeError):
+        while True:
+            function, args, kwargs = tasks.get()
+            pickle.dump(_outcome(function, args, kwargs), answers)
+            answers.flush()
+    # Not by the usual way: a thread still reads standard input.
+    os._exit(0)
+
+
+def _receive(tasks: SimpleQueue[tuple[Callable[..., Any], Any, Any]]) -> None:
+    """Hand on what comes; whoever sent it having ended, what is under way is given up."""
+    with suppress(EOFError, pickle.UnpicklingError):
+        while True:
+            tasks.put(pickle.load(sys.stdin.buffer))
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _outcome(function: Callable[..., Any], args: Any, kwargs: Any) -> tuple[Any, Any]:
+    try:
+        return function(*args, **kwargs), None
+    except Exception as error:
+        return None, portable(error)
+
+
+def _end_in_peace(*_: object) -> None:
+    # What was unpacked into a temporary folder is removed on the way out.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit()
+
+
+def _close(process: subprocess.Popen[bytes]) -> None:
+    tasks, answers = _pipes(process)
+    tasks.close()
+    try:
+        process.wait(_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    answers.close()
+
+
+def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    return process.stdin, process.stdout
+
+
+def _first(args: Any) -> str:
+    return printable(args[0].path) if args and isinstance(args[0], Task) else 'it'
+
+
+@contextmanager
+def _dask_client(address: str) -> Iterator[Any]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ImuAllanError('--dask: the package distributed is not installed; '
+                            "pip install 'imu_allan[fleet]'") from None
+    try:
+        client = Client(  # type: ignore[no-untyped-call]
+            address, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
+                            'dask scheduler') from error
+    with client:
+        yield client

@@ -1,0 +1,86 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Python processes that import nothing from the current folder.
+
+People analyze recordings that somebody else made, from inside their folder. An interpreter started
+with ``-c`` imports from there first, so that a ``pickle.py`` among the files would run. Processes
+are therefore started isolated (``-I``: neither the current folder nor the environment counts) and
+are then told where this process imports from, without the current folder.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+import os
+import pickle
+import subprocess
+import sys
+import traceback
+from typing import Any
+
+_PROGRAM = """
+import pickle, sys
+sys.path[:] = pickle.load(sys.stdin.buffer)
+from {module} import {function}
+{function}()
+"""
+_HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
+
+
+def import_path() -> list[str]:
+    """
+    Return the folders that this process imports from, without the current one.
+
+    The folder of this package comes last where it is not among them: as in a checkout that is
+    worked in, and in an editable installation. Nothing else can be hidden by it from there.
+    """
+    here = _real(os.curdir)
+    folders = [folder for folder in sys.path if folder and _real(folder) != here]
+    return folders if _HOME in folders else [*folders, _HOME]
+
+
+def start_python(module: str, function: str, **options: Any) -> subprocess.Popen[bytes]:
+    """
+    Start an interpreter that calls a function of this package.
+
+    Parameters
+    ----------
+    module, function : str
+        Full name of the module, and name of its function without arguments.
+    options
+        For `subprocess.Popen`, beside its standard input, which is a pipe without a buffer: the
+        function finds there what is written to it.
+
+    Raises
+    ------
+    OSError
+        If no process can be started.
+
+    """
+    process = subprocess.Popen(
+        [sys.executable, '-I', '-c', _PROGRAM.format(module=module, function=function)],
+        bufsize=0, stdin=subprocess.PIPE, **options)
+    assert process.stdin is not None
+    # It may have ended already: whoever reads from it finds that.
+    with suppress(BrokenPipeError), open(process.stdin.fileno(), 'wb', closefd=False) as stdin:
+        pickle.dump(import_path(), stdin)
+    return process
+
+
+def portable(error: Exception) -> tuple[Exception, str]:
+    """Return an exception as it can be sent to another process, and where it was raised."""
+    where = ''.join(traceback.format_exception(error))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f'{type(error).__name__}: {error}'), where
+    return error, where
+
+
+def _real(folder: str) -> str | None:
+    try:
+        return os.path.realpath(folder)
+    except OSError:
+        # A relative one, where the current folder was removed.
+        return None

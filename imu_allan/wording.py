@@ -1,0 +1,187 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How numbers, durations, sensors and recordings are said: once, for every place that says them.
+
+Terminal, report, figures, topics and messages of one result use the same words for the same thing.
+Nothing here knows a unit or a colour.
+"""
+
+from collections.abc import Sequence
+from math import floor, isfinite, log10
+
+from imu_allan.errors import printable
+from imu_allan.result import Result, Timeline
+
+SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
+"""Titles of the two sensors of an IMU."""
+SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
+"""What a sample of each sensor is."""
+
+_FEWEST, _MOST = 2, 6
+"""Significant digits of a value, however wide or narrow its interval is."""
+_PLAIN = (-4, 6)
+"""Powers of ten between which numbers are written without an exponent."""
+
+
+def number(value: float, digits: int = 4) -> str:
+    """
+    Return a number that has no interval, in so many significant digits.
+
+    Parameters
+    ----------
+    value : float
+        In any unit.
+    digits : int, optional
+        Zeros behind the last digit that is not one are left out.
+
+    Examples
+    --------
+    >>> number(2.40642), number(12345.6), number(2.86e-5), number(222.4, 3)
+    ('2.406', '12346', '2.86e-05', '222')
+
+    """
+    if 10.0**digits <= abs(value) < 10.0**_PLAIN[1]:
+        return f'{value:.0f}'
+    return f'{value:.{digits}g}'
+
+
+def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """
+    Return a value and its interval with the digits that the interval's width leaves.
+
+    The nearer bound decides, by the rule of the Particle Data Group: one digit of the distance is
+    written, two where it begins with less than 3.55. Zeros at the end are kept, for they were
+    measured; a bound that lies many times nearer to zero keeps two digits of its own.
+
+    Parameters
+    ----------
+    value, low, high : float
+        In one unit.
+
+    Returns
+    -------
+    value, low, high : str
+
+    References
+    ----------
+    Particle Data Group, "Review of Particle Physics", Introduction, section 5.3 (rounding).
+
+    Examples
+    --------
+    >>> measured(2.40642, 2.40161, 2.41123)
+    ('2.406', '2.402', '2.411')
+    >>> measured(150.02, 149.97, 150.07)
+    ('150.02', '149.97', '150.07')
+    >>> measured(49.5, 1.23, 310.4)
+    ('50', '1.2', '310')
+
+    """
+    distance = min((abs(bound - value) for bound in (low, high) if bound != value), default=0.0)
+    if not (distance > 0 and isfinite(distance)):
+        return number(value), number(low), number(high)
+    place = floor(log10(distance))
+    last = place if distance / 10.0**place >= 3.55 else place - 1
+    return _rounded(value, last), _rounded(low, last), _rounded(high, last)
+
+
+def _rounded(value: float, last: int) -> str:
+    """`value` down to the digit at 10^`last`, with at least `_FEWEST` and at most `_MOST`."""
+    if value == 0:
+        return '0'
+    first = floor(log10(abs(value)))
+    digits = min(max(first - last + 1, _FEWEST), _MOST)
+    # Rounding may carry: 9.99 to two digits is 10.
+    shown = float(f'{value:.{digits - 1}e}')
+    first = floor(log10(abs(shown)))
+    digits = min(max(first - last + 1, _FEWEST), _MOST)
+    if not _PLAIN[0] <= first < _PLAIN[1]:
+        return f'{value:.{digits - 1}e}'
+    return f'{shown:.{max(0, digits - 1 - first)}f}'
+
+
+def duration(seconds: float) -> str:
+    """
+    Return a length of time as a person says it.
+
+    Examples
+    --------
+    >>> [duration(seconds) for seconds in (0.04, 93, 345, 10_000, 259_200)]
+    ['40 ms', '93 s', '5 min 45 s', '2 h 47 min', '3 days']
+
+    """
+    if seconds >= 172_800:
+        return f'{seconds / 86_400:.3g} days'
+    if seconds >= 7200:
+        hours, minutes = divmod(round(seconds / 60), 60)
+        return f'{hours} h {minutes} min' if minutes else f'{hours} h'
+    if seconds >= 120:
+        minutes, rest = divmod(round(seconds), 60)
+        return f'{minutes} min {rest} s' if rest else f'{minutes} min'
+    return f'{seconds:.3g} s' if seconds >= 1 or seconds == 0 else f'{seconds * 1e3:.3g} ms'
+
+
+def counted(count: int, one: str, many: str | None = None) -> str:
+    """
+    Return a count with its noun.
+
+    Examples
+    --------
+    >>> counted(1, 'gap'), counted(1200, 'gap'), counted(2, 'stretch', 'stretches')
+    ('1 gap', '1,200 gaps', '2 stretches')
+
+    """
+    return f'{count:,} {one if count == 1 else many or one + "s"}'
+
+
+def listed(words: Sequence[str]) -> str:
+    """
+    Return words as a list in a sentence.
+
+    Examples
+    --------
+    >>> listed(['x', 'y', 'z']), listed(['x'])
+    ('x, y and z', 'x')
+
+    """
+    if len(words) < 2:
+        return ''.join(words)
+    return f'{", ".join(words[:-1])} and {words[-1]}'
+
+
+def spoken(axis: str) -> str:
+    """Return the name of an axis in a sentence: ``gyro x`` for ``gyro_x``."""
+    return axis.replace('_', ' ')
+
+
+def names_of(result: Result) -> list[str]:
+    """Return what the samples came from: path and topic as far as they are known, printable."""
+    source = result.source
+    return [printable(name) for name in (source.path, source.topic) if name] or ['samples']
+
+
+def amount_of(timeline: Timeline) -> str:
+    """Return how much was recorded: ``2,160,000 samples at 200 Hz, 3 h``."""
+    rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
+    return f'{counted(timeline.samples, "sample")}{rate}, {duration(timeline.duration_s)}'
+
+
+def origin_of(result: Result) -> list[str]:
+    """Return frame, beginning and clock as far as they are known, printable."""
+    source = result.source
+    found = (('frame {}', source.frame_id), ('from {}', source.start_time),
+             ('{} stamps', source.clock))
+    return [text.format(printable(value)) for text, value in found if value]
+
+
+def faults_of(timeline: Timeline) -> list[str]:
+    """Return what went wrong on the way, counted; nothing where all is well."""
+    counts = {'missing': timeline.missing, 'duplicate': timeline.duplicates,
+              'out of order': timeline.out_of_order, 'rejected': timeline.rejected}
+    faults = [f'{count:,} {name}' for name, count in counts.items() if count]
+    for spans, one, many in ((timeline.gaps, 'gap', 'gaps'),
+                             (timeline.motion, 'stretch of motion', 'stretches of motion')):
+        if spans:
+            total = sum(span.duration_s for span in spans)
+            faults.append(f'{counted(len(spans), one, many)} ({duration(total)})')
+    return faults

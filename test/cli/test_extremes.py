@@ -1,0 +1,122 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments and files at the ends of what numbers can be; packages that are not there."""
+
+import json
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+from imu_allan.analysis import between
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.cli.main import main
+from imu_allan.errors import ImuAllanError
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope='module')
+def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('result') / 'r.json'
+    assert main(['analyze', str(recording), '--json', str(path)]) == 0
+    return path
+
+
+@pytest.mark.parametrize(('option', 'value'), [
+    ('--start', '1e300'), ('--duration', '1e300'), ('--start', '40000d')])
+def test_a_time_beyond_a_century_is_wrong_usage(
+        recording: Path, capsys: pytest.CaptureFixture[str], option: str, value: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(['analyze', str(recording), option, value])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f'imu_allan analyze: error: argument {option}: {value} is more than a hundred years')
+
+
+@pytest.mark.parametrize(('start_s', 'duration_s', 'left'), [
+    (1e300, None, 0), (0.0, 1e300, 3), (0.0, 1e10, 3), (5e9, 1e10, 0)])
+def test_in_python_a_part_beyond_all_stamps_is_empty_or_all(start_s, duration_s, left):
+    stamps = np.array([10**18, 10**18 + 1, 2**62])
+    block = ImuBlock(stamps, stamps, np.zeros((3, 6)), np.zeros((3, 2), np.bool_), 'imu')
+    assert sum(len(part) for part in between([block], start_s, duration_s)) == left
+
+
+@pytest.mark.parametrize('key', ['samples', 'sample_rate_hz'])
+@pytest.mark.parametrize('digits', [400, 5000])
+@pytest.mark.parametrize('verb', ['report', 'check', 'export'])
+def test_a_number_of_many_digits_in_a_result_is_one_line(
+        result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str, digits: int,
+        verb: str) -> None:
+    text, found = re.subn(
+        rf'("{key}": )[\d.]+', rf'\g<1>{"9" * digits}', result.read_text(), count=1)
+    assert found == 1
+    damaged, spec = tmp_path / 'damaged.json', tmp_path / 'spec.yaml'
+    damaged.write_text(text)
+    spec.write_text('gyro: {noise_density: 1 deg/s/sqrt(Hz)}\n')
+    status = main({'report': ['report', str(damaged), '--output', str(tmp_path / 'out')],
+                   'check': ['check', str(damaged), '--spec', str(spec)],
+                   'export': ['export', str(damaged), '--for', 'kalibr']}[verb])
+    assert status == 1
+    complaint = capsys.readouterr().err
+    assert complaint.startswith(f'imu_allan: {damaged}')
+    assert complaint.count('\n') == 1
+    assert len(complaint) < 400
+
+
+def test_the_smallest_limit_there_is_gives_valid_json(result: Path, tmp_path: Path) -> None:
+    spec = tmp_path / 'spec.yaml'
+    spec.write_text('gyro: {noise_density: 5e-324 rad/s/sqrt(Hz)}\n')
+    assert main(['check', str(result), '--spec', str(spec),
+                 '--json', str(tmp_path / 'c.json')]) == 3
+
+    def refuse(name: str) -> None:
+        raise AssertionError(name)
+    json.loads((tmp_path / 'c.json').read_text(), parse_constant=refuse)
+
+
+@pytest.mark.parametrize('name', ['~nosuchuser/x', '~nosuchuser'])
+def test_the_home_of_nobody_is_one_line(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    assert main(['simulate', name]) == 1
+    assert capsys.readouterr().err == (
+        f'imu_allan: {name}: this user has no home folder; write the path without ~\n')
+
+
+@pytest.mark.parametrize('stamp', [2**31 * 10**9, -(2**31 + 1) * 10**9])
+def test_a_stamp_that_no_message_can_hold_is_not_written(stamp: int) -> None:
+    block = ImuBlock(np.array([stamp]), np.array([1]), np.zeros((1, 6)),
+                     np.zeros((1, 2), np.bool_), 'imu')
+    with pytest.raises(ImuAllanError) as error:
+        encode_imu_rows(block)
+    assert str(error.value) == (
+        'header stamps before 1901 or after 2038 cannot be written: builtin_interfaces/Time has '
+        '32 bits for the seconds')
+
+
+@pytest.mark.parametrize(('rate', 'duration', 'told'), [
+    ('1e9', '1h', '--duration 3600 at --rate 1e+09'),
+    ('1e308', '100d', '--duration 8.64e+06 at --rate 1e+308')])
+def test_more_samples_than_any_disk_holds_are_not_begun(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], rate: str, duration: str, told: str,
+        ) -> None:
+    output = tmp_path / 'out'
+    assert main(['simulate', 'consumer_mems', '--rate', rate, '--duration', duration,
+                 '--output', str(output)]) == 1
+    assert capsys.readouterr().err == (
+        f'imu_allan: {told}: more than 100,000,000,000 samples; simulate for less or at a lower '
+        'rate\n')
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(('package', 'verb'), [
+    ('lz4', 'analyze'), ('mcap', 'analyze'), ('zstandard', 'info')])
+def test_a_package_that_rosdep_does_not_install_is_one_line(
+        recording: Path, package: str, verb: str) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', f'import sys; sys.modules[{package!r}] = None\n'
+         f'from imu_allan.cli.main import main\nsys.exit(main([{verb!r}, {str(recording)!r}]))'],
+        capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (
+        1, f'imu_allan: needs the Python package {package}, which is not installed; rosdep does '
+        f'not know it: pip install {package}\n')

@@ -1,0 +1,151 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many recordings at once."""
+
+import csv
+import json
+import os
+from pathlib import Path
+import shutil
+
+from imu_allan.cli.main import main
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.result_file import load_result
+import numpy as np
+import pytest
+
+
+def write_csv(path: Path, density: float, seed: int, samples: int = 6000) -> str:
+    """Write a minute of a gyroscope at 100 Hz whose y axis has another density."""
+    model = parse_model(f'gyro: {{noise_density: 0.005 deg/s/sqrt(Hz), '
+                        f'y: {{noise_density: {density} deg/s/sqrt(Hz)}}}}')
+    columns = np.concatenate([block.samples[:, :3] for block in simulated_blocks(
+        model, 100.0, samples, seed=seed)])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = '\n'.join(f'{i / 100},{x!r},{y!r},{z!r}'
+                     for i, (x, y, z) in enumerate(columns.tolist()))
+    path.write_text(f'time_s,gyro_x,gyro_y,gyro_z\n{rows}\n')
+    return str(path)
+
+
+@pytest.fixture(scope='module')
+def units(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Six units, of which sn10 is noisy, and a file that is no recording."""
+    folder = tmp_path_factory.mktemp('units')
+    paths = [write_csv(folder / f'sn{number}' / 'night.csv', 0.009 if number == 10 else 0.005,
+                       number) for number in (2, 4, 5, 6, 7, 10)]
+    (folder / 'sn11').mkdir()
+    (folder / 'sn11' / 'night.csv').write_text('no,recording\n1,2\n')
+    return [*paths, str(folder / 'sn11' / 'night.csv')]
+
+
+@pytest.fixture(scope='module')
+def command(units: list[str], tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return ['analyze', *units, '--output', str(tmp_path_factory.mktemp('out') / 'fleet'),
+            '--name-from', 'folder']
+
+
+def test_a_fleet_gets_a_page_a_table_and_a_document(
+        command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    output = Path(command[command.index('--output') + 1])
+    assert main(command) == 1
+    shown = capsys.readouterr()
+    assert shown.err.count('\n') == 1
+    assert 'sn11' in shown.err
+    assert 'sn10: gyro_y angle random walk 0.5' in shown.out
+    document = json.loads((output / 'fleet.json').read_text())
+    assert document['schema'] == 'imu_allan.fleet/1'
+    assert [unit['name'] for unit in document['units']] == [
+        'sn2', 'sn4', 'sn5', 'sn6', 'sn7', 'sn10']
+    assert [unit['name'] for unit in document['units'] if unit['odd']] == ['sn10']
+    assert [failure['unit'] for failure in document['failures']] == ['sn11']
+    (density,) = (trait for trait in document['traits']
+                  if (trait['axis'], trait['key']) == ('gyro_x', 'noise_density'))
+    assert density['median'] == pytest.approx(0.005 * 0.0174533, rel=0.02)
+    with (output / 'fleet.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row['verdict'] for row in rows] == ['ok'] * 5 + ['odd', 'failed']
+    result = load_result(output / 'sn7' / 'result.json')
+    assert float(rows[4]['gyro_x.noise_density']) == \
+        result.axes['gyro_x'].coefficients['noise_density'].value
+    page = (output / 'fleet.html').read_text()
+    assert '<a href="sn10/report.html">sn10</a>' in page
+    assert '<script' not in page
+
+
+def test_resume_works_on_what_is_missing_or_newer(
+        command: list[str], units: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    output = Path(command[command.index('--output') + 1])
+    if not output.exists():
+        assert main(command) == 1
+    shutil.rmtree(output / 'sn4')
+    first, newer = (output / name / 'result.json' for name in ('sn2', 'sn5'))
+    before = first.stat().st_mtime_ns, newer.stat().st_mtime_ns
+    os.utime(units[2], (newer.stat().st_mtime + 60,) * 2)
+    capsys.readouterr()
+    assert main([*command, '--resume']) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert [line for line in said if line.endswith('done before')] == [
+        f'{name}: done before' for name in ('sn2', 'sn6', 'sn7', 'sn10')]
+    assert first.stat().st_mtime_ns == before[0]
+    assert newer.stat().st_mtime_ns > before[1]
+    assert (output / 'sn4' / 'result.json').exists()
+    assert len(json.loads((output / 'fleet.json').read_text())['units']) == 6
+
+
+def test_recordings_of_one_imu_make_one_result(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]
+    assert main(['analyze', *paths, '--together', '--output', str(tmp_path / 'out'),
+                 '--json', str(tmp_path / 'r.json'), '--serial', 'A-17']) == 0
+    assert f'{paths[0]} + {paths[1]}' in capsys.readouterr().out.replace('\n', '')
+    result = load_result(tmp_path / 'r.json')
+    assert [part.path for part in result.recordings] == paths
+    assert result.inspection.serial == 'A-17'
+    assert set(result.turn_on_bias) == {'gyro_x', 'gyro_y', 'gyro_z'}
+    assert (tmp_path / 'out' / 'report.html').exists()
+    assert not (tmp_path / 'out' / 'fleet.html').exists()
+
+
+def test_nothing_is_left_out_of_a_joint_result(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_csv(tmp_path / 'night.csv', 0.005, 1, 1000)
+    assert main(['analyze', path, str(tmp_path / 'no.csv'), '--together']) == 1
+    shown = capsys.readouterr()
+    assert shown.out == ''
+    assert shown.err.count('\n') == 1
+
+
+def test_a_serial_number_goes_into_result_and_fleet(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / 'a.csv', 0.005, 1, 1000)
+    assert main(['analyze', path, '--json', str(tmp_path / 'r.json'), '--serial', 'A-17',
+                 '--station', 'bench 3']) == 0
+    inspection = load_result(tmp_path / 'r.json').inspection
+    assert (inspection.serial, inspection.operator, inspection.station) == (
+        'A-17', None, 'bench 3')
+
+
+@pytest.mark.parametrize('options', [['--resume'], ['--serial', 'A-17'],
+                                     ['--together', '--all-topics']])
+def test_options_that_need_others_are_wrong_usage(
+        options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(['analyze', 'a.csv', 'b.csv', *options])
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.count('error: ') == 1
+
+
+@pytest.mark.parametrize(('rows', 'complaint'), [
+    ([f'{i / 100},0.5' for i in range(500)], 'no coefficient: every axis is constant, there is '
+     'no noise to measure; look whether the IMU works and is read out'),
+    ([f'{i / 100},{(i * i) % 7}' for i in range(56)],
+     'no coefficient: 56 samples are too few; record for longer')])
+def test_where_no_coefficient_comes_out_the_status_is_1(
+        rows: list[str], complaint: str, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'r.csv'
+    path.write_text('\n'.join(['time_s,gyro_x', *rows, '']))
+    assert main(['analyze', str(path), '--json', str(tmp_path / 'r.json')]) == 1
+    assert capsys.readouterr().err == f'imu_allan: {path}: {complaint}\n'
+    assert load_result(tmp_path / 'r.json').timeline.samples == len(rows)

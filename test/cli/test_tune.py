@@ -1,0 +1,113 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb tune: four ways to feed a filter, the drift without any, another recording."""
+
+from dataclasses import replace
+import json
+
+import imu_allan
+from imu_allan.cli.main import main
+from imu_allan.writers.result_file import load_result, save_result
+import pytest
+
+
+@pytest.fixture(scope='module')
+def result_file(recording, tmp_path_factory):
+    path = tmp_path_factory.mktemp('tune') / 'result.json'
+    save_result(imu_allan.analyze(recording), path)
+    return path
+
+
+def test_the_four_ways_stand_side_by_side(result_file, capsys):
+    assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s']) == 0
+    out, err = capsys.readouterr()
+    assert 'Numbers for a filter that is corrected every 1 s and must do without for 20 s' in out
+    for row in ('gyro_x', 'accel_z', 'tuned', 'conservative', 'as measured', 'ten times K',
+                'full drift model'):
+        assert row in out
+    assert 'One minute without correction costs about ' in out
+    assert err == ''
+
+
+def test_a_filter_with_a_process_gets_sigma_and_time(result_file, capsys):
+    assert main(['tune', str(result_file), '--bias', 'gauss_markov', '--coast', '20s']) == 0
+    assert 'sigma, Tc' in capsys.readouterr().out
+
+
+def test_the_numbers_as_json(result_file, tmp_path, capsys):
+    path = tmp_path / 'tuning.json'
+    assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s',
+                 '--json', str(path)]) == 0
+    capsys.readouterr()
+    document = json.loads(path.read_text())
+    axis = document['axes']['gyro_x']
+    tuned = axis['choices'][0]
+    assert tuned['numbers'] == 'tuned'
+    expected = imu_allan.tune(load_result(result_file).axes['gyro_x'], 1.0, 20.0)
+    assert tuned['noise_density'] == expected.noise_density
+    assert tuned['random_walk'] == expected.random_walk
+    assert len(tuned['consistency']) == 7
+    assert axis['forecast']['position'] is None
+    assert document['axes']['accel_x']['forecast']['position'][0] > 0
+
+
+def test_an_outage_beyond_the_recording_is_said(result_file, capsys):
+    assert main(['tune', str(result_file), '--coast', '3h']) == 0
+    assert ('3 h without correction is beyond what this recording knows ('
+            in capsys.readouterr().out)
+
+
+def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording, capsys):
+    assert main(['tune', str(result_file), '--verify', str(recording), '--no-progress']) == 0
+    out = capsys.readouterr().out
+    assert 'The tuned numbers held against' in out
+    assert '1.00 (' in out
+    assert main(['tune', str(result_file), '--verify', str(result_file)]) == 0
+
+
+def test_times_out_of_order_are_told(result_file, capsys):
+    assert main(['tune', str(result_file), '--aiding', '10s', '--coast', '1s']) == 1
+    assert capsys.readouterr().err == (
+        'imu_allan: --coast 1 s is shorter than --aiding 10 s: a filter coasts for at least one '
+        'interval\n')
+
+
+@pytest.mark.parametrize('bad', ['0', '-1s', 'nan', 'inf'])
+@pytest.mark.parametrize('option', ['--aiding', '--coast', '--calibration'])
+def test_times_that_make_no_sense_are_wrong_usage(result_file, capsys, option, bad):
+    with pytest.raises(SystemExit) as stop:
+        main(['tune', str(result_file), f'{option}={bad}'])
+    assert stop.value.code == 2
+    capsys.readouterr()
+
+
+def test_a_result_without_drift_model_is_told(result_file, tmp_path, capsys):
+    result = load_result(result_file)
+    old = replace(result, axes={name: replace(axis, drift_model=None)
+                                for name, axis in result.axes.items()})
+    save_result(old, tmp_path / 'old.json')
+    assert main(['tune', str(tmp_path / 'old.json')]) == 1
+    assert capsys.readouterr().err == (
+        'imu_allan: no axis of this result has a drift model (constant, too short, or from an '
+        'older version): analyze the recording again\n')
+    assert main(['tune', str(result_file), '--verify', str(tmp_path / 'old.json')]) == 1
+    assert capsys.readouterr().err.endswith(
+        'old.json: no axis has a drift model in both recordings\n')
+
+
+def test_export_writes_what_was_wished(result_file, capsys):
+    assert main(['export', str(result_file), '--for', 'kalibr', '--aiding', '1s', '--coast',
+                 '2min', '--conservative', '--inflate', 'N=2,K=5']) == 0
+    out = capsys.readouterr().out
+    assert '# Conservatively tuned for a correction every 1 s and 2 min without one.' in out
+    assert '# INFLATED on request: K times 5, N times 2.' in out
+    assert main(['export', str(result_file), '--for', 'kalibr', '--as-measured']) == 0
+    assert '# Coefficients as measured (IEEE Std 952), not tuned.' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('bad', ['N', '2', 'B=2', 'N=0', 'N=2,N=3', 'K=nan', ''])
+def test_factors_that_make_no_sense_are_wrong_usage(result_file, capsys, bad):
+    with pytest.raises(SystemExit) as stop:
+        main(['export', str(result_file), '--for', 'kalibr', f'--inflate={bad}'])
+    assert stop.value.code == 2
+    capsys.readouterr()

@@ -1,0 +1,114 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Processes that work on several recordings, and the folders that results go to."""
+
+import contextlib
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from imu_allan.cli.main import main
+from imu_allan.cli.workers import executor, folder_names
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings.write import write_recording
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.sensor.simulated_imu import simulated_blocks
+import pytest
+import zstandard
+
+
+def processes_with(variable: str) -> list[int]:
+    """Return the living processes that have this in their environment."""
+    found = []
+    for environment in Path('/proc').glob('[0-9]*/environ'):
+        with contextlib.suppress(OSError):
+            if variable.encode() in environment.read_bytes().split(b'\0'):
+                found.append(int(environment.parent.name))
+    return found
+
+
+def wait_until(reached, timeout: float = 30.0) -> None:
+    end = time.monotonic() + timeout
+    while not reached():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_no_name_of_a_topic_leads_out_of_the_folder_above_or_is_too_long_for_it(tmp_path):
+    topics = ['/' + 'a' * 301, '/' + 'ä' * 301, '/../../up', '/' + '\0\n', '..', '']
+    for name in folder_names([('recording', topic) for topic in topics]):
+        (tmp_path / name).mkdir()
+    assert len(list(tmp_path.iterdir())) == len(topics)
+
+
+def test_names_that_clash_are_numbered_whatever_other_topics_are_called():
+    topics = ['/x', '/x-2', '/x', 'X', '/x', '/x-2']
+    assert folder_names([('a', topic) for topic in topics]) == [
+        'a_x', 'a_x-2', 'a_x-3', 'a_X-4', 'a_x-5', 'a_x-2-2']
+
+
+def test_a_hundred_thousand_topics_are_named_in_seconds():
+    start = time.process_time()
+    names = folder_names([('a', f'/x-{number % 1000}') for number in range(100_000)])
+    assert len(set(names)) == 100_000
+    assert time.process_time() - start < 10
+
+
+def test_a_worker_that_is_killed_costs_its_own_recording_only():
+    with executor(2, None) as workers:
+        lost = workers.submit(os._exit, 9)
+        with pytest.raises(ImuAllanError) as error:
+            lost.result(timeout=60)
+        assert [workers.submit(abs, -number).result(timeout=60) for number in range(5)] == [
+            *range(5)]
+    assert str(error.value) == (
+        '--jobs: the process that worked on it was ended from outside, perhaps for want of '
+        'memory; try fewer jobs')
+
+
+def test_a_defect_in_a_worker_shows_where_it_is():
+    with executor(2, None) as workers, pytest.raises(ZeroDivisionError) as error:
+        workers.submit(divmod, 1, 0).result(timeout=60)
+    assert 'ZeroDivisionError' in str(error.value.__cause__)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
+        tmp_path: Path, model: NoiseModel, number: signal.Signals) -> None:
+    # Compressed as a whole: unpacked into a temporary folder while it is read.
+    long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 60_000))
+    [file] = long.glob('*.mcap')
+    packed = file.with_name(file.name + '.zstd')
+    packed.write_bytes(zstandard.compress(file.read_bytes()))
+    temporary = tmp_path / 'temporary'
+    temporary.mkdir()
+    mark = f'IMU_ALLAN_TEST={tmp_path}'
+    with subprocess.Popen(
+            [sys.executable, '-m', 'imu_allan', 'analyze', *[str(packed)] * 30, '--jobs', '2'],
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
+            env={**os.environ, 'IMU_ALLAN_TEST': str(tmp_path), 'TMPDIR': str(temporary)},
+            ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert len(processes_with(mark)) >= 3
+        os.killpg(process.pid, number)
+        process.stdout.read()
+    assert process.returncode in (130, -number)
+    wait_until(lambda: not processes_with(mark))
+    wait_until(lambda: not list(temporary.iterdir()))
+
+
+def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_written(
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / 'out'
+    output.mkdir()
+    (output / 'at_rest').write_text('in the way')
+    assert main(['analyze', str(recording), str(recording), '--output', str(output)]) == 1
+    complaint = capsys.readouterr().err
+    assert complaint == (
+        f'imu_allan: {output / "at_rest" / "result.json"}: cannot be written (File exists); '
+        'choose a folder that exists on a disk with room and may be written to\n')
+    assert (output / 'at_rest-2' / 'report.html').exists()

@@ -1,0 +1,38 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The navigation filter of examples/filter_consistency: right where its numbers are."""
+
+import importlib.util
+from pathlib import Path
+
+import imu_allan
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope='module')
+def consistency():
+    path = (Path(__file__).parents[2] / 'examples' / 'filter_consistency' / 'consistency.py')
+    spec = importlib.util.spec_from_file_location('consistency', path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_filter_is_consistent_on_noise_that_it_is_told(consistency):
+    n, k = np.array([1e-4] * 3 + [1e-3] * 3), np.array([1e-6] * 3 + [1e-5] * 3)
+    rates = np.stack([imu_allan.simulate({'noise_density': n[i], 'rate_random_walk': k[i]},
+                                         12_000, 1.0, i) for i in range(6)], axis=1)
+    nees, nis = consistency.run(rates, (n, k), 1)
+    assert nis.mean() == pytest.approx(1, abs=0.1)
+    assert nees[:, -1].mean() == pytest.approx(1, abs=0.4)
+    doubtful, _ = consistency.run(rates, (n / 3, k / 3), 1)
+    assert doubtful[:, -1].mean() > 4
+
+
+def test_the_dynamics_are_those_of_an_imu_at_rest(consistency):
+    f = consistency.transition(2.0)
+    assert f[0, 3] == 2.0
+    assert f[0, 12] == 2.0                                      # t^2/2
+    assert f[3, 10] == pytest.approx(consistency.GRAVITY * 2)   # g t^2/2
+    assert f[0, 10] == pytest.approx(consistency.GRAVITY * 8 / 6)

@@ -1,0 +1,179 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Devices, pipes, sockets and other people's links as outputs: written to or refused."""
+
+import json
+import os
+from pathlib import Path
+import socket
+import stat
+import subprocess
+import sys
+import threading
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings.write import write_recording
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.atomic import write_atomically
+import pytest
+
+MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}\n'
+SOMEBODY_ELSE = 12345
+ADVICE = 'choose a folder that exists on a disk with room and may be written to'
+
+
+@pytest.fixture(scope='module')
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    blocks = simulated_blocks(parse_model(MODEL), 100.0, 3000, start_ns=10**18)
+    return write_recording(tmp_path_factory.mktemp('recordings') / 'a', blocks)
+
+
+def analyze(recording: Path, *options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-m', 'imu_allan', 'analyze', str(recording), '--no-progress',
+         *map(str, options)], capture_output=True, text=True, timeout=60, check=False)
+
+
+def device(path: Path, kind: int, numbers: tuple[int, int]) -> Path:
+    """Make a device; skip where that is not allowed."""
+    try:
+        os.mknod(path, kind | 0o666, os.makedev(*numbers))
+        path.open('rb').close()
+    except OSError:
+        pytest.skip('making a device that can be opened needs root')
+    return path
+
+
+def test_a_device_is_written_to_and_stays_a_device(tmp_path, recording):
+    null = device(tmp_path / 'null', stat.S_IFCHR, (1, 3))
+    before = null.stat()
+    done = analyze(recording, '--json', null)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert (null.stat().st_ino, null.stat().st_mode) == (before.st_ino, before.st_mode)
+
+
+def test_a_device_without_room_is_one_line(tmp_path, recording):
+    full = device(tmp_path / 'full', stat.S_IFCHR, (1, 7))
+    done = analyze(recording, '--json', full)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f'imu_allan: {full}: cannot be written (No space left on device); {ADVICE}\n')
+    assert stat.S_ISCHR(full.stat().st_mode)
+
+
+@pytest.mark.parametrize('output', ['pipe', 'file'])
+def test_a_result_goes_to_standard_output_wherever_that_leads(tmp_path, recording, output):
+    command = [sys.executable, '-m', 'imu_allan', 'analyze', str(recording), '--json',
+               '/dev/stdout']
+    if output == 'pipe':
+        text = subprocess.run(command, capture_output=True, text=True, timeout=60,
+                              check=True).stdout
+    else:
+        with (tmp_path / 'out').open('wb') as file:
+            subprocess.run(command, stdout=file, timeout=60, check=True)
+        text = (tmp_path / 'out').read_text()
+    document, end = json.JSONDecoder().raw_decode(text)
+    assert document['schema'] == 'imu_allan.result/1'
+    # The table follows; neither of the two is lost.
+    assert '3,000 samples' in text[end:]
+
+
+def test_a_pipe_that_is_read_gets_the_result(tmp_path, recording):
+    os.mkfifo(tmp_path / 'pipe')
+    taken: list[bytes] = []
+    reader = threading.Thread(target=lambda: taken.append((tmp_path / 'pipe').read_bytes()))
+    reader.start()
+    done = analyze(recording, '--json', tmp_path / 'pipe')
+    reader.join(timeout=60)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert json.loads(taken[0])['schema'] == 'imu_allan.result/1'
+    assert stat.S_ISFIFO((tmp_path / 'pipe').stat().st_mode)
+
+
+@pytest.mark.parametrize('kind', ['pipe that nobody reads', 'socket'])
+def test_what_takes_no_bytes_is_one_line_and_stays(tmp_path, recording, kind):
+    target = tmp_path / 'x'
+    if kind == 'socket':
+        listening = socket.socket(socket.AF_UNIX)
+        listening.bind(str(target))
+    else:
+        os.mkfifo(target)
+    before = target.lstat().st_mode
+    done = analyze(recording, '--json', target)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f'imu_allan: {target}: cannot be written (No such device or address); {ADVICE}\n')
+    assert target.lstat().st_mode == before
+
+
+def shared_folder(folder: Path) -> Path:
+    """Make a folder like /tmp: everybody may write to it, nobody may remove what is not theirs."""
+    folder.mkdir()
+    folder.chmod(0o1777)
+    return folder
+
+
+def planted(link: Path, target: Path) -> None:
+    """Make a link of another user; skip where that is not allowed."""
+    link.symlink_to(target)
+    try:
+        os.lchown(link, SOMEBODY_ELSE, SOMEBODY_ELSE)
+    except PermissionError:
+        pytest.skip('making the link of another user needs root')
+
+
+@pytest.mark.parametrize('where', ['r.json', 'out'])
+def test_a_link_planted_in_a_shared_folder_is_not_followed(tmp_path, recording, where):
+    shared = shared_folder(tmp_path / 'shared')
+    precious = tmp_path / 'precious'
+    if where == 'out':
+        precious.mkdir()
+        (precious / 'result.json').write_text('mine')
+    else:
+        precious.write_text('mine')
+    planted(shared / where, precious)
+    option = ('--output', shared / where) if where == 'out' else ('--json', shared / where)
+    done = analyze(recording, *option)
+    assert done.returncode == 1
+    named = shared / where / 'result.json' if where == 'out' else shared / where
+    assert done.stderr == (
+        f'imu_allan: {named}: cannot be written ({shared / where} is a link that another user put '
+        f'into a folder that everybody may write to); {ADVICE}\n')
+    assert (precious / 'result.json' if where == 'out' else precious).read_text() == 'mine'
+
+
+def test_ones_own_link_is_followed_in_a_shared_folder_too(tmp_path):
+    shared = shared_folder(tmp_path / 'shared')
+    (shared / 'link').symlink_to(tmp_path / 'real')
+    write_atomically(shared / 'link', b'content')
+    assert (tmp_path / 'real').read_bytes() == b'content'
+
+
+def test_links_that_lead_in_a_circle_are_told(tmp_path):
+    (tmp_path / 'a').symlink_to('b')
+    (tmp_path / 'b').symlink_to('a')
+    with pytest.raises(ImuAllanError) as error:
+        write_atomically(tmp_path / 'a', b'content')
+    assert str(error.value) == (
+        f'{tmp_path / "a"}: cannot be written (Too many levels of symbolic links); {ADVICE}')
+
+
+def test_the_way_through_links_and_dots_is_that_of_the_system(tmp_path):
+    (tmp_path / 'deep' / 'er').mkdir(parents=True)
+    (tmp_path / 'link').symlink_to(tmp_path / 'deep' / 'er')
+    write_atomically(tmp_path / 'link' / '..' / 'file', b'content')
+    assert (tmp_path / 'deep' / 'file').read_bytes() == b'content'
+
+
+def test_writing_never_changes_the_umask_of_the_process(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, 'umask', lambda _: pytest.fail('the umask belongs to all threads'))
+    write_atomically(tmp_path / 'file', b'content')
+    assert (tmp_path / 'file').read_bytes() == b'content'
+
+
+def test_a_private_file_is_read_by_nobody_else(tmp_path):
+    (tmp_path / 'file').write_bytes(b'')
+    (tmp_path / 'file').chmod(0o644)
+    write_atomically(tmp_path / 'file', b'content', private=True)
+    assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o600

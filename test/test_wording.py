@@ -1,0 +1,55 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from hypothesis import given, strategies as st
+from imu_allan.result import Span, Timeline
+from imu_allan.wording import amount_of, duration, faults_of, measured, number
+import pytest
+
+
+@pytest.mark.parametrize(('seconds', 'text'), [
+    (0, '0 s'), (0.012, '12 ms'), (93, '93 s'), (120, '2 min'), (345, '5 min 45 s'),
+    (10_000, '2 h 47 min'), (10_800, '3 h'), (259_200, '3 days')])
+def test_durations_are_said_as_a_person_says_them(seconds, text):
+    assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(('value', 'text'), [
+    (0, '0'), (2.40642, '2.406'), (101.0, '101'), (2.86e-5, '2.86e-05'), (123456.0, '123456'),
+    (-12345.6, '-12346'), (1.5e9, '1.5e+09')])
+def test_numbers_without_an_interval_have_four_significant_digits(value, text):
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(('numbers', 'texts'), [
+    ((150.0, 149.95, 150.05), ('150.00', '149.95', '150.05')),
+    ((150.0, 149.0, 152.0), ('150.0', '149.0', '152.0')),
+    ((407.9, 407.1, 408.7), ('407.9', '407.1', '408.7')),
+    ((7.0e-4, 6.986e-4, 7.014e-4), ('0.0007000', '0.0006986', '0.0007014')),
+    ((4e-6, 2.8e-6, 5.2e-6), ('4.0e-06', '2.8e-06', '5.2e-06')),
+    ((0.5, 0.1, 3.0), ('0.50', '0.10', '3.0')),
+    ((9.996, 9.95, 10.04), ('10.00', '9.95', '10.04')),
+    ((-49.5, -64.35, -34.65), ('-50', '-64', '-35')),
+    ((1234567.0, 1234000.0, 1235000.0), ('1.2346e+06', '1.2340e+06', '1.2350e+06')),
+    ((24.75, 22.77, 26.73), ('24.8', '22.8', '26.7')),
+    ((3.0, 0.0, 7.0), ('3.0', '0', '7.0')),
+    ((2.5, 2.5, 2.5), ('2.5', '2.5', '2.5'))])
+def test_the_digits_of_a_value_follow_from_its_interval(numbers, texts):
+    assert measured(*numbers) == texts
+
+
+@given(st.floats(1e-12, 1e12), st.floats(1e-7, 0.9), st.floats(1e-7, 10))
+def test_rounding_moves_a_value_by_far_less_than_its_interval(value, below, above):
+    low, high = value * (1 - below), value * (1 + above)
+    shown = [float(text) for text in measured(value, low, high)]
+    nearer = min(value - low, high - value)
+    for text, true in zip(shown, (value, low, high), strict=True):
+        assert abs(text - true) <= max(nearer / 6, 1e-5 * abs(true))
+
+
+def test_a_recording_is_summed_up_in_one_line():
+    timeline = Timeline(200.0, 2_160_000, 10_800.0, missing=1200, duplicates=1,
+                        gaps=(Span(1.0, 4.0), Span(9.0, 2.0)), motion=(Span(5.0, 300.0),))
+    assert amount_of(timeline) == '2,160,000 samples at 200 Hz, 3 h'
+    assert faults_of(timeline) == ['1,200 missing', '1 duplicate', '2 gaps (6 s)',
+                                   '1 stretch of motion (5 min)']
+    assert amount_of(Timeline(None, 1, 0.0)) == '1 sample, 0 s'
