@@ -9,6 +9,7 @@ N read off the curve at 1 s, K off the +1/2 line through its end, B as its minim
 
     python bench/bench_accuracy.py --runs 200            # minutes on two cores
     python bench/bench_accuracy.py --only A B --peers
+    python bench/bench_accuracy.py --drawn --runs 1000   # spectra drawn from the model
 """
 
 import argparse
@@ -20,7 +21,8 @@ import os
 import sys
 from typing import Any
 
-from imu_allan.noise.axis import characterize, fit_axes
+from imu_allan.characterization.axis import characterize
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import FLICKER_FLOOR
@@ -114,8 +116,9 @@ def ours(record: Array, rate_hz: float) -> tuple[Estimates, list[tuple[float, ..
     found: Estimates = {
         key: (e.value, e.low, e.high, True) if e.observable else (e.value, 0.0, e.upper, False)
         for key, e in fitted.fit.estimates.items()}
-    sigma, _ = fitted.fit.gauss_markov or (0.0, 0.0)
-    found[PROCESS] = sigma, np.nan, np.nan, sigma > 0
+    process = fitted.fit.gauss_markov
+    found[PROCESS] = ((process.sigma, *process.sigma_ci95, True) if process
+                      else (0.0, np.nan, np.nan, False))
     axis = characterize(record, rate_hz)
     curve = [(tau, adev, *bounds) for tau, adev, bounds
              in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95, strict=True)]
@@ -231,6 +234,72 @@ def show(name: str, trials: Sequence[Any]) -> None:
         print('  coverage of the curve: ' + ', '.join(worst))
 
 
+TERMS_OF_DRAWN = ('quantization_noise', N, B, K)
+_WEAK_Q = _CONSUMER[N] * np.sqrt(np.sqrt(2 / 360_000) * 0.01 / 2 * 1.15)
+"""Quantization noise whose square is one standard error, in an hour at 100 Hz."""
+
+
+def drawn_cases() -> dict[str, tuple[float, float, dict[str, float], list[Callable[..., Any]]]]:
+    """Sample rate, hours, terms and courses of the mean of the cases that `--drawn` runs."""
+    still = {N: _CONSUMER[N], B: _CONSUMER[B]}
+    flicker = _CONSUMER[B]
+
+    def ramp(slope: float) -> Callable[[Array], Array]:
+        return lambda time: slope * time
+
+    steep = 3 * _WALKING[K] / np.sqrt(_HOUR)
+    return {
+        'A': (100, 3, _CONSUMER, []),
+        'B': (200, 1, _WALKING, []),
+        'N + B': (100, 1, still, []),
+        'N + B + ramp of 5 standard errors': (100, 1, still, [ramp(4.4 * flicker / _HOUR)]),
+        'N + B + K + ramp of 3 standard errors': (100, 1, _WALKING, [ramp(steep)]),
+        'warm-up 10 B exp(-t/600 s)': (
+            100, 2, still, [lambda time: 10 * flicker * np.exp(-time / 600)]),
+        'sine of 20 min, 2 B, 1 h': (
+            100, 1, still, [lambda time: 2 * flicker * np.sin(2 * np.pi * time / 1200)]),
+        'sine of 20 min, 2 B, 2 h': (
+            100, 2, still, [lambda time: 2 * flicker * np.sin(2 * np.pi * time / 1200)]),
+        **{f'Q of {errors} standard errors': (
+            100, 1, {**still, 'quantization_noise': _WEAK_Q * np.sqrt(errors)}, [])
+           for errors in (1, 2, 3, 4)},
+    }
+
+
+def show_drawn(name: str, records: int) -> None:
+    """Draw spectra of a case, fit them, and print the figures with their standard errors."""
+    from drawn_spectra import draw, shape_of
+    from imu_allan.noise.fit import fit
+    rate, hours, terms, courses = drawn_cases()[name]
+    dt = 1 / rate
+    theta = [terms.get(key, 0.0)**2 for key in TERMS_OF_DRAWN]
+    spectra = draw(shape_of(round(rate * hours * _HOUR)), theta, dt, records,
+                   np.random.default_rng(0), courses)
+    found = [fit(one.groups(), dt, None, one) for one in spectra]
+    print(f'\n{name}: {rate:g} Hz x {hours:g} h, {records} drawn spectra')
+    for key in TERMS_OF_DRAWN:
+        estimates = [one.estimates[key] for one in found]
+        seen = np.mean([one.observable for one in estimates])
+        share = f'observable {seen:.3f} +- {np.sqrt(seen * (1 - seen) / records):.3f}'
+        truth = terms.get(key, 0.0)
+        if not truth:
+            print(f'    {key:20} not in truth, {share}')
+            continue
+        squares = np.array([(one.value / truth - 1)**2 for one in estimates])
+        rmse = float(np.sqrt(squares.mean()))
+        error = float(squares.std() / np.sqrt(records) / (2 * rmse))
+        inside = np.mean([one.low <= truth <= one.high if one.observable else truth <= one.upper
+                          for one in estimates])
+        print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {share}  coverage '
+              f'{inside:.3f} +- {np.sqrt(inside * (1 - inside) / records):.3f}')
+    words = {'warm-up': [one.warming is not None for one in found],
+             'cycle': [one.cycle_s is not None for one in found],
+             'trend or walk': [one.walk_unclear for one in found],
+             'Gauss-Markov': [one.gauss_markov is not None for one in found],
+             'ramp': [one.estimates['rate_ramp'].observable for one in found]}
+    print('    ' + ', '.join(f'{word} {np.mean(said):.3f}' for word, said in words.items()))
+
+
 def main() -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__,
@@ -239,7 +308,13 @@ def main() -> int:
     parser.add_argument('--only', nargs='+', choices=list(CASES), default=list(CASES))
     parser.add_argument('--peers', action='store_true', help='also run the installed peers')
     parser.add_argument('--workers', type=int)
+    parser.add_argument('--drawn', action='store_true',
+                        help='fit spectra drawn from the model, trends and weak terms among them')
     options = parser.parse_args()
+    if options.drawn:
+        for name in drawn_cases():
+            show_drawn(name, options.runs)
+        return 0
     peers = []
     if options.peers:
         for peer, package in zip(PEERS, ('allantools', 'allan_variance'), strict=True):

@@ -38,7 +38,7 @@ KINDS = (('mcap', 'zstd', 2.0), ('mcap', '', 3.0), ('sqlite3', '', 3.0))
 _BY_A_THREAD = """
 import sys
 from imu_allan.cli.main import main
-from imu_allan.recordings import reading_process
+from imu_allan.recordings.reading import reading_process
 reading_process.WORTHWHILE_BYTES = sys.maxsize
 sys.exit(main())
 """

@@ -9,6 +9,8 @@ floor     a subscription whose messages are never taken: what the middleware its
 node      imu_allan_node with its default settings, estimation and checkpoints included
 ordinary  an rclpy callback that stores the six numbers of each message
 
+With --hours the node goes on from a record of that length: fits become rarer as it grows.
+
 The ratios are those of one run on one computer; the figures themselves are not comparable between
 computers. Run it on an idle one: python bench/bench_node.py
 """
@@ -43,6 +45,8 @@ def main() -> int:
     parser.add_argument('--seconds', type=float, default=20.0, help='per measurement')
     parser.add_argument('--rounds', type=int, default=1)
     parser.add_argument('--rates', type=float, nargs='+', default=RATES_HZ)
+    parser.add_argument('--hours', type=float, default=0.0,
+                        help='length of the record that the node goes on from')
     parser.add_argument('--as', dest='kind', choices=KINDS, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.kind:
@@ -57,7 +61,7 @@ def main() -> int:
         costs: dict[str, list[float]] = {kind: [] for kind in KINDS}
         for _ in range(args.rounds):
             for kind in KINDS:
-                costs[kind].append(measure(kind, rate, args.seconds))
+                costs[kind].append(measure(kind, rate, args.seconds, args.hours))
         best = {kind: min(values) for kind, values in costs.items()}
         of_ordinary, of_floor = best['node'] / best['ordinary'], best['node'] / best['floor']
         print(f'{rate:>5g} Hz ' + ' '.join(f'{best[kind] * 1e6:>10.1f}' for kind in KINDS)
@@ -69,13 +73,15 @@ def main() -> int:
     return 0 if met else 1
 
 
-def measure(kind: str, rate: float, seconds: float) -> float:
+def measure(kind: str, rate: float, seconds: float, hours: float = 0.0) -> float:
     """CPU seconds per message of a subscriber of `kind`."""
     with tempfile.TemporaryDirectory() as folder, _domain(folder) as env, Publisher(rate) as imu:
         arguments = {'node': [
             '-c', 'import sys; from imu_allan.node.imu_allan_node import main; sys.exit(main())',
             '--ros-args', '-p', f'output_dir:={folder}/output', '-p',
             f'state_file:={folder}/state', '-p', f'checkpoint_period:={seconds}']}
+        if kind == 'node' and hours:
+            write_state(f'{folder}/state', rate, hours)
         subscriber = subprocess.Popen(
             [sys.executable, *arguments.get(kind, [__file__, '--as', kind])],
             env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -89,6 +95,25 @@ def measure(kind: str, rate: float, seconds: float) -> float:
             subscriber.send_signal(signal.SIGTERM)
             subscriber.wait(60)
         return spent / published
+
+
+def write_state(path: str, rate: float, hours: float) -> None:
+    """Write the state file of a node that has run for so long."""
+    from imu_allan.characterization import Characterization
+    from imu_allan.node.checkpoint import StateFile
+    from imu_allan.node.resuming import pack, Setup
+    from imu_allan.sensor.noise_model import load_model
+    from imu_allan.sensor.simulated_imu import find_model, simulated_blocks
+    from imu_allan.timeline import TimelineOptions
+
+    setup = Setup('/imu/data_raw', TimelineOptions())
+    run = Characterization(kind='topic', topic=setup.topic, options=setup.options)
+    for block in simulated_blocks(load_model(find_model('consumer_mems')), rate,
+                                  round(hours * 3600 * rate), start_ns=10**18):
+        run.update(block)
+    file = StateFile(path)
+    file.save(pack(run, setup))
+    file.close()
 
 
 class Publisher:

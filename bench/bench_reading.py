@@ -22,7 +22,7 @@ import tempfile
 import time
 
 from imu_allan.block import ImuBlock
-from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.write import write_recording
 import lz4.frame
 from mcap.data_stream import ReadDataStream
@@ -52,10 +52,10 @@ def white_noise(messages: int, rate_hz: float = 1000.0) -> Iterator[ImuBlock]:
             np.zeros((len(index), 2), np.bool_), 'imu_link')
 
 
-def read_blocks(path: Path) -> int:
+def read_all(path: Path) -> int:
     """Messages read through imu_allan."""
     with open_recording(path) as recording:
-        return sum(len(block) for block in recording.blocks(choose_topic(recording)))
+        return sum(len(block) for block in read_blocks(recording, choose_topic(recording)))
 
 
 def plain_mcap_pass(path: Path) -> int:
@@ -111,7 +111,7 @@ def main() -> None:
                 compression=compression)
             [file] = (path for path in bag.iterdir() if path.suffix != '.yaml')
             plain = plain_sqlite_pass if storage == 'sqlite3' else plain_mcap_pass
-            times = np.array([(seconds(plain, file), seconds(read_blocks, bag))
+            times = np.array([(seconds(plain, file), seconds(read_all, bag))
                               for _ in range(options.repeats)])
             wall, processor = np.median(times[:, 1] / times[:, 0], axis=0)
             passed, read = np.median(times[:, :, 0], axis=0)

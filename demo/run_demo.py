@@ -28,10 +28,11 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import blocks_from_messages
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.model import load_model, NoiseModel
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.noise.units import engineering
 from imu_allan.recordings.write import write_recording
+from imu_allan.sensor.noise_model import load_model, NoiseModel
+from imu_allan.sensor.units import engineering
+from imu_allan.writers.answer import FITS, MISFIT, UNKNOWN
 from rich import box
 from rich.console import Console, Group
 from rich.live import Live
@@ -71,6 +72,7 @@ def show_recording(recording: str, topic: str | None, output: Path) -> int:
     """Analyze a recording of the user's."""
     analyze(recording, output, *(('--topic', topic) if topic else ()))
     list_files(output)
+    say_what_next()
     return 0
 
 
@@ -91,7 +93,7 @@ def show_simulation(model_file: Path, rate_hz: float, seconds: float, output: Pa
                   soft_wrap=True)
     analyze(str(recording), output)
     offline = json.loads((output / 'result.json').read_text())
-    numbers, difference = largest_difference(live['axes'], offline['axes'])
+    numbers, difference = largest_difference(estimates(live), estimates(offline))
     agree = difference <= AGREEMENT and (live['timeline']['samples']
                                          == offline['timeline']['samples'])
     CONSOLE.print(
@@ -100,6 +102,7 @@ def show_simulation(model_file: Path, rate_hz: float, seconds: float, output: Pa
         f'{live["timeline"]["samples"]:,} and {offline["timeline"]["samples"]:,} samples).',
         soft_wrap=True)
     list_files(output, published=True)
+    say_what_next()
     return 0 if agree else 1
 
 
@@ -301,13 +304,14 @@ class Screen:
 
     def _tables(self, heard: Mapping[str, Mapping[str, str]]) -> Iterable[Table]:
         for sensor, title in (('gyro', 'Gyroscope'), ('accel', 'Accelerometer')):
-            table = Table(title=title, title_justify='left', title_style='bold',
+            axes = [axis for axis in AXES if axis.startswith(sensor)]
+            table = Table(title=f'{title}: {word_for([heard.get(axis, {}) for axis in axes])}',
+                          title_justify='left', title_style='bold',
                           box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
             table.add_column('coefficient', min_width=18)
             table.add_column('true', justify='right', style='cyan', min_width=5)
             for name in 'xyz':
                 table.add_column(name, justify='right', min_width=15)
-            axes = [axis for axis in AXES if axis.startswith(sensor)]
             for key in SHOWN_TERMS:
                 truth, unit = true_value(self._model, axes[0], key)
                 name = Text(f'{TERMS[key].symbol} {key.replace("_", " ")}\n')
@@ -315,6 +319,17 @@ class Screen:
                 table.add_row(name, truth, *(cell(heard.get(axis, {}), self._model, axis, key)
                                              for axis in axes))
             yield table
+
+
+def word_for(axes: Sequence[Mapping[str, str]]) -> str:
+    """Say in a word how far the numbers of a sensor can be trusted by now."""
+    if not all('noise_density/value' in values for values in axes):
+        return UNKNOWN
+    if not all(values.get('goodness_of_fit/acceptable') == 'true' for values in axes):
+        return MISFIT
+    if not all('rate_random_walk/value' in values for values in axes):
+        return f'{FITS}, drift: {UNKNOWN} yet'
+    return FITS
 
 
 def true_value(model: NoiseModel, axis: str, key: str) -> tuple[str, str]:
@@ -384,6 +399,12 @@ def largest_difference(left: object, right: object) -> tuple[int, float]:
     return sum(count for count, _ in found), max((worst for _, worst in found), default=0.0)
 
 
+def estimates(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what both front doors estimate: a model is tested on the data of recordings alone."""
+    return {name: {key: value for key, value in axis.items() if key != 'backtest'}
+            for name, axis in result['axes'].items()}
+
+
 def list_files(output: Path, published: bool = False) -> None:
     """Say what lies where; a recording that an earlier demo published is not of this one."""
     CONSOLE.print('\n[bold]Files[/]')
@@ -396,6 +417,19 @@ def list_files(output: Path, published: bool = False) -> None:
             ('recording', 'what was published, as a rosbag2 recording')):
         if (output / name).exists() and (published or name != 'recording'):
             CONSOLE.print(f'  {output / name}  {what}', soft_wrap=True)
+
+
+def say_what_next() -> None:
+    """Name the commands that a newcomer wants after this."""
+    command = Path(sys.executable).with_name('imu_allan')
+    if command.is_relative_to(Path.cwd()):
+        command = command.relative_to(Path.cwd())
+    CONSOLE.print('\n[bold]What next[/]')
+    for line, what in (
+            (f'{command} analyze YOUR_BAG --output results', 'a recording of your own IMU'),
+            (f'{command} analyze YOUR_BAG --for kalibr', 'the numbers for a filter, at once'),
+            (f'{command} report results/result.json', 'pictures as PNG, SVG and PDF')):
+        CONSOLE.print(f'  {line}  [dim]{what}[/]', soft_wrap=True)
 
 
 if __name__ == '__main__':

@@ -17,10 +17,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import imu_allan
-from imu_allan.noise.model import load_model, parse_model
 from imu_allan.noise.terms import Quantity, TERMS
-from imu_allan.noise.units import convert, engineering, parse, typeset
 from imu_allan.result import AxisResult, Result, Source, Spectrum, Timeline
+from imu_allan.sensor.noise_model import load_model, parse_model
+from imu_allan.sensor.units import convert, engineering, parse, typeset
+from imu_allan.wording import number
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.datasheet import check
 from imu_allan.writers.plot import (
@@ -35,7 +36,6 @@ from imu_allan.writers.plot import (
     plot_style,
     render,
 )
-from imu_allan.writers.table import number
 import numpy as np
 import scipy.signal
 

@@ -1,0 +1,252 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a filter fed with the drift model, or with the tuned pair, is worth on data nobody fitted.
+
+Simulated: a record is fitted, the filter runs on over as much again. Loss is that of the mean
+logarithmic score against the true model, in nats per step; NIS the mean normalised innovation
+squared (1 is right, above 1 overconfident); coast the actual over the claimed variance of the
+mean over that time without correction. Real: recordings named by IMU_ALLAN_DATA, fitted on one
+half and filtered over the other, both ways.
+
+    python bench/bench_filter.py                 # minutes
+    python bench/bench_filter.py --hours 0.25 1 --runs 40
+"""
+
+import argparse
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+import functools
+import os
+from pathlib import Path
+import sys
+from typing import Any
+
+from imu_allan.characterization.axis import characterize
+from imu_allan.noise.simulate import simulate
+from imu_allan.recordings import choose_topic, open_recording, read_blocks
+from imu_allan.result import AxisResult, DriftModel, GaussMarkov
+from imu_allan.tuning.coasting import coasting_weights
+from imu_allan.tuning.kalman import Filtered, run_filters
+from imu_allan.tuning.state_space import space_of
+from imu_allan.tuning.tune import tune
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DEGREE = np.pi / 180
+N, B, K = 0.0045 * DEGREE, 0.0014 * DEGREE, 2.5e-4 * DEGREE
+RATE_HZ = 50.0
+STEPS_S = (1.0, 10.0, 60.0)
+COASTS_S = (10.0, 60.0, 300.0)
+_LONGEST_SERIES = 40_000
+
+SENSORS: dict[str, Mapping[str, Any]] = {
+    'N': {'noise_density': N},
+    'N+K': {'noise_density': N, 'rate_random_walk': K},
+    'N+B': {'noise_density': N, 'bias_instability': B},
+    'N+B+K': {'noise_density': N, 'bias_instability': B, 'rate_random_walk': K},
+    'N+B+100 s': {'noise_density': N, 'bias_instability': B,
+                  'gauss_markov': {'sigma': 2 * B, 'correlation_time_s': 100.0}},
+}
+
+
+def truth(terms: Mapping[str, Any]) -> DriftModel:
+    """Return a simulated sensor as a drift model; flicker as a dense bank of processes."""
+    processes = []
+    if 'bias_instability' in terms:
+        # Processes two octaves apart, each of variance B^2 ln(ratio)/pi, ripple by 0.2 %.
+        times = 0.01 * 4.0 ** np.arange(16)
+        sigma = terms['bias_instability'] * np.sqrt(np.log(4.0) / np.pi)
+        processes += [GaussMarkov(sigma, float(time)) for time in times]
+    if 'gauss_markov' in terms:
+        processes.append(GaussMarkov(**terms['gauss_markov']))
+    return DriftModel(terms.get('noise_density', 0.0), terms.get('rate_random_walk', 0.0),
+                      tuple(processes), 0.01, 1e9)
+
+
+def means(samples: Array, size: int) -> Array:
+    """Return means of `size` samples each."""
+    count = len(samples) // size
+    return np.asarray(samples[:count * size].reshape(count, size).mean(axis=1))
+
+
+@dataclass(frozen=True)
+class Score:
+    """Sums over the steps that were tested."""
+
+    steps: int
+    nis: float
+    log_score: float
+
+    @classmethod
+    def of(cls, found: Filtered, first: int, lane: int = 0) -> 'Score':
+        """Score the innovations from the step `first` on."""
+        e, s = found.innovation[lane, first:], found.variance[lane, first:]
+        z = e**2 / s
+        return cls(len(z), float(z.mean()), float(-0.5 * np.mean(np.log(s) + z)))
+
+
+def coast_ratio(found: Filtered, model: DriftModel, tones: tuple[Any, ...], step_s: float,
+                series: Array, first: int, horizon_s: float, lane: int = 0) -> float:
+    """Mean square of actual minus predicted mean over the horizon, over the claimed variance."""
+    m = round(horizon_s / step_s)
+    starts = np.arange(first, len(series) - m + 1, m)
+    if len(starts) < 2:
+        return float('nan')
+    total = np.concatenate(([0.0], np.cumsum(series)))
+    actual = (total[starts + m] - total[starts]) / m
+    weight, rest = coasting_weights(model, tones, horizon_s)
+    n = len(weight)
+    predicted = found.state[lane, starts, :n] @ weight
+    claimed = np.einsum('i,kij,j->k', weight, found.covariance[lane, starts, :n, :n],
+                        weight) + rest
+    return float(np.mean((actual - predicted) ** 2 / claimed))
+
+
+def assessed(models: Mapping[str, tuple[DriftModel, tuple[Any, ...]]], series: Array,
+             first_s: float, cell_s: float) -> dict[tuple[str, str], float]:
+    """Score every model over means of each step, from a time on; the filter starts before."""
+    line: dict[tuple[str, str], float] = {}
+    for step_s in STEPS_S:
+        size = round(step_s / cell_s)
+        if size < 1 or len(series) // size < 12:
+            continue
+        part = means(series, size)
+        first = int(first_s / step_s) + 1
+        if len(part) - first > _LONGEST_SERIES:
+            part = part[:first + _LONGEST_SERIES]
+        begin = max(0, first - _LONGEST_SERIES)
+        part, first = part[begin:], first - begin
+        for name, (model, tones) in models.items():
+            found = run_filters([space_of(model, tones, step_s)], part[None, :])
+            score = Score.of(found, first)
+            line[name, f'nis {step_s:g}'] = score.nis
+            line[name, f'log {step_s:g}'] = score.log_score
+            if step_s == STEPS_S[0]:
+                for horizon in COASTS_S:
+                    line[name, f'coast {horizon:g}'] = coast_ratio(
+                        found, model, tones, step_s, part, first, horizon)
+    return line
+
+
+def fed(axis: AxisResult) -> dict[str, tuple[DriftModel, tuple[Any, ...]]]:
+    """Give the models that filters are fed with, from what one record says."""
+    assert axis.drift_model is not None
+    measured = [c.value if c.observable else c.upper95 for c in
+                (axis.coefficients['noise_density'], axis.coefficients['rate_random_walk'])]
+    n, k = (float(value or 1e-12) for value in measured)
+    tuned = tune(axis, 1.0, 60.0)
+    plain = functools.partial(DriftModel, processes=(), from_s=0.1, to_s=1e9)
+    return {'drift model': (axis.drift_model, axis.tones),
+            'tuned pair': (plain(tuned.noise_density, tuned.random_walk or 0.0), ()),
+            'as measured': (plain(n, k), ()), 'ten times K': (plain(n, 10 * k), ())}
+
+
+def simulated(name: str, hours: float, seed: int) -> dict[tuple[str, str], float]:
+    """Fit one record of a sensor and filter over the record that follows it."""
+    terms = SENSORS[name]
+    samples = round(3600 * hours * RATE_HZ)
+    record = simulate(terms, 2 * samples, RATE_HZ, seed)
+    models = fed(characterize(record[:samples], RATE_HZ))
+    models['truth'] = (truth(terms), ())
+    line = assessed(models, means(record, round(RATE_HZ)), 3600 * hours, 1.0)
+    for step in STEPS_S:
+        if ('truth', f'log {step:g}') in line:
+            for model in models:
+                line[model, f'loss {step:g}'] = (line['truth', f'log {step:g}']
+                                                 - line[model, f'log {step:g}'])
+    return line
+
+
+def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = False
+         ) -> None:
+    """Print means over simulated records, or median and range over real axes."""
+    print(f'\n{title}')
+    columns = [f'nis {s:g}' for s in STEPS_S] + [f'coast {s:g}' for s in COASTS_S]
+    columns += [f'{"log" if real else "loss"} {s:g}' for s in STEPS_S]
+    print(f'  {"":14}' + ''.join(f'{column:>{24 if real else 11}}' for column in columns))
+    for model in dict.fromkeys(key[0] for key in lines[0]):
+        row = ''
+        for column in columns:
+            values = np.array([line.get((model, column), np.nan) for line in lines])
+            values = values[np.isfinite(values)]
+            if real and column.startswith('log'):
+                values = np.array([line[model, column] - line['drift model', column]
+                                   for line in lines if (model, column) in line])
+            if not len(values):
+                text = '-'
+            elif real:
+                text = f'{np.median(values):.3g} [{values.min():.2f}..{values.max():.2f}]'
+            else:
+                text = f'{values.mean():.4f}'
+            row += f'{text:>{24 if real else 11}}'
+        print(f'  {model:14}{row}')
+
+
+def recordings() -> list[Path]:
+    """Real recordings at rest below IMU_ALLAN_DATA."""
+    folder = os.environ.get('IMU_ALLAN_DATA')
+    if not folder:
+        print('IMU_ALLAN_DATA names no folder: no real recordings', file=sys.stderr)
+        return []
+    return sorted(path for path in Path(folder).glob('adis16405_*') if path.is_dir())
+
+
+def of_recording(path: Path) -> tuple[dict[str, Array], float]:
+    """Return the samples of every axis and the rate."""
+    with open_recording(path) as recording:
+        topic = choose_topic(recording)
+        blocks = list(read_blocks(recording, topic))
+    samples = np.concatenate([block.samples for block in blocks])
+    stamps = np.concatenate([block.header_ns for block in blocks])
+    rate = (len(stamps) - 1) / (float(stamps[-1] - stamps[0]) * 1e-9)
+    names = [f'{sensor}_{letter}' for sensor in ('gyro', 'accel') for letter in 'xyz']
+    return dict(zip(names, samples.T, strict=True)), rate
+
+
+def real(record: Array, rate_hz: float, quantity: str) -> list[dict[tuple[str, str], float]]:
+    """Fit one half of an axis and filter over the other, both ways."""
+    half = len(record) // 2
+    lines = []
+    for ordered in (record, np.concatenate((record[half:], record[:half]))):
+        axis = characterize(ordered[:half], rate_hz, quantity)
+        series = means(ordered[half:], round(rate_hz))
+        lines.append(assessed(fed(axis), series, 0.0, round(rate_hz) / rate_hz))
+    return lines
+
+
+def main() -> int:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--runs', type=int, default=24, help='simulated records of an hour')
+    parser.add_argument('--hours', type=float, nargs='*', default=[0.25, 1.0, 3.0, 24.0])
+    parser.add_argument('--only', nargs='+', choices=list(SENSORS), default=list(SENSORS))
+    parser.add_argument('--workers', type=int, default=os.cpu_count())
+    options = parser.parse_args()
+    with ProcessPoolExecutor(options.workers) as pool:
+        for hours in options.hours:
+            # Longer records say more about a mean: fewer of them will do.
+            runs = max(4, round(options.runs / np.sqrt(hours)))
+            for name in options.only:
+                lines = list(pool.map(functools.partial(simulated, name, hours), range(runs)))
+                show(f'{name}, {hours:g} h, {runs} records', lines)
+    found: dict[str, list[dict[tuple[str, str], float]]] = {'gyro': [], 'accel': []}
+    for path in recordings():
+        axes, rate_hz = of_recording(path)
+        for name, samples in axes.items():
+            sensor = name.partition('_')[0]
+            found[sensor] += real(samples, rate_hz, {'gyro': 'angular_velocity',
+                                                     'accel': 'linear_acceleration'}[sensor])
+    for sensor, lines in found.items():
+        if lines:
+            show(f'{sensor}: real recordings, {len(lines)} halves, median [range]; log is the '
+                 "loss against the drift model's", lines, real=True)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

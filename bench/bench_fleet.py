@@ -1,0 +1,160 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What several records, many units and the sequential test are worth, by Monte Carlo.
+
+    .venv/bin/python bench/bench_fleet.py joint 1500        # four records of 1 h, and their bound
+    .venv/bin/python bench/bench_fleet.py units 400         # populations of 5 to 40 units
+    .venv/bin/python bench/bench_fleet.py sequential 200    # error rates and time of check --live
+
+The spectra of the joint fit are drawn in the spectral domain: every bin about its expectation, the
+whole-record coefficients as normal numbers with a sign. That takes the noise model for granted,
+which bench_accuracy.py does not.
+"""
+
+from dataclasses import replace
+import sys
+
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.fit import COLUMNS
+from imu_allan.noise.joint import fit_spectra, RecordedSpectrum
+from imu_allan.noise.likelihood import Bins, bins_of, grouped, maximise
+from imu_allan.noise.random_effects import outliers, random_effects
+from imu_allan.noise.sequential import decide, SMALLEST_RECORD
+from imu_allan.noise.simulate import simulate
+import numpy as np
+
+DEG = np.pi / 180
+CASE_B = {'noise_density': .0045 * DEG, 'bias_instability': .0014 * DEG,
+          'rate_random_walk': 2.5e-4 * DEG}
+DT, SAMPLES, RECORDS = 1 / 200, 720_000, 4
+
+
+def empty_bins() -> Bins:
+    """Return the bins of a record of an hour at 200 Hz, whatever its noise."""
+    estimator = Estimator()
+    estimator.update(np.random.default_rng(0).normal(size=SAMPLES))
+    return bins_of(estimator.finished().periodogram.pieces(), DT)
+
+
+def drawn(bins: Bins, expected: np.ndarray, rng: np.random.Generator) -> Bins:
+    """Draw the spectrum of a record with a ramp of its own."""
+    regressor = np.sqrt(np.maximum(bins.ramp, 0))
+    coefficient = rng.normal(size=len(expected)) * np.sqrt(expected) \
+        + 3e-9 * rng.normal() * regressor
+    power = rng.chisquare(bins.dof) / bins.dof * expected
+    return replace(bins, power=np.where(bins.whole, coefficient**2, power)[None],
+                   cross=np.where(bins.whole, coefficient * regressor, 0)[None],
+                   coefficient=np.where(bins.whole, -coefficient, 0)[None])
+
+
+def bound(bins: Bins, theta: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Cramer-Rao bound of the relative errors, the ramps taken out."""
+    columns = [COLUMNS[key] for key in CASE_B]
+    slope = bins.design[:, columns] / expected[:, None]
+    information = (bins.dof[:, None] * slope).T @ slope / 2
+    whole = bins.whole
+    regressor = np.sqrt(np.maximum(bins.ramp[whole], 0) / expected[whole])
+    share = regressor**2 / np.sum(regressor**2)
+    part = slope[whole]
+    lost = (share[:, None] * part).T
+    information -= lost @ part
+    information += np.outer(lost.sum(1), lost.sum(1)) / 2
+    covariance = np.linalg.inv(RECORDS * information)
+    return np.sqrt(np.diag(covariance)) / (2 * theta[columns])
+
+
+def joint(runs: int) -> None:
+    """Fit four records at once: error over the bound, coverage."""
+    bins = empty_bins()
+    theta = np.zeros(bins.design.shape[1])
+    for key, value in CASE_B.items():
+        theta[COLUMNS[key]] = value**2
+    expected = bins.design @ theta
+    bounds = bound(bins, theta, expected)
+    rng = np.random.default_rng(5)
+    everything = np.ones(len(expected), bool)
+    errors: dict[str, list[float]] = {key: [] for key in CASE_B}
+    covered = dict.fromkeys(CASE_B, 0)
+    cut = 0
+    for _ in range(runs):
+        spectra = []
+        for _ in range(RECORDS):
+            one = drawn(bins, expected, rng)
+            first = maximise(grouped(one, 0), ramp=None)
+            spectra.append(RecordedSpectrum(one, everything, [], first.theta, SAMPLES))
+        fitted = fit_spectra(spectra, 0, DT).fit
+        cut += fitted.window_s is not None
+        for key, truth in CASE_B.items():
+            found = fitted.estimates[key]
+            errors[key].append(found.value / truth - 1)
+            covered[key] += found.observable and found.low <= truth <= found.high
+    print(f'{RECORDS} records of 1 h, {runs} times; band cut in {cut}')
+    for key, limit in zip(CASE_B, bounds, strict=True):
+        error = np.array(errors[key])
+        # Four times the interquartile half width: what a few cut bands do not move.
+        robust = np.subtract(*np.quantile(error, (0.75, 0.25))) / 1.349
+        ratio = float(np.sqrt(np.mean(error**2))) / limit
+        print(f'{key:18} bound {100 * limit:.3f} %  RMSE/bound {ratio:.3f} '
+              f'+- {ratio / np.sqrt(2 * runs):.3f}  by quartiles {robust / limit:.3f}  '
+              f'coverage {covered[key] / runs:.3f}')
+
+
+def units(runs: int) -> None:
+    """Fit populations whose spread is 1, measured with errors of so many times that."""
+    rng = np.random.default_rng(1)
+    for count in (5, 10, 20, 40):
+        for ratio in (0.0, 0.5, 1.0):
+            between, covered, kept, false = [], 0, 0, 0
+            for _ in range(runs):
+                errors = ratio * np.exp(rng.normal(0, .2, count))
+                values = rng.normal(size=count) + errors * rng.normal(size=count)
+                effects = random_effects(values, errors)
+                between.append(effects.between)
+                covered += effects.between_ci95[0] <= 1 <= effects.between_ci95[1]
+                # 95 % of a standard normal population lie below 1.645.
+                kept += effects.tolerance() >= 1.645
+                false += outliers(values, errors).any()
+            print(f'{count:3} units, error {ratio:.1f}: spread {np.mean(between):.3f}  '
+                  f'its interval {covered / runs:.3f}  95/95 limit {kept / runs:.3f}  '
+                  f'false outlier {false / runs:.3f}')
+
+
+def sequential(runs: int) -> None:
+    """Watch records grow until they are decided: error rates, and how long it takes."""
+    model = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 2e-5}
+    for key, margin, rate, samples, shares in (
+            ('noise_density', .1, 100., 20_000, (1.0, .8, 1.25)),
+            ('bias_instability', .2, 10., 60_000, (1.0, .6, 1.6))):
+        for share in shares:
+            outcomes: dict[str, int] = {}
+            times = []
+            for run in range(runs):
+                outcome, seconds = watched(model, key, model[key] / share, margin, rate, samples,
+                                           7000 + run)
+                outcomes[outcome] = outcomes.get(outcome, 0) + 1
+                times.append(seconds)
+            print(f'{key} {share} of its limit, margin {margin}: '
+                  f'{ {name: count / runs for name, count in outcomes.items()} }  '
+                  f'after {np.median(times):.0f} s (median), {np.quantile(times, .9):.0f} s '
+                  f'(90 %) of {samples / rate:.0f} s')
+
+
+def watched(model: dict[str, float], key: str, limit: float, margin: float, rate: float,
+            most: int, seed: int) -> tuple[str, float]:
+    """Watch one record; return the decision and the seconds that it took."""
+    samples, estimator = simulate(model, most, rate, seed), Estimator()
+    done, look, decision = 0, SMALLEST_RECORD, 'open'
+    while done < most and decision == 'open':
+        estimator.update(samples[done:look])
+        done, look = look, min(most, round(1.15 * look))
+        (found,) = fit_axes(estimator.finished(), 1 / rate)
+        if found.fit.acceptable:
+            decision = decide(found.fit.trial, COLUMNS[key], limit, margin=margin,
+                              pass_error=.05, fail_error=.05)
+    return decision, done / rate
+
+
+if __name__ == '__main__':
+    {'joint': joint, 'units': units, 'sequential': sequential}[sys.argv[1]](int(sys.argv[2]))

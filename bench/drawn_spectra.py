@@ -1,0 +1,71 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Records drawn as spectra: thousands a minute, for thresholds and coverage.
+
+Every bin of a record's spectrum is independent with a known law: a whole-record coefficient is
+normal with the variance that the model gives it, the power of n blocks a chi-square of n degrees.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.likelihood import bins_of
+from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.trends import Course, RecordSpectrum
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+Array = NDArray[np.float64]
+
+
+def shape_of(samples: int) -> list[Piece]:
+    """Return the pieces of the spectrum of a record of so many samples."""
+    estimator = Estimator()
+    zeros = np.zeros(1 << 20)
+    for begin in range(0, samples, len(zeros)):
+        estimator.update(zeros[:samples - begin])
+    return estimator.finished().periodogram.pieces()
+
+
+def draw(pieces: Sequence[Piece], theta: Sequence[float], dt: float, records: int,
+         rng: np.random.Generator, courses: Sequence[Course] = ()) -> list[RecordSpectrum]:
+    """
+    Draw spectra.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        As `shape_of` gives them.
+    theta : sequence of float
+        Squared coefficients of quantization, white noise, flicker and random walk.
+    dt : float
+        Sample interval in seconds.
+    records : int
+        How many.
+    rng : Generator
+        Source of the random numbers.
+    courses : sequence of Course
+        Their sum is added to the mean of every record.
+
+    """
+    drawn = []
+    for piece in pieces:
+        lines = np.arange(piece.first, piece.last)
+        power = np.zeros((records, piece.length))
+        variance = bins_of([piece], dt).design @ np.asarray(theta)
+        if piece.coefficients is None:
+            dof = piece.blocks
+            power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
+            drawn.append(replace(piece, power=power))
+            continue
+        signed = np.zeros((records, piece.length))
+        signed[:, lines] = np.sqrt(variance) * rng.standard_normal((records, len(lines)))
+        time = (piece.start + (np.arange(piece.length) + 0.5) * piece.step) * dt
+        for course in courses:
+            signed[:, lines] += dct(course(time), norm='ortho')[lines]
+        drawn.append(replace(piece, power=signed**2, coefficients=signed))
+    bins = bins_of(drawn, dt)
+    return [RecordSpectrum(drawn, bins, axis, dt) for axis in range(records)]
