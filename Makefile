@@ -4,12 +4,14 @@
 # make setup            create $(VENV) with everything; a second call does nothing
 # make demo             the main job in about a minute (RECORDING=path analyzes a recording instead)
 # make test             all everyday tests, those over real DDS included
+# make test-fast        what needs no process, ROS or recording: after every edit, in a minute
 # make test-slow        Monte Carlo, soak and fuzz runs
 # make mutation         small faults in the numerics, thousands of them: which does no test see
 # make coverage         the everyday tests, with the branches that none of them takes
 # make lint             ruff, mypy --strict, ament_flake8 and ament_pep257
 # make docs             the documentation as HTML, warnings are errors
 # make bench            speed and memory;  make bench-accuracy  coefficients against the bound
+# make bench-filter     what a filter with these numbers is worth on data nobody fitted
 # make clean            remove what the other targets made
 #
 # PYTHON, VENV and CONSTRAINTS choose another interpreter, folder and set of pinned versions:
@@ -29,14 +31,21 @@ PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3
 	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' \
 	2>/dev/null && echo $$python && break; done)
 
+# Pictures and processes are left to `make test`.
+FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timeline test/writers \
+	--deselect test/writers/test_plot.py --deselect test/writers/test_comparison.py
+
 LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py \
 	docs/make_figures.py setup.py
 
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# The demo needs no linters, no documentation tools and no second library to compare with.
+DEMO_EXTRAS := ros
+DEMO_STAMP := $(if $(STAMP),$(VENV)/.installed-demo)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow mutation coverage lint docs bench bench-accuracy clean
+.PHONY: help setup demo test test-fast test-slow mutation coverage lint docs bench bench-accuracy bench-filter clean
 
 help:
 	@sed -n 's/^# make/  make/p' Makefile
@@ -54,12 +63,31 @@ $(STAMP): setup.py pyproject.toml $(CONSTRAINTS)
 		$(if $(CONSTRAINTS),--constraint $(CONSTRAINTS)) --editable '.[$(EXTRAS)]'
 	@touch $@
 
-demo: $(STAMP)
+$(DEMO_STAMP): setup.py pyproject.toml $(CONSTRAINTS)
+	@if [ -z '$(PYTHON)' ]; then \
+		echo 'make: no Python 3.10 to 3.14 with the venv module found; on Debian and Ubuntu:' \
+			'apt install python3-venv; or name one: make demo PYTHON=/path/to/python3' >&2; \
+		exit 1; fi
+	@test -x $(RUN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "Installing what the demo needs into $(VENV), once: ROS 2's Python packages, numpy, scipy," \
+		'matplotlib ...'
+	@{ $(RUN)/python -m pip install --disable-pip-version-check \
+		$(if $(CONSTRAINTS),--constraint $(CONSTRAINTS)) --editable '.[$(DEMO_EXTRAS)]'; \
+		echo $$? > $(VENV)/.pip-status; } | \
+		sed -u -n 's/^Collecting \([A-Za-z0-9_.-]*\).*/  \1/p'; \
+		exit "$$(cat $(VENV)/.pip-status)"
+	@touch $@
+
+# Where everything is installed already, that serves the demo, too.
+demo: $(if $(wildcard $(STAMP)),$(STAMP),$(DEMO_STAMP))
 	@$(RUN)/python demo/run_demo.py --output '$(DEMO_OUTPUT)' \
 		$(if $(RECORDING),--recording '$(RECORDING)') $(if $(TOPIC),--topic '$(TOPIC)')
 
 test: $(STAMP)
 	$(RUN)/python -m pytest $(PYTEST_ARGS)
+
+test-fast: $(STAMP)
+	$(RUN)/python -m pytest -q $(FAST) $(PYTEST_ARGS)
 
 test-slow: $(STAMP)
 	$(RUN)/python -m pytest -m slow -o faulthandler_timeout=0 $(PYTEST_ARGS)
@@ -82,8 +110,11 @@ docs: $(STAMP)
 	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html
 
 bench: $(STAMP)
-	@for script in $(filter-out %_accuracy.py,$(wildcard bench/bench_*.py)); do \
+	@for script in $(filter-out %_accuracy.py %_filter.py,$(wildcard bench/bench_*.py)); do \
 		echo "== $$script"; $(RUN)/python $$script || exit 1; done
+
+bench-filter: $(STAMP)
+	$(RUN)/python bench/bench_filter.py
 
 bench-accuracy: $(STAMP)
 	$(RUN)/python bench/bench_accuracy.py

@@ -34,7 +34,6 @@ setup(
         'typing_extensions>=4.0',
         'jinja2>=3.0',
         'markupsafe>=2.0',
-        'plotly>=5.15',
     ],
     extras_require={
         'ros': [
@@ -47,6 +46,7 @@ setup(
             'ros-jazzy-rosgraph-msgs',
         ],
         'fleet': ['distributed'],
+        'px4': ['pyulog>=1.0'],
         'test': [
             'pytest',
             'pytest-cov',
@@ -55,6 +55,7 @@ setup(
             'colcon-common-extensions',
             'opencv-python-headless',
             'pymavlink',
+            'pyulog',
         ],
         'lint': [
             'ruff',

@@ -15,9 +15,9 @@ import sys
 import tempfile
 
 import imu_allan
-from imu_allan.noise.model import load_model
-from imu_allan.noise.units import engineering
-from imu_allan.simulator import axis_coefficients
+from imu_allan.sensor.noise_model import load_model
+from imu_allan.sensor.simulated_imu import axis_coefficients
+from imu_allan.sensor.units import engineering
 from imu_allan.writers.plot import overview_figure, render, sensor_figure
 import numpy as np
 
