@@ -120,6 +120,9 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     MovingMean
 
     """
+    if record.duration_s == 0:
+        # Nothing but runs too short for a spectrum of slow courses.
+        return MovingMean(trial, walks)
     still = maximise(trial.groups, trial.solution, fixed={**trial.fixed, WALK: 0.0},
                      trend='restricted')
     times = record.duration_s * np.geomspace(_SHORTEST_WARMING, _LONGEST_WARMING, _TIME_CONSTANTS)

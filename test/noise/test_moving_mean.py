@@ -91,3 +91,14 @@ def test_restricted_likelihood_is_that_of_what_the_ramp_leaves_over():
             for theta in (one, other)]
     # Above index 48 coefficients of one band share a mean expectation.
     assert ours[1] - ours[0] == pytest.approx(exact(other) - exact(one), rel=2e-3)
+
+
+def test_a_record_of_nothing_but_short_runs_has_coefficients():
+    estimator = Estimator()
+    rng = np.random.default_rng(4)
+    for _ in range(3000):
+        estimator.update(1e-3 * rng.standard_normal(20))
+        estimator.start_run()
+    axis, _ = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
+    density = axis.coefficients['noise_density']
+    assert density.value == pytest.approx(1e-3 / RATE**.5, rel=0.03)
