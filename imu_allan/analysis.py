@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Literal, TYPE_CHECKING
 
@@ -70,9 +70,19 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
         if not isinstance(path, (str, Path)):
             raise ImuAllanError('start auto finds the warm-up of one recording; of several give '
                                 'the time to leave out')
-        return _warmed_up(path, topic, options, reading, duration_s, progress)
-    if not isinstance(path, (str, Path)):
-        return _together(path, topic, options, reading, start_s, duration_s, progress)
+        result = _warmed_up(path, topic, options, reading, duration_s, progress)
+    elif not isinstance(path, (str, Path)):
+        result = _together(path, topic, options, reading, start_s, duration_s, progress)
+    else:
+        result = _alone(path, topic, options, reading, start_s, duration_s, progress)
+    chosen = said(topic, options, reading, start_s, duration_s)
+    return replace(result, source=replace(result.source, options=chosen))
+
+
+def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
+           reading: RecordingOptions, start_s: float, duration_s: float | None,
+           progress: Callable[[int], None] | None) -> Result:
+    """One result for one recording."""
     taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress)
     results = []
     for stream, characterization, remarks in taken:
@@ -82,6 +92,27 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
                                 + (' in the chosen part' if start_s or duration_s else ''))
         results.append(result)
     return results[0] if len(results) == 1 else _as_one([stream for stream, *_ in taken], results)
+
+
+def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),  # noqa: B008
+         reading: RecordingOptions = RecordingOptions(),  # noqa: B008
+         start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None
+         ) -> dict[str, str]:
+    """
+    Return what is chosen otherwise than by default, by the names that `analyze` gives it.
+
+    Examples
+    --------
+    >>> said('/imu', TimelineOptions(motion='keep'), duration_s=60.0)
+    {'topic': '/imu', 'motion': 'keep', 'duration_s': '60.0'}
+
+    """
+    chosen: dict[str, object] = {'topic': topic}
+    for group, default in ((options, TimelineOptions()), (reading, RecordingOptions())):
+        chosen |= {part.name: value for part in fields(group)
+                   if (value := getattr(group, part.name)) != getattr(default, part.name)}
+    chosen |= {'start_s': start_s or None, 'duration_s': duration_s}
+    return {name: str(value) for name, value in chosen.items() if value is not None}
 
 
 def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
@@ -141,8 +172,20 @@ def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
         for number, stream in enumerate(streams):
             part = _shared(progress, number, len(streams), recording.size_bytes)
             taken.append((stream, *_characterized(
-                recording, stream, options, start_s, duration_s, part)))
+                recording, stream, _at_own_rate(stream, streams, options, reading), start_s,
+                duration_s, part)))
         return taken, recording.size_bytes
+
+
+def _at_own_rate(stream: Stream, streams: Sequence[Stream], options: TimelineOptions,
+                 reading: RecordingOptions) -> TimelineOptions:
+    """State a rate of the half that it is said of alone; that of the other is measured."""
+    if stream.only_new:
+        # What is said is the rate of the messages, which repeat this half.
+        return replace(options, rate_hz=None)
+    if stream.half == 'accel' and len({each.topic for each in streams}) > 1:
+        return replace(options, rate_hz=reading.accel_rate_hz)
+    return options
 
 
 def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int], *,

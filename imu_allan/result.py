@@ -319,7 +319,11 @@ class Timeline:
 
 @dataclass(frozen=True)
 class Source:
-    """Where the samples came from."""
+    """
+    Where the samples came from; `options` is what the user chose otherwise than by default.
+
+    Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``.
+    """
 
     kind: Literal['recording', 'topic']
     path: str | None
@@ -327,6 +331,7 @@ class Source:
     frame_id: str | None
     start_time: str | None
     clock: Literal['header', 'receive'] | None
+    options: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

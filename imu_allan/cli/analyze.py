@@ -58,7 +58,7 @@ def register(verbs: Any) -> None:
                              'whose first group is the name')
     parser.add_argument('--resume', action='store_true',
                         help='with --output: leave out the recordings whose folder holds a result '
-                             'that is newer')
+                             'that is newer and was made with the same options')
     add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],

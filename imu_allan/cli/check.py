@@ -56,12 +56,37 @@ def register(verbs: Any) -> None:
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
     add_recording_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, parser=parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the verdicts, write what was asked for, and return the status that they call for."""
+    from imu_allan.recordings import recordings_in
     from imu_allan.sensor.noise_model import load_model
+
+    specification = load_model(args.spec)
+    sources = [str(path) for path in recordings_in(args.source)]
+    if len(sources) > 1 and any((args.json, args.junit, args.certificate, args.serial)):
+        args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
+                          '--junit, --certificate and --serial are of one')
+    outcomes: list[str] = []
+    complaints: list[ImuAllanError] = []
+    for source in sources:
+        try:
+            outcomes.append(_check(source, args, specification))
+        except ImuAllanError as error:
+            complaints.append(error)
+    failed = 'fail' in outcomes
+    for complaint in complaints if failed else complaints[:-1]:
+        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+    if complaints and not failed:
+        raise complaints[-1]
+    doubt = args.strict and 'cannot tell' in outcomes
+    return EXIT_FAILED if failed else EXIT_CANNOT_TELL if doubt else 0
+
+
+def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:
+    """Print the verdicts about one result or recording, and return what they come to."""
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.datasheet import (
         certificate_html,
@@ -73,11 +98,10 @@ def run(args: argparse.Namespace) -> int:
     )
     from rich.console import Console
 
-    specification = load_model(args.spec)
     if args.live:
-        result, verdicts = _live(args, specification)
+        result, verdicts = _live(source, args, specification)
     else:
-        result = _result(args)
+        result = _result(source, args)
         verdicts = check(result, specification, shortest_s=args.min_duration)
     result = inspected(result, args)
     for path, writer in ((args.json, to_json), (args.junit, to_junit),
@@ -89,17 +113,15 @@ def run(args: argparse.Namespace) -> int:
         console.width = 130
     console.print(verdict_table(verdicts, specification.name or args.spec))
     outcome, sentences = summary(verdicts)
-    print(f'{outcome}: {printable(args.source)} against '
+    print(f'{outcome}: {printable(source)} against '
           f'{printable(specification.name or args.spec)}')
     for sentence in sentences:
         print(f'  {sentence}')
     sys.stdout.flush()
-    if outcome == 'cannot tell':
-        return EXIT_CANNOT_TELL if args.strict else 0
-    return EXIT_FAILED if outcome == 'fail' else 0
+    return outcome
 
 
-def _live(args: argparse.Namespace, specification: 'NoiseModel'
+def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read until the verdict is certain, and say after how long it was."""
     from imu_allan.analysis import growing
@@ -107,9 +129,9 @@ def _live(args: argparse.Namespace, specification: 'NoiseModel'
     from imu_allan.wording import duration as said
     from imu_allan.writers.datasheet.live import next_look, standing
 
-    if Path(args.source).suffix == '.json':
-        raise ImuAllanError(f'{args.source}: --live needs a recording, not a result')
-    looks = growing(args.source, args.topic, next_look, reading=recording_options(args),
+    if Path(source).suffix == '.json':
+        raise ImuAllanError(f'{source}: --live needs a recording, not a result')
+    looks = growing(source, args.topic, next_look, reading=recording_options(args),
                     options=TimelineOptions(rate_hz=args.rate))
     with closing(looks):
         for stream, _ in looks:
@@ -121,10 +143,10 @@ def _live(args: argparse.Namespace, specification: 'NoiseModel'
         return stream.result(), list(found.verdicts)
 
 
-def _result(args: argparse.Namespace) -> 'Result':
+def _result(source: str, args: argparse.Namespace) -> 'Result':
     from imu_allan.writers.result_file import load_result
 
-    path = Path(args.source)
+    path = Path(source)
     if path.suffix == '.json':
         return load_result(path)
     import imu_allan
@@ -133,8 +155,8 @@ def _result(args: argparse.Namespace) -> 'Result':
     from imu_allan.timeline import TimelineOptions
 
     reading = recording_options(args)
-    with open_recording(args.source, options=reading) as recording:
+    with open_recording(source, options=reading) as recording:
         size = recording.size_bytes
-    with progress_bar(printable(args.source), size, wanted=not args.no_progress) as progress:
-        return imu_allan.analyze(args.source, args.topic, progress=progress, reading=reading,
+    with progress_bar(printable(source), size, wanted=not args.no_progress) as progress:
+        return imu_allan.analyze(source, args.topic, progress=progress, reading=reading,
                                  options=TimelineOptions(rate_hz=args.rate))

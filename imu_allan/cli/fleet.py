@@ -61,9 +61,12 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
     """
     Return the results that an earlier run has left, by unit.
 
-    A result counts if its file is whole, names the same recording and topic, and is not older
-    than the recording.
+    A result counts if its file is whole, is not older than the recording, and was made of it by
+    this version with the same options; and if the other files lie beside it.
     """
+    from imu_allan.version import __version__
+    from imu_allan.writers.filters import export
+    from imu_allan.writers.folder import LAST_WRITTEN
     from imu_allan.writers.result_file import load_result
 
     found = {}
@@ -73,7 +76,12 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
         file = task.folder / 'result.json'
         with suppress(ImuAllanError, OSError):
             result = load_result(file)
-            same = result.source.path == task.path and task.topic in (None, result.source.topic)
+            same = (result.imu_allan_version == __version__
+                    and result.source.path == task.path and result.source.options == task.said()
+                    and result.inspection == task.inspected()
+                    and (task.folder / LAST_WRITTEN).exists() and all(
+                        (task.folder / export(result, name).name).exists()
+                        for name in task.exports))
             if same and file.stat().st_mtime >= _changed(Path(task.path)):
                 found[task.unit] = result
     return found

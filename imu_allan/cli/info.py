@@ -65,6 +65,9 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
             print()
             for line in report:
                 print(line)
+        if len(recording.topics) != 1 and (choice := _choice(recording)):
+            print()
+            print(choice)
         _list('more Imu topics', [
             (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
             for topic in recording.topics[_MOST_READ:]])
@@ -72,6 +75,21 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         _list('of them might hold an IMU and are not read', sorted(recording.reasons.items()))
         for remark in recording.remarks:
             print(f'warning: {printable(remark.message)}')
+
+
+def _choice(recording: 'Recording') -> str:
+    """Say what of several topics is read where none is named."""
+    from imu_allan.recordings.halves import choose_streams
+
+    try:
+        streams = choose_streams(recording)
+    except ImuAllanError:
+        return 'not one IMU: choose a topic with --topic, or halves with --gyro-topic and ' \
+               '--accel-topic'
+    if len(streams) == 1:
+        return f'read where no topic is named: {printable(streams[0].topic)}'
+    gyro, accel = (printable(stream.topic) for stream in streams)
+    return f'one IMU in two halves: the gyroscope from {gyro}, the accelerometer from {accel}'
 
 
 def _list(what: str, topics: list[tuple[str, str]]) -> None:

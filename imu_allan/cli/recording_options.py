@@ -32,6 +32,9 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--gyro-topic', metavar='NAME',
                        help='topic of the gyroscope of an IMU on two topics')
     group.add_argument('--accel-topic', metavar='NAME', help='topic of its accelerometer')
+    group.add_argument('--accel-rate', metavar='HZ', type=positive_number,
+                       help='sample rate of an accelerometer on a topic of its own, instead of '
+                            'the one measured; --rate is that of the gyroscope then')
     group.add_argument('--columns', metavar='AXIS=NAME', action='append', default=[],
                        help='column of a CSV: gyro_x=w0,gyro_y=w1,accel_x=a0,time=t; units as '
                             'in --gyro-unit and --accel-unit')
@@ -58,4 +61,5 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
     return RecordingOptions(
         rate_hz=args.rate, definitions=tuple(args.definitions), gyro=args.gyro, accel=args.accel,
         stamp=args.stamp, gyro_unit=args.gyro_unit, accel_unit=args.accel_unit,
-        gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs))
+        gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
+        accel_rate_hz=args.accel_rate)

@@ -31,7 +31,7 @@ from imu_allan.isolated import portable, start_python
 
 if TYPE_CHECKING:
     from imu_allan.recordings import RecordingOptions
-    from imu_allan.result import Result
+    from imu_allan.result import Inspection, Result
 
 T = TypeVar('T')
 
@@ -86,20 +86,35 @@ class Task:
     reading: 'RecordingOptions | None' = None
     together: tuple[str, ...] = ()
 
+    def arguments(self) -> dict[str, Any]:
+        """Return those of `imu_allan.analysis.analyze` and `said`, but the path."""
+        from imu_allan.recordings import RecordingOptions
+        from imu_allan.timeline import TimelineOptions
+
+        return {'topic': self.topic, 'options': TimelineOptions(**self.options),
+                'reading': self.reading or RecordingOptions(), 'start_s': self.start_s,
+                'duration_s': self.duration_s}
+
+    def said(self) -> dict[str, str]:
+        """Return the options that a result made of it names."""
+        from imu_allan.analysis import said
+
+        return said(**self.arguments())
+
+    def inspected(self) -> 'Inspection | None':
+        """Return what a result made of it says of the unit."""
+        from imu_allan.result import Inspection
+
+        return Inspection(**self.inspection) if self.inspection else None
+
 
 def characterize(task: Task, progress: Callable[[int], None] | None = None) -> 'Result':
     """Make the result of a task and write its folder: where the work is done, not one by one."""
     from imu_allan.analysis import analyze
-    from imu_allan.recordings import RecordingOptions
-    from imu_allan.result import Inspection
-    from imu_allan.timeline import TimelineOptions
 
-    result = analyze(list(task.together) or task.path, task.topic,
-                     options=TimelineOptions(**task.options),
-                     reading=task.reading or RecordingOptions(), start_s=task.start_s,
-                     duration_s=task.duration_s, progress=progress)
+    result = analyze(list(task.together) or task.path, progress=progress, **task.arguments())
     if task.inspection:
-        result = replace(result, inspection=Inspection(**task.inspection))
+        result = replace(result, inspection=task.inspected())
     if task.folder is not None:
         from imu_allan.writers.folder import save_folder
         save_folder(result, task.folder, task.exports)

@@ -32,9 +32,16 @@ _REPEATED = 0.3
 repeats 0.38 of them."""
 _STRAIGHT = 0.2
 """Share of bends that are none: 400 Hz over 100 Hz leaves half of them straight. Three samples
-span two steps, so of two rates closer than 2 : 1 none is; those are not recognised."""
+span two steps, so of two rates closer than 2 : 1 none is."""
 _BENT = 1e-4
 """Bend, as part of the usual one, below which three samples lie on a line."""
+_BAND = 64
+"""Bins of a spectrum that share one level; lines that stand sixteen times above it are cut out."""
+_BEAT = (0.17, 0.43)
+"""Amplitude of the beat of two rates, relative to the mean square: 2 (1 - f + f^2) - 1 of a phase
+f that takes all values has 3 / pi^2 = 0.30; of few values, at simple ratios, 0.2 to 0.4."""
+_CLEAR = 16.0
+"""Power of that beat over its level in white noise, of which 4096 samples reach 7 by chance."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +117,11 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             raise ImuAllanError('--topic is one topic; --gyro-topic and --accel-topic are two')
         return [Stream(choose_topic(recording, gyro), 'gyro'),
                 Stream(choose_topic(recording, accel), 'accel')]
-    if topic is None and len(recording.preferred) == 2:
-        return [Stream(recording.preferred[0], 'gyro'), Stream(recording.preferred[1], 'accel')]
     if topic is None and recording.preferred:
+        _tell_others(recording)
+        if len(recording.preferred) == 2:
+            return [Stream(recording.preferred[0], 'gyro'),
+                    Stream(recording.preferred[1], 'accel')]
         [topic] = recording.preferred
     if topic is None and 1 < len(recording.topics) <= _MOST_TOPICS:
         halves = [(half_of(recording, imu.name), imu.name) for imu in recording.topics
@@ -122,6 +131,19 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             return [Stream(names['gyro'], 'gyro'), Stream(names['accel'], 'accel')]
     chosen = choose_topic(recording, topic)
     return _united(recording, chosen)
+
+
+def _tell_others(recording: Recording) -> None:
+    """Name what else could have been chosen than what is preferred."""
+    chosen = recording.preferred
+    others = [imu.name for imu in recording.topics if imu.name not in chosen]
+    if others:
+        recording.remark(
+            'chosen_topic',
+            f'of {len(recording.topics)} IMU topics {" and ".join(map(printable, chosen))} '
+            f'{"is" if len(chosen) == 1 else "are"} read, with the highest rate; '
+            f'--topic, or --gyro-topic and --accel-topic, choose among '
+            f'{", ".join(map(printable, others))}')
 
 
 def half_of(recording: Recording, topic: str) -> Half | None:
@@ -152,8 +174,9 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
                 f'topic {printable(topic)} repeats its {_name(half)} samples between new ones; '
                 'each sensor is analyzed at its own rate')
             return streams if half == 'gyro' else streams[::-1]
-        if _is_interpolated(samples[:, _COLUMNS[half]], stamps) and not _is_interpolated(
-                samples[:, _COLUMNS[other]], stamps):
+        on_lines = _lies_on_lines(samples[:, _COLUMNS[half]], stamps) and not _lies_on_lines(
+            samples[:, _COLUMNS[other]], stamps)
+        if on_lines or _beats(samples[:, _COLUMNS[half]]):
             recording.remark(
                 'interpolated',
                 f'the {_name(half)} samples of topic {printable(topic)} are interpolated between '
@@ -196,8 +219,40 @@ def _is_repeated(half: NDArray[np.float64]) -> bool:
     return len(lengths) > 0 and np.ptp(np.percentile(lengths, [5, 95])) <= 1
 
 
+@np.errstate(over='ignore', invalid='ignore', divide='ignore')
+def _beats(half: NDArray[np.float64]) -> bool:
+    """
+    Whether the variance of the samples goes up and down with one period, as of two rates.
+
+    A sample on a fraction f of the way from one sample of the sensor to the next has the part
+    (1 - f)^2 + f^2 of its variance: all of it on the samples, half of it between two.
+    """
+    n = len(half) // (2 * _BAND) * 2 * _BAND
+    if n < 1024 or not np.isfinite(half).all():
+        return False
+    spectrum = np.fft.rfft((half[:n] - half[:n].mean(axis=0)) * np.hanning(n)[:, None], axis=0)
+    power = np.abs(spectrum[:-1]) ** 2
+    level = np.median(power.reshape(-1, _BAND, 3), axis=1).repeat(_BAND, axis=0) / np.log(2)
+    line = power > 16 * level
+    for shift in (-2, -1, 1, 2):
+        # What the window spreads a line over, whose square would beat, too.
+        line |= np.roll(power > 16 * level, shift, axis=0)
+    spectrum[:-1][line] = 0
+    spectrum[:n // _BAND] = 0
+    square = np.fft.irfft(spectrum, n, axis=0) ** 2
+    beat = 2 * np.fft.rfft(square, axis=0)[8:] / square.sum(axis=0)
+    total = (np.abs(beat) ** 2).sum(axis=1)
+    peak = int(np.argmax(total))
+    amplitude = np.abs(beat[peak])
+    # A vibration whose frequency wanders beats broadly.
+    beside = np.concatenate([total[max(peak - 16, 0):max(peak - 3, 0)], total[peak + 4:peak + 17]])
+    return bool(total[peak] > _CLEAR * np.median(total) and total[peak] > 4 * beside.max()
+                and _BEAT[0] < amplitude.min() and amplitude.max() < _BEAT[1]
+                and np.abs(beat[peak].sum()) > 0.9 * amplitude.sum())
+
+
 @np.errstate(over='ignore', invalid='ignore')
-def _is_interpolated(half: NDArray[np.float64], stamps: NDArray[np.int64]) -> bool:
+def _lies_on_lines(half: NDArray[np.float64], stamps: NDArray[np.int64]) -> bool:
     """Whether many samples lie on a straight line with their neighbours in time."""
     steps = np.diff(stamps) * 1e-9
     if not (steps > 0).all():

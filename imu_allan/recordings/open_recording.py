@@ -12,6 +12,8 @@ from imu_allan.recordings.recording import natural_order, Recording
 
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """How the names of the files in a rosbag2 directory end."""
+_WHOLE = ('.bag', '.ulg', '.bin')
+"""How the names of files end that are a recording each, whatever lies beside them."""
 _HEAD = 64
 
 
@@ -72,8 +74,8 @@ def recordings_in(path: Path | str) -> list[Path]:
     Parameters
     ----------
     path : path-like
-        A recording, or a folder that is none itself and holds rosbag2 directories, ``.bag``,
-        ``.mcap`` or ``.db3`` files.
+        A recording, or a folder that is none itself and holds rosbag2 directories, or
+        ``.bag``, ``.ulg`` or ``.bin`` files.
 
     Returns
     -------
@@ -86,7 +88,7 @@ def recordings_in(path: Path | str) -> list[Path]:
         if not folder.is_dir() or _is_bag(folder):
             return [folder]
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
-            _is_bag(item) if item.is_dir() else item.suffix == '.bag')]
+            _is_bag(item) if item.is_dir() else item.suffix.lower() in _WHOLE)]
     except (OSError, ValueError):
         # What is wrong with it is told when it is opened.
         return [folder]

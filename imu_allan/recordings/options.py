@@ -32,6 +32,8 @@ class RecordingOptions:
         The two topics of an IMU that comes in halves.
     columns : tuple of (str, str)
         Pairs of axis (or ``time``) and name of the column of a CSV file.
+    accel_rate_hz : float or None
+        Sample rate in Hz of an accelerometer on a topic of its own.
 
     """
 
@@ -45,6 +47,7 @@ class RecordingOptions:
     gyro_topic: str | None = None
     accel_topic: str | None = None
     columns: tuple[tuple[str, str], ...] = ()
+    accel_rate_hz: float | None = None
 
     def __post_init__(self) -> None:
         """
@@ -56,8 +59,9 @@ class RecordingOptions:
             If a unit is not one of the quantity, or the rate is no rate.
 
         """
-        if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
-            raise ImuAllanError(f'rate {self.rate_hz}: not a positive number of Hz')
+        for rate_hz in (self.rate_hz, self.accel_rate_hz):
+            if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
+                raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')
         self.factors  # noqa: B018
 
     @property

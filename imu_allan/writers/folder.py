@@ -17,6 +17,8 @@ from imu_allan.writers.result_file import save_curves, save_result
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+LAST_WRITTEN = 'allan_deviation.png'
+"""The file that `save_folder` writes last: where it is missing, the others may be, too."""
 MOST_COMPARED = 7
 """Results that are drawn in a colour each; there are no more that can be told apart."""
 

@@ -94,6 +94,33 @@ def test_resume_works_on_what_is_missing_or_newer(
     assert len(json.loads((output / 'fleet.json').read_text())['units']) == 6
 
 
+def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [write_csv(tmp_path / f'unit{number}.csv', 0.005, number, 1500) for number in (1, 2)]
+    output = tmp_path / 'out'
+    command = ['analyze', *paths, '--output', str(output), '--resume']
+
+    def done_before(*options: str) -> list[str]:
+        assert main([*command, *options]) == 0
+        return [line.partition(':')[0] for line in capsys.readouterr().out.splitlines()
+                if line.endswith('done before')]
+
+    assert done_before() == []
+    assert done_before() == ['unit1', 'unit2']
+    assert done_before('--motion', 'keep', '--duration', '10s') == []
+    assert load_result(output / 'unit1' / 'result.json').source.options == {
+        'motion': 'keep', 'duration_s': '10.0'}
+    assert done_before('--motion', 'keep', '--duration', '10s') == ['unit1', 'unit2']
+    assert done_before('--operator', 'Ada') == []
+    assert done_before('--operator', 'Ada', '--for', 'kalibr') == []
+    (output / 'unit2' / 'allan_deviation.png').unlink()
+    assert done_before('--operator', 'Ada', '--for', 'kalibr') == ['unit1']
+    changed = load_result(output / 'unit1' / 'result.json').to_dict()
+    (output / 'unit1' / 'result.json').write_text(
+        json.dumps(changed | {'imu_allan_version': '0.0.1'}))
+    assert done_before('--operator', 'Ada', '--for', 'kalibr') == ['unit2']
+
+
 def test_recordings_of_one_imu_make_one_result(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]

@@ -92,6 +92,33 @@ def test_check_takes_a_recording_as_well(recording, result_file, tmp_path, capsy
     assert 'fail: ' in capsys.readouterr().out
 
 
+def test_check_goes_through_a_folder_of_recordings(recording, tmp_path, capsys):
+    units = tmp_path / 'units'
+    units.mkdir()
+    for name in ('unit_2', 'unit_10'):
+        (units / name).symlink_to(recording)
+    specification = tmp_path / 'spec.yaml'
+    command = ['check', str(units), '--spec', str(specification)]
+    specification.write_text('gyro: {noise_density: 0.5 deg/sqrt(h)}')
+    assert main(command) == 0
+    out, err = capsys.readouterr()
+    said = [line for line in out.splitlines() if line.startswith('pass: ')]
+    assert [line.split(' against ')[0] for line in said] == [
+        f'pass: {units / name}' for name in ('unit_2', 'unit_10')]
+    assert err == ''
+    (units / 'unit_3.bag').write_bytes(b'#ROSBAG V2.0')
+    assert main(command) == 1
+    assert capsys.readouterr().err.count('unit_3.bag') == 1
+    specification.write_text('gyro: {noise_density: 0.2 deg/sqrt(h)}')
+    assert main(command) == 3
+    out, err = capsys.readouterr()
+    assert out.count('fail: ') == 2
+    assert err.count('unit_3.bag') == 1
+    with pytest.raises(SystemExit) as stop:
+        main([*command, '--json', str(tmp_path / 'c.json')])
+    assert stop.value.code == 2
+
+
 def test_a_doubt_is_explained_and_is_no_failure(result_file, tmp_path, capsys):
     (tmp_path / 'spec.yaml').write_text('gyro: {x: {rate_random_walk: 1 deg/h/sqrt(h)}}')
     assert main(['check', str(result_file), '--spec', str(tmp_path / 'spec.yaml')]) == 0

@@ -8,9 +8,11 @@ from bags import IMU, START_NS
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
+from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.timeline import TimelineOptions
 from mcap.writer import Writer
 import numpy as np
 import pytest
@@ -66,6 +68,26 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
         '/camera/accel/sample at 250 Hz; rate, gaps and faults are those of the gyroscope')
 
 
+def test_info_says_what_is_joined(tmp_path, capsys):
+    topics = {'/a/accel': block(250, 500, False, True), '/a/gyro': block(400, 800, True, False)}
+    assert main(['info', str(write(tmp_path / 'a.mcap', topics))]) == 0
+    assert ('\none IMU in two halves: the gyroscope from /a/gyro, the accelerometer from '
+            '/a/accel\n') in capsys.readouterr().out
+    topics['/b/gyro'] = block(400, 800, True, False)
+    assert main(['info', str(write(tmp_path / 'b.mcap', topics))]) == 0
+    assert '\nnot one IMU: choose a topic with --topic' in capsys.readouterr().out
+
+
+def test_a_stated_rate_is_that_of_its_own_half(tmp_path):
+    path = write(tmp_path / 'a.mcap', {
+        '/accel': block(250, 2_500, False, True), '/gyro': block(400, 4_000, True, False)})
+    for accel_rate_hz in (None, 249.0):
+        axes = analyze(path, options=TimelineOptions(rate_hz=401.0), reading=RecordingOptions(
+            accel_rate_hz=accel_rate_hz)).axes
+        assert axes['gyro_x'].sample_rate_hz == 401.0
+        assert axes['accel_x'].sample_rate_hz == pytest.approx(accel_rate_hz or 250, rel=1e-4)
+
+
 def test_what_cannot_be_told_is_asked_for(tmp_path):
     path = write(tmp_path / 'a.mcap', {
         '/a': block(250, 200, False, True), '/b': block(400, 200, True, False),
@@ -97,15 +119,18 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
     assert 'repeated_half' in {remark.code for remark in result.warnings}
     assert result.axes['gyro_x'].sample_rate_hz == pytest.approx(400, rel=1e-4)
     if rate_hz == 200:
+        stated = analyze(path, options=TimelineOptions(rate_hz=401.0)).axes
+        assert stated['gyro_x'].sample_rate_hz == 401.0
+        assert stated['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
         assert result.axes['accel_x'].sample_rate_hz == pytest.approx(200, rel=1e-3)
         assert result.axes['accel_x'].coefficients['noise_density'].value == pytest.approx(
             0.1 / np.sqrt(200), rel=0.1)
 
 
-@pytest.mark.parametrize('rate_hz', [63, 100])
+@pytest.mark.parametrize('rate_hz', [63, 100, 250, 390, 520])
 def test_a_half_that_is_interpolated_is_told(tmp_path, rate_hz):
     both = block(400, 8_000, True, False)
-    slow = block(rate_hz, 8_000, False, True)
+    slow = block(rate_hz, 11_000, False, True)
     for column in range(3, 6):
         both.samples[:, column] = np.interp(
             both.header_ns, slow.header_ns, slow.samples[:, column])
@@ -127,6 +152,17 @@ def test_coarse_samples_at_rest_are_neither_copied_nor_interpolated(tmp_path, st
         messages.samples[:, :3] = np.round(messages.samples[:, :3] / step) * step
     path = write(tmp_path / 'a.mcap', {'/imu': messages})
     with open_recording(path) as recording:
+        assert choose_streams(recording) == [Stream('/imu')]
+        assert recording.remarks == []
+
+
+@pytest.mark.parametrize('amplitude', [0.5, 1, 2, 5, 20])
+@pytest.mark.parametrize('wander', [0, 0.003, 0.03])
+def test_a_vibration_is_not_taken_for_interpolation(tmp_path, amplitude, wander):
+    messages = block(400, 5_000, True, True)
+    phase = 2 * np.pi * 0.17 * np.arange(5_000) + wander * np.cumsum(NOISE.normal(size=5_000))
+    messages.samples[:, 3:] += 0.1 * amplitude * np.sin(phase)[:, np.newaxis]
+    with open_recording(write(tmp_path / 'a.mcap', {'/imu': messages})) as recording:
         assert choose_streams(recording) == [Stream('/imu')]
         assert recording.remarks == []
 

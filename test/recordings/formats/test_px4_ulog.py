@@ -78,6 +78,9 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [
             Stream('sensor_gyro', 'gyro'), Stream('sensor_accel', 'accel')]
+        assert [remark.message for remark in recording.remarks] == [
+            f'{path}: of 3 IMU topics sensor_gyro and sensor_accel are read, with the highest '
+            'rate; --topic, or --gyro-topic and --accel-topic, choose among sensor_combined']
         assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
 
 
