@@ -70,8 +70,6 @@ FEED_S = 0.5
 REPORT_S = 1.0
 LOOK_S = 5.0
 """The log looks at the timeline so often where no report does: a copy each time."""
-QUIETER = 1 / 3
-"""Noise that falls to less was none of the sensor's: the run has begun on a moving robot."""
 FIT_SHARE = 5.0
 """On a slow computer a fit is followed by so many times its own duration without one."""
 FIT_GROWTH = 0.03
@@ -555,13 +553,6 @@ class CharacterizationNode(Node):
         else:
             facts.update_error = ''
         summary = snapshot.summary()
-        fallen = min((ratio for _, ratio in summary.noise_changes), default=1.0)
-        if fallen < QUIETER and self._run.trial is None:
-            self._start_save(self._output_dir)
-            self._begin_because(UnusableState(
-                'motion', f'the noise has fallen to {fallen:.2g} times what it was: the IMU was '
-                'not at rest before'), [])
-            return
         facts.moved_s = summary.excluded_s
         self._announcements.see_timeline(now, facts, summary)
         if watched:

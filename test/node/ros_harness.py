@@ -247,9 +247,9 @@ class Driver:
         self.ros.until(matched)
 
     def publish(self, count: int, frame_id: str = 'imu', rate_hz: float = RATE_HZ,
-                shaken: float = 1.0) -> None:
-        """Publish samples of white noise, `shaken` times that at rest."""
-        for sample in self.random.normal(0, 0.01 * shaken, (count, 6)):
+                shaken: float | Sequence[float] = 1.0) -> None:
+        """Publish samples of white noise, `shaken` times that at rest, or so on each axis."""
+        for sample in self.random.normal(0, 0.01 * np.asarray(shaken), (count, 6)):
             sample[5] += 9.8
             stamp = 1_700_000_000 * 10**9 + round(self.next / rate_hz * 1e9)
             self.publisher.publish(encode_imu(stamp, sample, frame_id))

@@ -144,3 +144,20 @@ def test_a_node_that_starts_on_a_moving_robot_learns_from_the_first_stop_alone(r
     for name in AXES:
         low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
         assert low - (high - low) < 0.01 / 200**0.5 < high + (high - low), name
+
+
+def test_an_axis_that_falls_quiet_is_told_and_loses_no_run(ros: Ros) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    # A fan shakes one axis, and is switched off: two minutes until the new level is believed.
+    driver.publish(5000, rate_hz=50.0, shaken=[5.0, 1, 1, 1, 1, 1])
+    driver.publish(9000, rate_hz=50.0)
+    assert driver.publisher.wait_for_all_acked()
+    words = 'call ~/reset to characterize the present level alone'
+    ros.until(lambda: driver.publish(20, rate_hz=50.0) or words in node.log)
+    assert ros.call(SetBool, 'imu_allan/pause').success
+    response = ros.call(Trigger, 'imu_allan/save')
+    document = json.loads(Path(response.message.splitlines()[0]).read_text())
+    assert document['timeline']['samples'] == driver.next
+    assert 'a new run begins' not in node.log
