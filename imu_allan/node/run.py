@@ -34,6 +34,8 @@ class Run:
         Time that the last fit spans.
     error : str
         Why the latest messages are of no use; empty while they are.
+    over : bool
+        Whether another has begun since.
 
     """
 
@@ -44,6 +46,7 @@ class Run:
         self.stamp_ns = 0
         self.duration_s = 0.0
         self.error = ''
+        self.over = False
         self._loop = LoopWatch()
         self._change = ChangeWatch(Signature())
 

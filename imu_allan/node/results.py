@@ -1,0 +1,180 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the run under way has shown: fitted by the worker, published every period, drawn."""
+
+from collections.abc import Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from imu_allan.node.announcements import Announcements
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.process import give_back_memory
+from imu_allan.node.publications import Publications
+from imu_allan.node.result_messages import Filter, result_messages, ResultMessages
+from imu_allan.node.run import Run
+from imu_allan.node.standards import Finding, Standards
+from imu_allan.node.worker import Worker
+from imu_allan.result import Result
+from sensor_msgs.msg import CompressedImage
+
+FIT_SHARE = 5.0
+"""On a slow computer a fit is followed by so many times its own duration without one."""
+FIT_GROWTH = 0.03
+"""The next fit waits until the record is longer by this: it narrows an interval by 1.5 %."""
+SETTLED_S = 2.0
+"""Where no further sample comes for so long, what has come is fitted to the end."""
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """What the worker makes of a snapshot."""
+
+    result: Result
+    messages: ResultMessages
+    findings: list[Finding]
+    took_s: float
+
+
+class Results:
+    """
+    Fits, publishes and draws.
+
+    Parameters
+    ----------
+    node_name : str
+        Fully qualified.
+    publications : Publications
+    worker : Worker
+        Whose thread fits and draws.
+    facts : Facts
+        Where the fit is reported.
+    announcements : Announcements
+        Told of every result.
+    values : mapping
+        Parameters of the node at its start.
+
+    Attributes
+    ----------
+    latest : Result or None
+        The last fit of the run under way.
+    filter_of : Filter
+        What the tuned random walk is for.
+
+    Raises
+    ------
+    ImuAllanError
+        If a standard that a parameter names cannot be read.
+
+    """
+
+    def __init__(self, node_name: str, publications: Publications, worker: Worker, facts: Facts,
+                 announcements: Announcements, values: Mapping[str, Any]) -> None:
+        self._node_name = node_name
+        self._publications = publications
+        self._worker = worker
+        self._facts = facts
+        self._announcements = announcements
+        self._standards = Standards(values['spec_file'], values['reference'])
+        self.filter_of = Filter(values['aiding_interval'], values['coast'])
+        self.latest: Result | None = None
+        self._messages: ResultMessages | None = None
+        self._plotted: Result | None = None
+        self._next_fit = time.monotonic()
+        self.publish_every(values['publish_period'])
+
+    def publish_every(self, period_s: float) -> None:
+        """Set the time from one publication to the next, counted from now."""
+        self._period_s = period_s
+        self._next_publication = time.monotonic() + period_s
+
+    def begin_run(self) -> None:
+        """Forget what was learnt of the run before."""
+        self.latest = self._messages = self._plotted = None
+        self._facts.findings = []
+        self._next_fit = time.monotonic()
+
+    def due(self, now: float) -> bool:
+        """Whether it is time to publish; asked once a period it says so once."""
+        if now < self._next_publication:
+            return False
+        # On a fixed grid: a period that is no multiple of the tick is kept on average.
+        periods = (now - self._next_publication) // self._period_s + 1
+        self._next_publication += periods * self._period_s
+        return True
+
+    def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
+        """Publish a new result if one is due, else the last one again."""
+        settled = now - last_message > SETTLED_S
+        if self._worker.under_way('fit'):
+            return
+        if run.fed != run.fitted and (now >= self._next_fit or settled):
+            self.fit(run)
+        elif self._messages is not None:
+            # A volatile subscription that came late waits for no more than a period.
+            self._publications.publish(self._messages)
+
+    def fit(self, run: Run) -> None:
+        """Have the run fitted; what comes of it is published if the run still goes on then."""
+        began = time.monotonic()
+        standards, filter_of = self._standards, self.filter_of
+        run.fitted = run.fed
+        snapshot, name = run.characterization.snapshot(), self._node_name
+        stamp = run.stamp_ns or time.time_ns()
+
+        def work() -> _Fitted:
+            started = time.monotonic()
+            result = snapshot.result()
+            messages = result_messages(result, name, _time(stamp), filter_of)
+            return _Fitted(result, messages, standards.judge(result),
+                           time.monotonic() - started)
+
+        def publish(future: 'Future[_Fitted]') -> None:
+            if run.over:
+                return
+            self._facts.fit_error = self._worker.failure(future)
+            if self._facts.fit_error:
+                return
+            fitted = future.result()
+            self._facts.fit_s, self._facts.findings = fitted.took_s, fitted.findings
+            self.latest, self._messages = fitted.result, fitted.messages
+            run.learn(fitted.result)
+            self._next_fit = began + max(FIT_SHARE * fitted.took_s,
+                                         FIT_GROWTH * run.duration_s)
+            give_back_memory()
+            self._publications.publish(fitted.messages)
+            self._announcements.see_result(fitted.result)
+            self._announcements.see_standing(self._facts)
+            self.draw_if_watched(run)
+
+        self._worker.start('fit', work, publish)
+
+    def draw_if_watched(self, run: Run) -> None:
+        """Draw the last result and publish the plot, if it is new and somebody looks."""
+        result, plot = self.latest, self._publications.plot
+        if (result is None or not result.axes or result is self._plotted
+                or self._worker.under_way('plot') or not plot.get_subscription_count()):
+            return
+        self._plotted = result
+        stamp = _time(run.stamp_ns)
+
+        def draw() -> CompressedImage:
+            from imu_allan.writers.plot import overview_figure, render
+            image = CompressedImage(format='png', data=render(overview_figure(result), 'png', 100))
+            image.header.stamp = stamp
+            image.header.frame_id = result.source.frame_id or ''
+            return image
+
+        def show(future: 'Future[CompressedImage]') -> None:
+            if not self._worker.failure(future):
+                plot.publish(future.result())
+
+        self._worker.start('plot', draw, show)
+
+
+def _time(stamp_ns: int) -> Time:
+    # The nanoseconds of a broken stamp can carry its seconds beyond what a message can hold.
+    seconds, nanoseconds = divmod(min(stamp_ns, 2**31 * 1_000_000_000 - 1), 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)

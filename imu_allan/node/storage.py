@@ -1,0 +1,277 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What stays of a run: its state over a crash or a reboot, its files for whoever wants them."""
+
+from collections.abc import Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+import time
+from typing import Any
+
+from imu_allan.characterization import Characterization
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.checkpoint import StateFile, UnusableState
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.log import Log
+from imu_allan.node.resuming import pack, Setup, unpack
+from imu_allan.node.run import Run
+from imu_allan.node.same_imu import Signature, Trial, TRIAL_S
+from imu_allan.node.saving import (
+    claimed,
+    IncompleteSave,
+    NothingToSave,
+    other_folders,
+    run_folder,
+    save_run,
+    try_folder,
+)
+from imu_allan.node.worker import Worker
+from imu_allan.wording import duration
+
+
+@dataclass
+class _NextSave:
+    """The save asked for last; `snapshot` is empty once the worker has begun with it."""
+
+    of: tuple[Run, str, list[str]]
+    snapshot: list[Characterization]
+    future: 'Future[list[Path]]'
+
+
+class Storage:
+    """
+    The state file and the output folder.
+
+    Parameters
+    ----------
+    node_name : str
+        Fully qualified.
+    setup : Setup
+        What a run depends on besides its samples.
+    worker : Worker
+        Whose thread writes.
+    facts : Facts
+        Where failures are reported.
+    log : Log
+    values : mapping
+        Parameters of the node at its start.
+
+    Attributes
+    ----------
+    checkpoint_period : float
+    export_for : list of str
+        As the parameters are now.
+
+    Raises
+    ------
+    ImuAllanError
+        If the state file cannot be used.
+
+    """
+
+    def __init__(self, node_name: str, setup: Setup, worker: Worker, facts: Facts, log: Log,
+                 values: Mapping[str, Any]) -> None:
+        self._node_name = node_name
+        self._setup = setup
+        self._worker = worker
+        self._facts = facts
+        self._log = log
+        self._state_file = StateFile(values['state_file']) if values['state_file'] else None
+        self._output_dir: str = values['output_dir']
+        self.checkpoint_period: float = values['checkpoint_period']
+        self.export_for: list[str] = list(values['export_for'])
+        self._next_save: _NextSave | None = None
+        self._saved_at: float | None = None
+        self._last_checkpoint = time.monotonic()
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether there is a state file."""
+        return self._state_file is not None
+
+    def close(self) -> None:
+        """Release the state file."""
+        if self._state_file is not None:
+            self._state_file.close()
+
+    # -- the state file -------------------------------------------------------------------------
+
+    def first_run(self) -> Run:
+        """Begin with the run of the state file, or with a new one."""
+        if self._state_file is None:
+            return self.new_run()
+        try:
+            state = self._state_file.load()
+            if state is None:
+                return self.new_run()
+            characterization = unpack(state, self._setup)
+        except UnusableState as error:
+            self._note_aside(error, self._state_file.keep_aside(error.reason))
+            return self.new_run()
+        summary = characterization.summary()
+        self._facts.resumed = (f'resumed {duration(summary.timeline.duration_s)} of data from '
+                               f'{self._state_file.path}')
+        self._facts.on_trial = True
+        self._log.info(self._facts.resumed)
+        # Held back means lost in a crash: no more than half of what may be lost.
+        return Run(characterization, Trial(
+            Signature.of(summary), min(TRIAL_S, self.checkpoint_period / 2)))
+
+    def new_run(self) -> Run:
+        """Begin with nothing."""
+        return Run(Characterization(kind='topic', topic=self._setup.topic,
+                                    options=self._setup.options))
+
+    def keep_aside(self, run: Run, verdict: UnusableState) -> None:
+        """Give the state of the run another name, so that the next one cannot overwrite it."""
+        state_file = self._state_file
+        if state_file is None:
+            return
+        state = (pack(run.characterization, self._setup) if run.fed != run.checkpointed else None)
+
+        def keep() -> Path:
+            if state is not None:
+                state_file.save(state)
+            return state_file.keep_aside(verdict.reason)
+
+        def note(future: 'Future[Path]') -> None:
+            self._facts.checkpoint_error = self._worker.failure(future)
+            if not self._facts.checkpoint_error:
+                self._note_aside(verdict, future.result())
+
+        self._worker.start('aside', keep, note)
+
+    def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
+        assert self._state_file is not None
+        self._facts.resumed = (f'a new run: {self._state_file.path} could not be resumed from, '
+                               f'{unusable}; it is kept as {aside.name}')
+        self._log.warning(self._facts.resumed)
+
+    def hurry(self) -> None:
+        """Let the next checkpoint be due at once."""
+        self._last_checkpoint = time.monotonic() - self.checkpoint_period
+
+    def checkpoint_due(self, now: float, run: Run) -> bool:
+        """Whether the state is to be written now."""
+        period = self.checkpoint_period
+        # Sooner than the period, so that a sample is not older when its checkpoint is on the disk.
+        due = now - self._last_checkpoint >= max(period / 2, period - 2.0)
+        return (self.keeps_state and due and run.trial is None and run.fed != run.checkpointed
+                and not self._worker.under_way('checkpoint'))
+
+    def checkpoint(self, run: Run) -> 'Future[int]':
+        """Have the state of a run written."""
+        assert self._state_file is not None
+        state_file = self._state_file
+        began = self._last_checkpoint = time.monotonic()
+        fed = run.fed
+        state = pack(run.characterization, self._setup)
+
+        def note(future: 'Future[int]') -> None:
+            self._facts.checkpoint_error = self._worker.failure(future)
+            if not self._facts.checkpoint_error:
+                run.checkpointed = fed
+                self._saved_at = began
+
+        return self._worker.start('checkpoint', lambda: state_file.save(state), note)
+
+    def checkpoint_age_s(self, now: float) -> float | None:
+        """Time since the last checkpoint that was written."""
+        return None if self._saved_at is None else now - self._saved_at
+
+    # -- the output folder ----------------------------------------------------------------------
+
+    def write_to(self, folder: str) -> None:
+        """Change the output folder, and have it tried."""
+        self._output_dir = folder
+        self.try_output()
+
+    def try_output(self) -> None:
+        """Have it told now whether the output folder can be written to, not at the end."""
+        folder = self._output_dir
+
+        def note(future: 'Future[None]') -> None:
+            if folder == self._output_dir:
+                self._facts.output_error = self._worker.failure(future)
+
+        self._worker.start('try', lambda: try_folder(folder), note)
+
+    def save(self, run: Run, folder: str = '') -> 'Future[list[Path]]':
+        """Have result, curves, plot and configurations written, into the output folder if none."""
+        folder = folder or self._output_dir
+        snapshot, name = run.characterization.snapshot(), self._node_name
+        consumers = [consumer for consumer in self.export_for if consumer]
+        of = run, folder, consumers
+        if self._next_save is not None and self._next_save.of == of:
+            # Whoever asks while a save of the same waits for the worker is served by that one.
+            with suppress(IndexError):
+                self._next_save.snapshot[0] = snapshot
+                return self._next_save.future
+        waiting = [snapshot]
+
+        def work() -> list[Path]:
+            result = waiting.pop().result()
+            if not result.axes:
+                raise NothingToSave('nothing to save: too few usable samples have come from '
+                                    f'{self._setup.topic} yet')
+            return save_run(result, claimed(run_folder(folder, name, result)), consumers)
+
+        def note(future: 'Future[list[Path]]') -> None:
+            if isinstance(future.exception(), NothingToSave):
+                # Whoever asked too early has the answer; nothing is wrong with the storage.
+                return
+            self._facts.save_error = self._worker.failure(future)
+            if self._facts.save_error:
+                return
+            if folder == self._output_dir:
+                self._facts.output_error = ''
+            paths = future.result()
+            self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}')
+
+        self._next_save = _NextSave(of, waiting, self._worker.start('save', work, note))
+        return self._next_save.future
+
+    # -- the end --------------------------------------------------------------------------------
+
+    def save_state_at_end(self, run: Run) -> bool:
+        """
+        Write the state if it is newer than the last checkpoint.
+
+        Raises
+        ------
+        ImuAllanError
+            If it cannot be written.
+
+        """
+        if self.keeps_state and run.fed != run.checkpointed:
+            self.checkpoint(run).result()
+        return True
+
+    def save_files_at_end(self, run: Run) -> bool:
+        """
+        Write the files, to another folder if the one asked for takes none; tell if all is well.
+
+        Raises
+        ------
+        IncompleteSave
+            If the configuration of a filter cannot be made.
+
+        """
+        if not run.fed:
+            return True
+        try:
+            self.save(run).result()
+        except NothingToSave as error:
+            self._log.info(str(error))
+        except IncompleteSave:
+            raise
+        except ImuAllanError as error:
+            self._log.error(str(error), f'at the end: {error}')
+            for folder in other_folders(self._state_file.path if self._state_file else None):
+                with suppress(ImuAllanError):
+                    self.save(run, folder).result()
+                    break
+            return False
+        return True
