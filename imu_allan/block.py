@@ -64,6 +64,8 @@ class EvenBlock:
         relates its place on the grid to the block before.
     restart : bool
         All blocks before are void: they held one value, of a sensor that had not come to life.
+    start_s : float
+        Time of the first row since the first sample, by the clock.
 
     """
 
@@ -72,6 +74,7 @@ class EvenBlock:
     bridged: int = 0
     new_run: bool = False
     restart: bool = False
+    start_s: float = 0.0
 
     def __len__(self) -> int:
         """Rows of the block."""

@@ -139,12 +139,30 @@ class WarmUp:
 
 @dataclass(frozen=True)
 class TemperatureDependence:
-    """Change of the mean per kelvin with its 95 % interval, and the range it was seen over."""
+    """
+    Change of the mean with temperature.
+
+    Attributes
+    ----------
+    per_kelvin : float
+        Slope at the mean temperature of the record, in the unit of a sample.
+    ci95 : (float, float)
+        Of the slope.
+    lowest_c, highest_c : float
+        The range it was seen over, in degrees Celsius.
+    per_kelvin_squared : float or None
+        Coefficient of the square of the distance from the mean temperature, where it shows.
+    before : mapping of str to float
+        The coefficients by key as they were without the temperature, where they showed.
+
+    """
 
     per_kelvin: float
     ci95: Interval
     lowest_c: float
     highest_c: float
+    per_kelvin_squared: float | None = None
+    before: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -371,7 +389,12 @@ class Inspection:
 
 @dataclass(frozen=True)
 class Result:
-    """The result file; `recordings` and `turn_on_bias` are those of a joint result."""
+    """
+    The result file.
+
+    `recordings` and `turn_on_bias` are those of a joint result; `temperature`, in degrees Celsius,
+    is that of a thermometer beside the sensor, on the time axis of the signals.
+    """
 
     imu_allan_version: str
     source: Source
@@ -381,6 +404,7 @@ class Result:
     recordings: tuple[RecordingPart, ...] = ()
     turn_on_bias: Mapping[str, TurnOnBias] = field(default_factory=dict)
     inspection: Inspection | None = None
+    temperature: Signal | None = None
     schema: str = field(default=SCHEMA)
 
     def to_dict(self) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.likelihood import Groups, WHITE
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.stationarity import white_ratio
+from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import Quantity, TERMS
 from imu_allan.result import (
     AxisResult,
@@ -38,6 +39,7 @@ from imu_allan.result import (
     Signal,
     Spectrum,
     Stationarity,
+    TemperatureDependence,
     Tone,
     Trend,
     WarmUp,
@@ -104,7 +106,8 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
-                 fits: Sequence[AxisFit | None] | None = None
+                 fits: Sequence[AxisFit | None] | None = None,
+                 temperature: TemperatureCourse | None = None
                  ) -> list[tuple[AxisResult, list[Remark]]]:
     """
     Fit every axis of an estimator, which is left as it is.
@@ -119,6 +122,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         What each axis measures.
     fits : sequence of AxisFit or None, optional
         Of every axis, where they are not those of the estimator alone.
+    temperature : TemperatureCourse, optional
+        Over the same record.
 
     Returns
     -------
@@ -133,8 +138,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     noise = sample_noise(finished)
     signals = _signals(finished, dt)
     found = []
-    for axis, (quantity, fitted_axis) in enumerate(
-            zip(quantities, fit_axes(finished, dt) if fits is None else fits, strict=True)):
+    fits = fit_axes(finished, dt, temperature) if fits is None else fits
+    for axis, (quantity, fitted_axis) in enumerate(zip(quantities, fits, strict=True)):
         base = replace(_empty(quantity, float(mean[axis]) if finished.samples else None),
                        signal=signals[axis])
         remarks: list[Remark] = []
@@ -231,10 +236,14 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
 def _trend(fitted: Fit) -> Trend:
     """Gather what moves the mean and is no noise."""
     ramp, warm = fitted.estimates['rate_ramp'], fitted.warming
+    heat = fitted.temperature
     return Trend(
         ramp=Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
         warm_up=WarmUp(warm.amplitude, warm.time_constant_s, (warm.low, warm.high))
-        if warm is not None else None)
+        if warm is not None else None,
+        temperature=TemperatureDependence(
+            heat.per_kelvin, (heat.low, heat.high), heat.lowest_c, heat.highest_c,
+            heat.per_kelvin_squared, heat.before) if heat is not None else None)
 
 
 def _spectrum(groups: Groups) -> Spectrum:

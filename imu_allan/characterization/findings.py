@@ -5,6 +5,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from math import inf, isinf
 
+from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.moving_mean import Warming
@@ -18,6 +19,8 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk'}
 """Codes of the findings about a mean that moves."""
 
 
+_COARSE = 1 / 8
+"""Share of the range that a step of the thermometer may be: the mean then follows it in jumps."""
 _STEP_SHARE = 0.7
 """Share of the spread between segments from which it is told as one step."""
 
@@ -61,7 +64,7 @@ def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             'gauss_markov',
             f'a first-order Gauss-Markov process of {sigma:.3g} {quantity.unit} with a '
             f'correlation time of {time:.3g} s is part of the noise'))
-    return remarks + _mean_remarks(fitted, quantity)
+    return remarks + _temperature_remarks(fitted, quantity) + _mean_remarks(fitted, quantity)
 
 
 def leaving_remark(tau_s: float) -> Remark:
@@ -115,6 +118,45 @@ def start_remark(start_s: float, length_s: float) -> Remark:
                       'the recording: all of it is used; record for longer')
     return Remark('start_auto', f'the first {duration(start_s)} were left out: the sensor warmed '
                   'up')
+
+
+def thermometer_remarks(seen: Temperature) -> list[Remark]:
+    """Say what is wrong with the readings of a thermometer."""
+    if seen.course is None and seen.covered < COVERED:
+        return [Remark('temperature', f'the temperature covers {100 * seen.covered:.0f} % of the '
+                       'record only: it is not used')]
+    if seen.course is None:
+        return [Remark('temperature', 'the temperature never changes: nothing can be told from '
+                       'it')]
+    remarks = []
+    span = seen.course.highest - seen.course.lowest
+    if seen.step > span * _COARSE:
+        remarks.append(Remark(
+            'temperature', f'the temperature comes in steps of {seen.step:.2g} K within a range '
+            f'of {span:.2g} K: what lies between them is a guess'))
+    if seen.gaps:
+        remarks.append(Remark(
+            'temperature', f'the temperature has {seen.gaps} '
+            f'{"gap" if seen.gaps == 1 else "gaps"}, over which a line is drawn'))
+    return remarks
+
+
+def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+    """Say how the mean depends on temperature, and what the random walk was without that."""
+    heat = fitted.temperature
+    if heat is None:
+        return []
+    walk, before = fitted.estimates['rate_random_walk'], heat.before.get('rate_random_walk')
+    instead = ''
+    if before is not None and (not walk.observable or not walk.low < before < walk.high):
+        instead = (f'. Without the temperature a rate random walk of {before:.3g} would be read '
+                   'from it')
+    curved = ', and not in proportion to it' if heat.per_kelvin_squared is not None else ''
+    return [Remark(
+        'temperature',
+        f'the mean follows the temperature by {heat.per_kelvin:.3g} {quantity.unit}/K{curved} '
+        f'(95 % interval {heat.low:.3g} to {heat.high:.3g}, seen from {heat.lowest_c:.1f} to '
+        f'{heat.highest_c:.1f} degrees Celsius); the coefficients are given without it{instead}')]
 
 
 def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:

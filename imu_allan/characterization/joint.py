@@ -224,7 +224,7 @@ def _of_each(parts: Sequence[_Part]) -> list[Remark]:
     """Return what the timeline and the front door said about one recording or another."""
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'coarse_resolution',
-           'constant_axis', 'warm_up', 'trend_or_walk', 'not_steady')
+           'constant_axis', 'warm_up', 'trend_or_walk', 'not_steady', 'temperature')
     return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
             for remark in part.result.warnings if remark.code not in own]
 

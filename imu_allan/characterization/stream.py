@@ -16,16 +16,21 @@ from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
-from imu_allan.characterization.findings import length_remarks, MEAN_MOVES
+from imu_allan.characterization.findings import (
+    length_remarks,
+    MEAN_MOVES,
+    thermometer_remarks,
+)
+from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.terms import AXES
-from imu_allan.result import AxisResult, Remark, Result, Source
+from imu_allan.result import AxisResult, Remark, Result, Signal, Source
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 State = Mapping[str, NDArray[np.generic]]
 
@@ -76,6 +81,8 @@ class Characterization:
         self._estimator: Estimator | None = None
         self._columns: NDArray[np.int64] = np.zeros(0, np.int64)
         self._next = 0
+        self._thermometer = Thermometer()
+        self._epoch_ns: int | None = None
 
     def update(self, block: ImuBlock) -> None:
         """
@@ -87,7 +94,28 @@ class Characterization:
             If the timeline cannot make sense of them.
 
         """
-        self._absorb(self._timeline.push(block))
+        epoch = self._timeline.epoch_ns
+        self._absorb(self._timeline.push(block), epoch)
+
+    def take_temperature(self, stamps_ns: ArrayLike, celsius: ArrayLike) -> None:
+        """
+        Take in readings of a thermometer beside the sensor.
+
+        Parameters
+        ----------
+        stamps_ns : array_like of int, shape (n,)
+            On the clock of the Imu messages' headers, or of reception where those are unusable;
+            in any order, before or after the samples they belong to.
+        celsius : array_like, shape (n,)
+            In degrees Celsius; what is not finite is left out.
+
+        Raises
+        ------
+        ValueError
+            If the two differ in length.
+
+        """
+        self._thermometer.take(stamps_ns, celsius)
 
     def take(self, blocks: Iterable[ImuBlock]) -> None:
         """
@@ -112,11 +140,13 @@ class Characterization:
 
     def finish(self) -> None:
         """Take in what the timeline still holds back: the recording has ended."""
-        self._absorb(self._timeline.flush())
+        epoch = self._timeline.epoch_ns
+        self._absorb(self._timeline.flush(), epoch)
 
     def break_run(self) -> None:
         """Begin anew after an interruption of unknown length; what was learnt stays."""
-        self._absorb(self._timeline.break_run())
+        epoch = self._timeline.epoch_ns
+        self._absorb(self._timeline.break_run(), epoch)
 
     def summary(self) -> TimelineSummary:
         """Return what was seen of clock and samples so far."""
@@ -128,6 +158,7 @@ class Characterization:
         twin._timeline = self._timeline.copy()
         twin._estimator = None if self._estimator is None else self._estimator.copy()
         twin._columns, twin._next = self._columns, self._next
+        twin._thermometer, twin._epoch_ns = self._thermometer.copy(), self._epoch_ns
         return twin
 
     @property
@@ -183,7 +214,15 @@ class Characterization:
         source = Source(self._kind, self._path, self._topic, summary.frame_id,
                         summary.start_time, summary.clock)
         return Result(__version__, source, summary.timeline, axes,
-                      (*remarks, *summary.remarks, *found))
+                      (*remarks, *summary.remarks, *found),
+                      temperature=twin._shown_temperature(summary))
+
+    def _shown_temperature(self, summary: TimelineSummary) -> Signal | None:
+        """Return the temperature over time, as a picture shows it."""
+        rate = summary.timeline.sample_rate_hz
+        if self._estimator is None or rate is None:
+            return None
+        return self._thermometer.signal(self._estimator.finished().signal.columns(), 1 / rate)
 
     def _axes(self, summary: TimelineSummary) -> tuple[dict[str, AxisResult], list[Remark]]:
         rate = summary.timeline.sample_rate_hz
@@ -193,11 +232,14 @@ class Characterization:
             return {}, [Remark('unknown_rate',
                                'the sample rate cannot be told from so few stamps')]
         names = [list(AXES)[column] for column in self._columns]
-        fitted = axis_results(self._estimator, rate, [AXES[name] for name in names])
+        finished = self._estimator.finished()
+        series = finished.periodogram
+        heat = self._thermometer.temperature(series.series, series.cell, 1 / rate)
+        fitted = axis_results(finished, rate, [AXES[name] for name in names],
+                              temperature=heat.course if heat is not None else None)
         axes = {name: axis for name, (axis, _) in zip(names, fitted, strict=True)}
         if self._kind == 'recording':
             # It takes a tenth of a second, which a node does not spend at every publication.
-            series = self._estimator.finished().periodogram
             tested = backtest(series.series, series.cell, 1 / rate)
             axes = {name: replace(axis, backtest=found if axis.drift_model else None)
                     for (name, axis), found in zip(axes.items(), tested, strict=True)}
@@ -205,28 +247,49 @@ class Characterization:
                    for name, (_, own) in zip(names, fitted, strict=True) for remark in own]
         unclear = {name for name, (_, own) in zip(names, fitted, strict=True)
                    if any(remark.code in MEAN_MOVES for remark in own)}
+        remarks += thermometer_remarks(heat) if heat is not None else []
         return axes, remarks + length_remarks(axes, summary, unclear)
 
-    def _absorb(self, blocks: Iterable[EvenBlock]) -> None:
+    def _absorb(self, blocks: Iterable[EvenBlock], epoch_ns: int | None) -> None:
+        """Take in even blocks; `epoch_ns`: of the timeline before it gave them."""
+        if self._epoch_ns is None:
+            self._epoch_ns = epoch_ns if epoch_ns is not None else self._timeline.epoch_ns
         for block in blocks:
             if not len(block):
                 continue
             if block.restart:
                 self._estimator = None
+                self._thermometer.forget_samples()
+            if block.new_run:
+                # A jump of the clock begins a run, and what was held back belongs before it.
+                self._epoch_ns = self._timeline.epoch_ns
+            skipped = 0
             if self._estimator is None:
                 self._columns = np.flatnonzero(np.isfinite(block.samples[0]))
                 self._estimator = Estimator(len(self._columns))
                 # What was left out at the very beginning is time, too.
                 self._estimator.signal.skip(block.first_index)
+                skipped = block.first_index
             elif block.new_run:
                 self._estimator.start_run()
             elif block.first_index > self._next:
-                self._estimator.skip(block.first_index - self._next)
+                skipped = block.first_index - self._next
+                self._estimator.skip(skipped)
+            self._note_place(self._estimator, block, skipped)
             samples = block.samples
             if len(self._columns) < samples.shape[1]:
                 samples = samples[:, self._columns]
             self._estimator.update(samples, block.bridged)
             self._next = block.first_index + len(block)
+
+    def _note_place(self, estimator: Estimator, block: EvenBlock, skipped: int) -> None:
+        """Tell the thermometer where the samples of a block lie on the clock."""
+        interval, epoch = self._timeline.interval_ns, self._epoch_ns
+        first = last = None
+        if epoch is not None and interval is not None:
+            first = epoch + round(block.start_s * 1e9)
+            last = first + round((len(block) - 1) * interval)
+        self._thermometer.place(*estimator.next_place, len(block), skipped, first, last)
 
     def to_state(self) -> dict[str, NDArray[np.generic]]:
         """
@@ -239,10 +302,13 @@ class Characterization:
 
         """
         about = {'kind': self._kind, 'path': self._path, 'topic': self._topic,
-                 'next': self._next, 'columns': self._columns.tolist()}
+                 'next': self._next, 'columns': self._columns.tolist(),
+                 'epoch_ns': self._epoch_ns}
         state: dict[str, NDArray[np.generic]] = {'about': np.array(json.dumps(about))}
         state.update({f'timeline/{key}': value
                       for key, value in self._timeline.to_state().items()})
+        state.update({f'thermometer/{key}': value
+                      for key, value in self._thermometer.to_state().items()})
         if self._estimator is not None:
             state.update({f'estimator/{key}': value
                           for key, value in self._estimator.to_state().items()})
@@ -271,6 +337,10 @@ class Characterization:
                 self._next = int(about['next'])
                 self._columns = np.array(about['columns'], dtype=np.int64)
                 self._timeline = TimelineStage.from_state(part('timeline'))
+                self._epoch_ns = about.get('epoch_ns')
+                # A state from before there were temperatures has none.
+                if thermometer := part('thermometer'):
+                    self._thermometer = Thermometer.from_state(thermometer)
                 estimator = part('estimator')
                 if estimator:
                     self._estimator = Estimator.from_state(estimator)

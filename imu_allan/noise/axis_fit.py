@@ -13,6 +13,7 @@ from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise
 from imu_allan.noise.parts import part_groups
 from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness
+from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.noise.trends import RecordSpectrum
 
@@ -50,7 +51,8 @@ class AxisFit:
     segments: SegmentPowers | None = None
 
 
-def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
+def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | None = None
+             ) -> list[AxisFit | None]:
     """
     Fit the spectrum of every axis.
 
@@ -60,6 +62,8 @@ def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
         As `Estimator.finished` returns it.
     dt : float
         Sample interval in seconds.
+    temperature : TemperatureCourse, optional
+        Over the same record.
 
     Returns
     -------
@@ -85,7 +89,7 @@ def fit_axes(finished: Estimator, dt: float) -> list[AxisFit | None]:
         record = RecordSpectrum(pieces, bins, axis, dt, keep)
         groups = whole if keep.all() else record.groups()
         parts = partial(_parts, finished, axis, dt, lines_hz)
-        fitted = fit(groups, dt, first, record, steady, parts)
+        fitted = fit(groups, dt, first, record, steady, parts, temperature)
         found.append(AxisFit(fitted, lines, groups, whole, steady, segments))
     return found
 

@@ -126,6 +126,30 @@ def renumbered(cells: Cells) -> tuple[Cells, int]:
     return Cells(keys, cells.sums, cells.counts), len(numbers)
 
 
+def centres(cells: Cells, size: int) -> tuple[Keys, Array, Array]:
+    """
+    Tell where cells lie.
+
+    Parameters
+    ----------
+    cells : Cells
+        In order of time.
+    size : int
+        Samples in a full cell.
+
+    Returns
+    -------
+    runs, places, end_to_end : ndarray, shape (n,)
+        The run of each cell, and its middle in samples: on the grid of the run, and with the runs
+        one directly behind the other.
+
+    """
+    in_a_row = np.asarray(end_to_end(cells.keys), dtype=np.float64)
+    places = np.asarray(cells.keys & _PLACE, dtype=np.float64)
+    runs: Keys = np.asarray(cells.keys >> RUN_SHIFT, dtype=np.int64)
+    return runs, (places + 0.5) * size, (in_a_row + 0.5) * size
+
+
 def end_to_end(keys: Keys) -> Keys:
     """Places of cells, counted from the first, with the runs one directly behind the other."""
     if not len(keys):

@@ -84,6 +84,11 @@ class Estimator:
         """How many of the samples stand in for missing ones."""
         return self._n.bridged
 
+    @property
+    def next_place(self) -> tuple[int, int]:
+        """Return the run that is being taken in, by number, and the place of its next sample."""
+        return self._n.runs, self._n.first + self._n.held
+
     def update(self, samples: ArrayLike, bridged: int = 0) -> None:
         """
         Take in the next samples of the stretch.

@@ -39,6 +39,7 @@ from imu_allan.noise.likelihood import (
 )
 from imu_allan.noise.moving_mean import moving_mean, MovingMean, walk_ratio, Warming
 from imu_allan.noise.stationarity import Steadiness
+from imu_allan.noise.temperature import asked_for, Dependence, dependence, TemperatureCourse
 from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.noise.trial import banded, fit_band, OBSERVABLE, Trial
 import numpy as np
@@ -78,11 +79,15 @@ class Fit:
         A warm-up, which the coefficients are given without.
     cycle_s : float or None
         Period of a slow cycle, which the coefficients are given without.
+    temperature : Dependence or None
+        How the mean depends on temperature, which the coefficients are given without.
     between : dict
         By key, the standard deviation between parts of the record beyond their errors, where the
         noise is not steady.
     trial : Trial or None
         The model and the band that the estimates are of.
+    plain : Trial or None
+        The same before it was asked what moves the mean.
 
     """
 
@@ -96,19 +101,23 @@ class Fit:
     walk_unclear: bool = False
     warming: Warming | None = None
     cycle_s: float | None = None
+    temperature: Dependence | None = None
     between: dict[str, float] = field(default_factory=dict)
     trial: Trial | None = None
+    plain: Trial | None = None
 
     @property
     def mean_moves(self) -> bool:
         """Whether the mean moves in a way that the noise terms leave out."""
-        return (self.walk_unclear or self.warming is not None or self.cycle_s is not None
+        return (self.walk_unclear or self.temperature is not None
+                or self.warming is not None or self.cycle_s is not None
                 or self.estimates['rate_ramp'].observable)
 
 
 def fit(groups: Groups, dt: float, start: Solution | None = None,
         record: RecordSpectrum | None = None, steady: Steadiness | None = None,
-        parts: Callable[[], Sequence[Groups]] | None = None) -> Fit:
+        parts: Callable[[], Sequence[Groups]] | None = None,
+        temperature: TemperatureCourse | None = None) -> Fit:
     """
     Fit one axis.
 
@@ -127,13 +136,32 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         Whether the noise is the same all over the record; where not, intervals are wider.
     parts : callable, optional
         Gives the spectra of parts of the record, for that case.
+    temperature : TemperatureCourse, optional
+        Over the record. Where the mean depends on it, the coefficients are given without that.
 
     Returns
     -------
     Fit
 
     """
-    trial, process = _chosen(groups, dt, start)
+    found = _fit(groups, dt, start, record, steady, parts)
+    if record is None or temperature is None or found.plain is None:
+        return found
+    courses = asked_for(found.plain, record, temperature)
+    if not courses:
+        return found
+    before = {key: one.value for key, one in found.estimates.items() if one.observable}
+    record = replace(record, courses=tuple(courses))
+    warm = _fit(record.groups(), dt, start, record, steady, parts)
+    assert warm.trial is not None
+    return replace(warm, temperature=dependence(warm.trial, temperature, len(courses), before))
+
+
+def _fit(groups: Groups, dt: float, start: Solution | None, record: RecordSpectrum | None,
+         steady: Steadiness | None, parts: Callable[[], Sequence[Groups]] | None) -> Fit:
+    """Fit one axis with the regressors that its record has."""
+    plain, process = _chosen(groups, dt, start)
+    trial = plain
     walk = estimate(trial, WALK)
     mean = MovingMean(trial, walk.observable)
     if record is not None:
@@ -162,7 +190,8 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
     return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, process,
                walk_unclear=unclear,
                warming=mean.warming, cycle_s=mean.cycle_s,
-               between={key: one.between for key, one in said.items()}, trial=trial)
+               between={key: one.between for key, one in said.items()}, trial=trial,
+               plain=plain)
 
 
 def _capped(trial: Trial, steady: Steadiness) -> Trial:

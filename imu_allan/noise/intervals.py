@@ -191,6 +191,8 @@ def crossing(rise: Callable[[float], float], value: float, scale: float, level: 
 
 def estimate_ramp(trial: Trial) -> Estimate:
     """Estimate the ramp, which is signed, with the interval of a mean."""
+    if trial.groups.along is not None and trial.groups.along.shape[1] > 1:
+        return _ramp_beside(trial)
     free = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=None)
     still = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=0.0)
     ratio = 2 * (still.loss - free.loss) / trial.dispersion
@@ -209,6 +211,43 @@ def estimate_ramp(trial: Trial) -> Estimate:
         return Estimate(False, 0.0, 0.0, 0.0, max(bounds))
     low, high = (_two_sided(rise, free.slope, side * scale, CI95) for side in (-1, 1))
     return Estimate(True, free.slope, low, high, max(abs(low), abs(high)))
+
+
+def amplitude_of(trial: Trial, course: int) -> tuple[float, float, float]:
+    """
+    Return the size of a course of the mean in a fit.
+
+    Parameters
+    ----------
+    trial : Trial
+        With courses.
+    course : int
+        Its number; the ramp is the first.
+
+    Returns
+    -------
+    amplitude, low, high : float
+        With its 95 % interval, which is that of a mean under the fitted noise.
+
+    """
+    solution = trial.solution
+    assert solution.trend is not None
+    assert trial.groups.among is not None
+    weight = trial.groups.dof / np.maximum(trial.groups.design @ solution.theta, 1e-300)
+    gram = np.tensordot(weight, trial.groups.among, 1)
+    scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    inverse = np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True)
+    error = float(np.sqrt(CI95 * inverse[course, course] * trial.dispersion) / scale[course])
+    amplitude = float(solution.trend[course])
+    return amplitude, amplitude - error, amplitude + error
+
+
+def _ramp_beside(trial: Trial) -> Estimate:
+    """Estimate the ramp where other courses move the mean as well."""
+    value, low, high = amplitude_of(trial, 0)
+    if CI95 * (value / max(high - value, 1e-300))**2 < OBSERVABLE_RAMP:
+        return Estimate(False, 0.0, 0.0, 0.0, max(abs(low), abs(high)))
+    return Estimate(True, value, low, high, max(abs(low), abs(high)))
 
 
 def _two_sided(rise: Callable[[float], float], value: float, scale: float,

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import log
 
+from imu_allan.noise.intervals import amplitude_of
 from imu_allan.noise.likelihood import maximise, Solution, WALK
 from imu_allan.noise.trends import Course, cycle, legendre, RecordSpectrum, warming
 from imu_allan.noise.trial import OBSERVABLE, residuals, Trial
@@ -130,9 +131,9 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     if gain >= _WARMING:
         warm = with_courses(trial, record, [warming(time)])
         beside = walk_ratio(warm) >= OBSERVABLE
-        if _ratio(trial, warm) >= _WARMING or (not beside and _instead(trial, warm)):
+        if likelihood_ratio(trial, warm) >= _WARMING or (not beside and _instead(trial, warm)):
             walks = walks and beside and _walks(trial, record, [warming(time)])
-            return MovingMean(warm, walks, _warming(warm, time))
+            return MovingMean(warm, walks, Warming(*amplitude_of(warm, -1), time))
     if not walks:
         return MovingMean(trial, walk=False)
     if not _walks(trial, record, []):
@@ -141,7 +142,7 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     if gain >= _DOUBTFUL_CYCLE:
         turning = with_courses(trial, record, cycle(frequency))
         beside = walk_ratio(turning) >= OBSERVABLE
-        ratio = _ratio(trial, turning)
+        ratio = likelihood_ratio(trial, turning)
         if ratio >= _CYCLING:
             return MovingMean(turning, beside, cycle_s=1 / frequency)
         if ratio >= _DOUBTFUL_CYCLE:
@@ -175,18 +176,6 @@ def walk_ratio(trial: Trial) -> float:
     return 2 * (without.loss - trial.solution.loss) / trial.dispersion
 
 
-def _warming(warm: Trial, time: float) -> Warming:
-    """Amplitude of a fitted warm-up; its error is that of a mean under the fitted noise."""
-    solution = warm.solution
-    assert solution.trend is not None
-    assert warm.groups.among is not None
-    weight = warm.groups.dof / np.maximum(warm.groups.design @ solution.theta, 1e-300)
-    gram = np.tensordot(weight, warm.groups.among, 1)
-    error = 1.96 * float(np.sqrt(np.linalg.pinv(gram, hermitian=True)[1, 1] * warm.dispersion))
-    amplitude = float(solution.trend[1])
-    return Warming(amplitude, amplitude - error, amplitude + error, time)
-
-
 def _instead(walking: Trial, warm: Trial) -> bool:
     """Whether a warm-up without a walk is clearly more likely than a walk without a warm-up."""
     walk = maximise(walking.groups, walking.solution, fixed=walking.fixed, trend='likely',
@@ -196,7 +185,7 @@ def _instead(walking: Trial, warm: Trial) -> bool:
     return 2 * (walk.loss - rest.loss) / walking.dispersion >= _INSTEAD
 
 
-def _ratio(without: Trial, beside: Trial) -> float:
+def likelihood_ratio(without: Trial, beside: Trial) -> float:
     """Likelihood ratio of courses of the mean, the noise fitted with and without."""
     plain = maximise(without.groups, without.solution, fixed=without.fixed, trend='likely',
                      tolerance=1e-3)
@@ -215,11 +204,14 @@ def _best(trial: Trial, record: RecordSpectrum, still: Solution, values: Array,
     if trial.rolling:
         theta[0] = 0.0
     weight = 1 / np.maximum(slow.design @ theta, 1e-300)
-    # What the ramp explains is taken out of both sides.
-    ramp = slow.ramp
-    norm = float(weight @ ramp**2)
-    signal = slow.coefficient - ramp * (float(weight @ (ramp * slow.coefficient)) / norm)
-    columns = columns - np.outer(ramp, (weight * ramp) @ columns / norm)
+    # What the ramp and the courses of the record explain is taken out of both sides.
+    known = np.column_stack((slow.ramp, slow.regressors(record.courses))) if record.courses \
+        else slow.ramp[:, None]
+    root = np.sqrt(weight)[:, None]
+    basis = np.linalg.qr(root * known)[0]
+    signal = (slow.coefficient - (basis @ (basis.T @ (root[:, 0] * slow.coefficient)))
+              / root[:, 0])
+    columns = columns - basis @ (basis.T @ (root * columns)) / root
     each = columns.reshape(len(columns), len(candidates), -1)
     target = np.einsum('nca,n->ca', each, weight * signal)
     gram = np.einsum('nca,ncb,n->cab', each, each, weight, optimize=True)

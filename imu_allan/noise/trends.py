@@ -73,6 +73,8 @@ class RecordSpectrum:
         Sample interval in seconds.
     keep : ndarray of bool, shape (bins,), or None
         False where a line is.
+    courses : tuple of Course
+        Regressors that stand in every fit, directly behind the ramp.
 
     """
 
@@ -81,6 +83,7 @@ class RecordSpectrum:
     axis: int
     dt: float
     keep: NDArray[np.bool_] | None = None
+    courses: tuple[Course, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -98,7 +101,8 @@ class RecordSpectrum:
 
     def groups(self, *courses: Course) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
-        columns = regressors(self.pieces, self.dt, courses) if courses else None
+        every = [*self.courses, *courses]
+        columns = regressors(self.pieces, self.dt, every) if every else None
         return grouped(self.bins, self.axis, self.keep, columns)
 
 

@@ -71,4 +71,5 @@ class EvenPiece:
 
     def block(self) -> EvenBlock:
         """Give all rows."""
-        return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run)
+        return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run,
+                         start_s=self.start_s)

@@ -601,7 +601,8 @@ class MotionDetector:
                     bridged = bridged[np.searchsorted(bridged, first + begin):
                                       np.searchsorted(bridged, first + end)]
                 blocks.append(EvenBlock(rows[begin:end], first + begin, len(bridged),
-                                        stretch.new_run or self._run_pending, self._void))
+                                        stretch.new_run or self._run_pending, self._void,
+                                        self._time(stretch, stretch.given + left)))
                 self._run_pending = self._void = False
                 self._keep(first + begin, end - begin, self._time(stretch, stretch.given + left))
             stretch.new_run = False

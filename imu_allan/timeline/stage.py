@@ -174,6 +174,19 @@ class TimelineStage:
         return summarize(stage._counts, stage._intake.decision, stage._intake.content,
                          stage._placing.cursor, self._options, motion, len(stage._pending))
 
+    @property
+    def epoch_ns(self) -> int | None:
+        """Stamp of the clock in use at time zero; another one after the clock has jumped."""
+        cursor = self._placing.cursor
+        if cursor.last_ns is None or self._intake.decision.counted_only:
+            return None
+        return cursor.last_ns - cursor.elapsed_ns
+
+    @property
+    def interval_ns(self) -> float | None:
+        """Time from one sample to the next, by the clock."""
+        return self._intake.decision.interval_ns
+
     def _work_off(self, window: Window) -> list[EvenBlock]:
         intake, placing = self._intake, self._placing
         if intake.decision.clock is not None:

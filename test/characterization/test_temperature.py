@@ -1,0 +1,174 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A thermometer beside the samples: how its readings find them, whatever the clock does."""
+
+import json
+
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.characterization.thermometer import Thermometer
+from imu_allan.noise.simulate import simulate
+from imu_allan.result import Result
+import numpy as np
+import pytest
+
+RATE = 10.0
+SAMPLES = 36_000
+START = 1_700_000_000_000_000_000
+PER_KELVIN = 2e-3
+LONG = {'noise_density': 1e-3, 'bias_instability': 1e-4}
+
+
+def celsius_at(seconds):
+    """Temperature of an hour: settling by 12 K, with a dip that no ramp or warm-up has."""
+    return 25 + 12 * (1 - np.exp(-seconds / 700)) - 3 * np.exp(-((seconds - 2000) / 300)**2)
+
+
+def still(seconds):
+    """Draw six axes at rest of which gyro_x follows the temperature."""
+    rows = np.stack([simulate(LONG, len(seconds), RATE, seed) for seed in range(6)], axis=1)
+    rows[:, 0] += PER_KELVIN * celsius_at(seconds)
+    rows[:, 5] += 9.81
+    return rows
+
+
+def take(stream, stamps, rows, size=3001):
+    for begin in range(0, len(rows), size):
+        part = slice(begin, begin + size)
+        n = len(rows[part])
+        stream.update(ImuBlock(stamps[part], stamps[part], rows[part], np.zeros((n, 2), bool),
+                               'imu_link'))
+
+
+def stamps_of(seconds, offset=START):
+    return offset + np.rint(seconds * 1e9).astype(np.int64)
+
+
+@pytest.fixture(scope='module')
+def hour():
+    seconds = np.arange(SAMPLES) / RATE
+    return seconds, still(seconds)
+
+
+def axis_of(stream):
+    return stream.result().axes['gyro_x'].trend.temperature
+
+
+def remarks(stream):
+    return [remark.message for remark in stream.result().warnings if remark.code == 'temperature']
+
+
+def test_the_mean_follows_the_temperature_of_the_readings(hour):
+    seconds, rows = hour
+    stream = Characterization(kind='topic')
+    take(stream, stamps_of(seconds), rows)
+    reading = seconds[::20]
+    stream.take_temperature(stamps_of(reading), celsius_at(reading))
+    result = stream.result()
+    found = {name: axis.trend.temperature for name, axis in result.axes.items()}
+    assert [name for name, one in found.items() if one is not None] == ['gyro_x']
+    one = found['gyro_x']
+    assert one.ci95[0] < PER_KELVIN < one.ci95[1]
+    assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.05)
+    assert (one.lowest_c, one.highest_c) == pytest.approx(
+        (celsius_at(reading).min(), celsius_at(reading).max()), abs=0.1)
+    assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
+    assert remarks(stream)[0].startswith(
+        f'gyro_x: the mean follows the temperature by {one.per_kelvin:.3g} rad/s/K')
+    shown = result.temperature
+    middle = (np.arange(len(shown.mean)) + 0.5) * shown.step_s
+    assert len(middle) <= 128
+    assert shown.mean == pytest.approx(celsius_at(np.minimum(middle, 3599)), abs=0.3)
+    assert all(low <= mean <= high for low, mean, high in zip(
+        shown.low, shown.mean, shown.high, strict=True))
+    document = json.loads(result.to_json())
+    assert Result.from_dict(document) == result
+    del document['temperature']
+    assert Result.from_dict(document).temperature is None
+
+
+def test_readings_may_come_in_any_order_and_through_a_state(hour):
+    seconds, rows = hour
+    reading = seconds[::20]
+    first, second = Characterization(kind='topic'), Characterization(kind='topic')
+    first.take_temperature(stamps_of(reading), celsius_at(reading))
+    take(first, stamps_of(seconds), rows)
+    shuffled = np.random.default_rng(0).permutation(reading)
+    for number, part in enumerate(np.array_split(np.arange(len(rows)), 7)):
+        take(second, stamps_of(seconds[part]), rows[part], 501)
+        some = shuffled[number::7]
+        second.take_temperature(stamps_of(some), celsius_at(some))
+        second = Characterization.from_state(second.to_state())
+    assert axis_of(first) is not None
+    assert second.result().to_dict() == first.result().to_dict()
+
+
+def test_memory_does_not_grow_with_the_readings():
+    thermometer = Thermometer()
+    seconds = np.arange(2_000_000) / 10
+    for part in np.array_split(seconds, 50):
+        thermometer.take(stamps_of(part), 20 + part / 1e5)
+    assert sum(array.nbytes for array in thermometer.to_state().values()) < 200_000
+    at = np.array([500.0, 123_456.0])
+    assert thermometer.celsius(stamps_of(at).astype(float)) == pytest.approx(20 + at / 1e5,
+                                                                             abs=1e-5)
+    assert len(thermometer) == 2_000_000
+
+
+def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
+    seconds, rows = hour
+    keep = (seconds < 500) | (seconds > 900)
+    late = seconds > 2500
+    stamps = stamps_of(seconds)
+    # The driver's clock is set by a day; the receive clock goes on.
+    stamps[late] += 86_400_000_000_000
+    stream = Characterization(kind='topic')
+    receive = stamps_of(seconds)
+    for begin in range(0, len(rows), 3001):
+        part = np.arange(begin, min(begin + 3001, len(rows)))
+        part = part[keep[part]]
+        stream.update(ImuBlock(stamps[part], receive[part], rows[part],
+                               np.zeros((len(part), 2), bool), 'imu_link'))
+    stream.take_temperature(stamps[::20], celsius_at(seconds[::20]))
+    one = axis_of(stream)
+    assert one.ci95[0] < PER_KELVIN < one.ci95[1]
+    assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.05)
+
+
+@pytest.mark.parametrize(('readings', 'expected'), [
+    (lambda s: (s[s < 2000][::20], celsius_at(s[s < 2000][::20])),
+     'the temperature covers 64 % of the record only: it is not used'),
+    (lambda s: (s[::20], np.full(len(s[::20]), 25.0)),
+     'the temperature never changes: nothing can be told from it'),
+    (lambda s: (s[::20] + 1e6, celsius_at(s[::20])),
+     'the temperature covers 0 % of the record only: it is not used'),
+])
+def test_readings_that_are_no_use_are_told(hour, readings, expected):
+    seconds, rows = hour
+    stream = Characterization(kind='topic')
+    take(stream, stamps_of(seconds), rows)
+    reading, celsius = readings(seconds)
+    stream.take_temperature(stamps_of(reading), celsius)
+    assert remarks(stream) == [expected]
+    assert axis_of(stream) is None
+
+
+def test_coarse_steps_and_gaps_of_the_readings_are_told(hour):
+    seconds, rows = hour
+    stream = Characterization(kind='topic')
+    take(stream, stamps_of(seconds), rows)
+    reading = seconds[::20]
+    reading = reading[(reading < 1000) | (reading > 1320)]
+    stream.take_temperature(stamps_of(reading), np.round(celsius_at(reading) / 2) * 2)
+    assert remarks(stream)[-2:] == [
+        'the temperature comes in steps of 2 K within a range of 12 K: what lies between them is '
+        'a guess',
+        'the temperature has 1 gap, over which a line is drawn']
+
+
+def test_readings_that_are_none_are_left_out():
+    thermometer = Thermometer()
+    thermometer.take([0, 1, 2, 3], [np.nan, np.inf, -1e300, 21.0])
+    assert len(thermometer) == 1
+    with pytest.raises(ValueError, match='2 stamps for 1 temperatures'):
+        thermometer.take([0, 1], [20.0])

@@ -1,0 +1,99 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A mean that follows the temperature, and noise that only seems to."""
+
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.temperature import TemperatureCourse
+import numpy as np
+import pytest
+
+RATE = 4.0
+DURATION = 7200.0
+TIME = np.arange(round(DURATION * RATE)) / RATE
+NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
+WALK = {**NOISE, 'rate_random_walk': 3e-5}
+RECORDS = 6
+"""Each takes a tenth of a second."""
+
+
+def warm_up_and_cycle(seed=0):
+    """Give a temperature that settles by 10 K in a quarter of an hour, and swings by 2 K."""
+    phase = np.random.default_rng(seed).uniform(0, 6)
+    return 20 + 10 * (1 - np.exp(-TIME / 900)) + 2 * np.sin(2 * np.pi * TIME / 5000 + phase)
+
+
+def lagging(celsius, seconds):
+    """Give what a thermometer shows that is so slow."""
+    from scipy.signal import lfilter
+
+    share = 1 / (seconds * RATE)
+    return lfilter([share], [1, share - 1], celsius, zi=[(1 - share) * celsius[0]])[0]
+
+
+def fits(model, celsius, mean=None, records=RECORDS):
+    """Fit records whose mean is that of every record, with the temperature of a thermometer."""
+    found = []
+    for seed in range(records):
+        samples = simulate(model, len(TIME), RATE, seed)
+        estimator = Estimator()
+        estimator.update(samples if mean is None else samples + mean(seed))
+        course = None if celsius is None else TemperatureCourse(TIME, celsius(seed))
+        found.append(fit_axes(estimator.finished(), 1 / RATE, course)[0].fit)
+    return found
+
+
+def share(flags):
+    return np.mean(list(flags))
+
+
+def test_a_mean_that_follows_the_temperature_is_no_random_walk():
+    def mean(seed):
+        return 1e-3 * warm_up_and_cycle(seed)
+
+    without, beside = fits(NOISE, None, mean), fits(NOISE, warm_up_and_cycle, mean)
+    assert share(one.estimates['rate_random_walk'].observable for one in without) > 0.5
+    assert share(one.estimates['rate_random_walk'].observable for one in beside) <= 0.1
+    assert all(one.temperature is not None for one in beside)
+    assert share(one.temperature.low < 1e-3 < one.temperature.high for one in beside) > 0.7
+    errors = {name: np.sqrt(np.mean([(one.estimates['bias_instability'].value / 3e-4 - 1)**2
+                                     for one in some]))
+              for name, some in (('without', without), ('beside', beside))}
+    assert errors['beside'] < 0.6 * errors['without']
+    assert all('rate_random_walk' in one.temperature.before for one, plain in zip(
+        beside, without, strict=True) if plain.estimates['rate_random_walk'].observable)
+
+
+def test_a_mean_that_bends_with_the_temperature_shows_the_square():
+    celsius = warm_up_and_cycle()
+    found, = fits(NOISE, lambda _: celsius, lambda _: 3e-4 * (celsius - celsius.mean())**2, 1)
+    assert found.temperature.per_kelvin_squared == pytest.approx(3e-4, rel=0.2)
+    assert found.temperature.low < 0 < found.temperature.high
+    assert (found.temperature.lowest_c, found.temperature.highest_c) == (
+        celsius.min(), celsius.max())
+
+
+@pytest.mark.parametrize('model', [NOISE, WALK])
+def test_an_unrelated_temperature_changes_nothing(model):
+    for one, plain in zip(fits(model, warm_up_and_cycle), fits(model, None), strict=True):
+        assert one.temperature is None
+        assert one.estimates == plain.estimates
+
+
+def test_a_thermometer_that_lags_steals_no_random_walk():
+    found = fits(WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
+                 lambda seed: 1e-3 * warm_up_and_cycle(seed))
+    assert share(one.temperature is not None for one in found) > 0.7
+    walks = [one.estimates['rate_random_walk'] for one in found]
+    assert share(walk.observable for walk in walks) > 0.6
+    assert share(walk.low < 3e-5 < walk.high if walk.observable else walk.upper > 3e-5
+                 for walk in walks) > 0.6
+
+
+def test_a_ramp_beside_the_temperature_is_told_apart():
+    def mean(seed):
+        return 1e-3 * warm_up_and_cycle(seed) + 1e-6 * TIME
+
+    ramps = [one.estimates['rate_ramp'] for one in fits(NOISE, warm_up_and_cycle, mean, 6)]
+    assert all(ramp.observable and ramp.low < 1e-6 < ramp.high for ramp in ramps)
