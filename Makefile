@@ -21,6 +21,8 @@ VENV ?= .venv
 CONSTRAINTS ?=
 EXTRAS ?= ros,fleet,test,lint,docs
 PYTEST_ARGS ?=
+# Processes that share the everyday tests, a module at a time.
+JOBS ?= 2
 RECORDING ?=
 TOPIC ?=
 DEMO_OUTPUT ?= demo_output
@@ -84,7 +86,7 @@ demo: $(if $(wildcard $(STAMP)),$(STAMP),$(DEMO_STAMP))
 		$(if $(RECORDING),--recording '$(RECORDING)') $(if $(TOPIC),--topic '$(TOPIC)')
 
 test: $(STAMP)
-	$(RUN)/python -m pytest $(PYTEST_ARGS)
+	$(RUN)/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
 test-fast: $(STAMP)
 	$(RUN)/python -m pytest -q $(FAST) $(PYTEST_ARGS)

@@ -50,6 +50,7 @@ setup(
         'test': [
             'pytest',
             'pytest-cov',
+            'pytest-xdist',
             'hypothesis',
             'allantools',
             'colcon-common-extensions',

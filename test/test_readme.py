@@ -80,6 +80,9 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
         name = {'1': 'before', '2': 'after'}[number]
         assert main(['analyze', str(folder / 'recordings' / f'imu_{number}'),
                      '--json', str(folder / f'{name}.json')]) == 0
+    # A command of the page makes it; each of them can be tested alone.
+    (folder / 'characterization').mkdir()
+    shutil.copy(folder / 'before.json', folder / 'characterization' / 'result.json')
     noise = np.random.default_rng(1).normal([0.1, 1.0], [0.05, 0.001], (20_000, 2))
     rows = ['gyro_x [deg/s],accel_z [g]', *(f'{gyro:.6f},{accel:.6f}' for gyro, accel in noise)]
     (folder / 'samples.csv').write_text('\n'.join(rows) + '\n')
