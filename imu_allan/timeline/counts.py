@@ -54,6 +54,8 @@ class Counts(Record):
         Messages rejected because they came at another rate.
     rate_changed_s, changed_rate_hz : float
         When the rate last changed, and to which.
+    lowest_rate_hz, highest_rate_hz : float
+        Of messages that went on at another rate than was measured, and are used; 0 if none did.
     paced_ns, paced_steps : int
         Time and places of all unbroken stretches: their ratio is the rate.
     gravity : list of float, gravity_samples : int
@@ -86,6 +88,8 @@ class Counts(Record):
     at_other_rate: int = 0
     rate_changed_s: float = 0.0
     changed_rate_hz: float = 0.0
+    lowest_rate_hz: float = 0.0
+    highest_rate_hz: float = 0.0
     paced_ns: int = 0
     paced_steps: int = 0
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])

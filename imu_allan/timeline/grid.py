@@ -9,6 +9,8 @@ jitter moves it for a moment, drift moves it slowly, and only the first leaves t
 one place unchanged.
 """
 
+from math import sqrt
+
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
     group_phases,
@@ -33,7 +35,11 @@ _SMOOTHING = 31
 _FEW = 5
 _BURST_WINDOW = 128
 _MOST_JUMPS = 64
-_RATE_BLOCK = 256
+RATE_BLOCKS = (256, 64)
+"""Messages of which a rate is told: the longer are surer, the shorter see a short stretch."""
+_RATE_NEAR = 256
+_BATCHES = 16
+"""Of which a rate is told: one more or less is 6 %."""
 
 
 def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = False) -> Ints:
@@ -173,7 +179,8 @@ def bridge(samples: Floats, at: Ints, stretch: Ints) -> Floats:
     return means
 
 
-def rate_changes(places: Floats, counting: bool, other_rate: bool) -> list[tuple[int, bool]]:
+def rate_changes(places: Floats, counting: bool, other_rate: bool,
+                 spread: float = 0.0) -> list[tuple[int, bool]]:
     """
     Find stretches of messages that come at another rate.
 
@@ -185,15 +192,27 @@ def rate_changes(places: Floats, counting: bool, other_rate: bool) -> list[tuple
         As in `Pace`.
     other_rate : bool
         Whether the messages before came at another rate.
+    spread : float
+        As in `Pace`: a stretch is long beside a batch.
 
     Returns
     -------
     list of (int, bool)
         First message of each stretch, and whether it is at another rate. Less than two blocks of
-        256 messages (1024 where they are counted) are no stretch of their own.
+        64 messages (256 where they are counted) are no stretch of their own.
 
     """
-    block = 4 * _RATE_BLOCK if counting else _RATE_BLOCK
+    for block in RATE_BLOCKS:
+        if counting:
+            block = max(4 * block, round(_BATCHES * sqrt(12) * spread))
+        runs = _runs_at_a_rate(places, counting, other_rate, block)
+        if len(runs) > 1 or runs[0][1]:
+            break
+    return runs
+
+
+def _runs_at_a_rate(places: Floats, counting: bool, other_rate: bool, block: int
+                    ) -> list[tuple[int, bool]]:
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
     off = [not _on_rate(places[first:last], 0.1 if counting else 0.02)
@@ -223,15 +242,17 @@ def _on_rate(places: Floats, tolerance: float) -> bool:
     # Where samples are dropped in turn, no number of messages apart is as many intervals.
     steps = np.diff(places)
     whole = np.rint(steps)
-    return len(places) < 2 or bool(np.mean(np.abs(steps - whole) < 0.05) > 0.9
-                                   and np.mean(whole == 1) > 0.3)
+    one = steps[whole == 1]
+    return len(places) < 2 or bool(np.mean(np.abs(steps - whole) < EVEN_JITTER) > 0.9
+                                   and len(one) > 0.3 * len(steps)
+                                   and abs(float(one.mean()) - 1) < tolerance)
 
 
 def _change_point(places: Floats, near: int, to_other: bool) -> int:
     """Message nearest to `near` that parts one interval from the other rate."""
-    first, last = max(near - _RATE_BLOCK, 0), min(near + _RATE_BLOCK, len(places) - 1)
+    first, last = max(near - _RATE_NEAR, 0), min(near + _RATE_NEAR, len(places) - 1)
     steps = np.diff(places[first:last + 1])
-    other = float(np.median(steps[-_RATE_BLOCK // 2:] if to_other else steps[:_RATE_BLOCK // 2]))
+    other = float(np.median(steps[-_RATE_NEAR // 2:] if to_other else steps[:_RATE_NEAR // 2]))
     worse = np.minimum(np.abs(steps - 1), 1) - np.minimum(np.abs(steps - other), 1)
     total = np.cumsum(worse if to_other else -worse)
     return first + 1 + int(np.argmin(total))

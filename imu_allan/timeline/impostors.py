@@ -10,6 +10,8 @@ Bools = NDArray[np.bool_]
 
 _BLOCK = 64
 _FEWEST_BLOCKS = 8
+_IN_TURN = 0.35
+"""Correlation of steps two apart: white noise has 0, its second difference 0.3."""
 _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
 _ALTERNATING_AXES = 3
@@ -21,7 +23,7 @@ _LEAST_SPIKES = 1e-3
 """Fewer are single knocks, which motion takes out: left to it. A judgment."""
 _MOST_SPIKES = 0.05
 """More are the sensor's own: no errors on a bus are so many. A judgment."""
-_ISOLATED = 3
+_ISOLATED, _KNOCK = 3, 2.5
 _SECTIONS = 16
 
 
@@ -39,10 +41,16 @@ def alternates(samples: Floats) -> bool:
 
     """
     blocks = len(samples) // _BLOCK
-    if blocks < _FEWEST_BLOCKS:
-        return False
     there = np.isfinite(samples).all(axis=0)
+    if blocks < _FEWEST_BLOCKS or not there.any():
+        return False
     known = np.clip(samples[:blocks * _BLOCK, there], -_LARGEST, _LARGEST)
+    enough = min(_ALTERNATING_AXES, known.shape[1])
+    # A gap changes whose turn it is: frequent ones leave no line in the spectrum.
+    steps = np.diff(known, axis=0)
+    together = np.mean(steps[2:] * steps[:-2], axis=0)
+    if np.count_nonzero(together > _IN_TURN * np.mean(steps ** 2, axis=0)) >= enough:
+        return True
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
     axes = 0
@@ -53,12 +61,12 @@ def alternates(samples: Floats) -> bool:
         noisy = power[1:].max(axis=0) > 1e-20 * np.maximum(np.abs(known).max(axis=(0, 1)), 1) ** 2
         level = np.median(power[_BLOCK // 4:-2], axis=0)
         axes = max(axes, int(np.count_nonzero(noisy & (2 * power[-1] > _ALTERNATING * level))))
-    return axes >= min(_ALTERNATING_AXES, int(np.count_nonzero(there)))
+    return bool(axes >= enough)
 
 
 def spikes(samples: Floats, before: Floats | None) -> Bools:
     """
-    Find single samples far from both neighbours.
+    Find single samples, and pairs, far from their neighbours.
 
     Parameters
     ----------
@@ -70,18 +78,18 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     Returns
     -------
     ndarray of bool, shape (n,)
-        None within three samples of another: that is a knock.
+        No three within three samples of each other: that is a knock.
 
     """
     known = np.clip(np.nan_to_num(samples), -_LARGEST, _LARGEST)
-    known = np.concatenate([known[:1] if before is None else before[None], known, known[-1:]])
-    low, middle, high = known[:-2], known[1:-1], known[2:]
-    median = np.maximum(np.minimum(low, middle), np.minimum(np.maximum(low, middle), high))
+    known = np.concatenate([known[:1] if before is None else before[None], known])
+    padded = np.pad(known, ((1, 2), (0, 0)), mode='edge')
+    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
     steps = np.abs(np.diff(known, axis=0))
     sigma = 1.4826 / np.sqrt(2) * np.median(steps, axis=0)
-    wild = np.any((np.abs(middle - median) > _SPIKE_SIGMAS * sigma) & (sigma > 0), axis=1)
+    wild = np.any((np.abs(known[1:] - median) > _SPIKE_SIGMAS * sigma) & (sigma > 0), axis=1)
     near = np.convolve(wild, np.ones(2 * _ISOLATED + 1), 'same')
-    found: Bools = wild & (near < 1.5)
+    found: Bools = wild & (near < _KNOCK)
     return found
 
 

@@ -30,7 +30,13 @@ from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.impostors import alternates, is_spiky, spikes
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.pace import longest_at_one_rate, measure_pace, Pace
+from imu_allan.timeline.pace import (
+    COUNTING_SPREAD,
+    longest_at_one_rate,
+    measure_pace,
+    Pace,
+    spread_about,
+)
 from imu_allan.timeline.pending import Window
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +56,8 @@ _EVEN_SPREAD = 0.2
 """Spread up to which a clock shows single losses with some distance to its limit."""
 _SAME_RATE = 0.12
 """Clocks that disagree by more do not tell of the same samples."""
+_OTHER_GRID, _OTHER_RATE = 0.01, 0.6
+"""Shares by which two grids differ that are no speeds of two clocks. A judgment."""
 _FEWEST_FOR_RATE = 64
 """Stamps from which a rate is known well enough to contradict the stated one."""
 
@@ -327,12 +335,19 @@ class Intake:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, bursts=decision.unties)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
-                or not pace.counting or len(own) < _FEWEST_FOR_RATE):
+                or len(own) < _FEWEST_FOR_RATE):
             return pace, count
         usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
         second, seen = _pace_of(other, own, bursts=True) if usable else (None, 0)
-        if (second is None or second.counting or second.spread > _EVEN_SPREAD
-                or abs(second.interval_ns / pace.interval_ns - 1) > _SAME_RATE):
+        if second is None or second.counting or second.spread > _EVEN_SPREAD:
+            return pace, count
+        ratio = second.interval_ns / pace.interval_ns
+        if pace.counting:
+            if abs(ratio - 1) > _SAME_RATE:
+                return pace, count
+        elif not (_OTHER_GRID < abs(ratio - 1) < _OTHER_RATE
+                  and spread_about(other, pace.interval_ns) > COUNTING_SPREAD):
+            # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
         decision.remarks['receive_clock'] = (

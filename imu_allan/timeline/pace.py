@@ -125,6 +125,10 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     # Where one of three is dropped in turn, no median is the interval: the short steps are.
     candidates = [median_interval(time, apart) for apart in (1, 2, 4, 8, 16, 32, 64)
                   if apart * 2 < n]
+    # A median of steps is off where lateness is lopsided, the mean of the steps near it is not.
+    near = steps[np.abs(steps - candidates[0]) < 0.3 * candidates[0]]
+    if 2 * len(near) > len(steps):
+        candidates.append(float(near.mean()))
     for interval in [*candidates, float(np.percentile(steps, _SHORT_PERCENT))]:
         if not _FEWEST_RECEIVED * overall < interval < 1.1 * overall:
             continue
@@ -147,7 +151,9 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     if usual <= 0 or np.mean(on) < 0.5:
         return None
     interval = float(lasts[on].sum() / size[on].sum())
-    residual = (time - np.repeat(time[first], np.diff(np.append(first, len(time))))) / interval
+    sizes = np.diff(np.append(first, len(time)))
+    residual = ((time - np.repeat(time[first], sizes)) / interval
+                - np.arange(len(time)) + np.repeat(first, sizes))
     return Pace(interval, float(residual.std()), counting=True)
 
 
@@ -212,9 +218,21 @@ def _refine(time: Floats, interval: float) -> Pace:
         if len(turn) > 1:
             drift = np.median(np.diff(turn)) / PHASE_GROUP
             interval *= 1 + float(drift)
-        mean_length = float(np.mean(length))
-        spread = sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
+        spread = _spread(length)
     return Pace(interval, spread)
+
+
+def spread_about(stamps: Stamps, interval_ns: float) -> float:
+    """Give the standard deviation of rising stamps about a grid, in intervals."""
+    time = (stamps - stamps[0]).astype(np.float64)
+    _, length = group_phases(time / interval_ns - np.arange(len(time)))
+    return _spread(length)
+
+
+def _spread(length: Floats) -> float:
+    """Give the standard deviation of phases by the resultant lengths of their groups."""
+    mean_length = float(np.mean(length))
+    return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
 
 
 def _on_a_line(time: Floats) -> tuple[Pace, float]:

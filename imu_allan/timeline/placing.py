@@ -23,6 +23,7 @@ from imu_allan.timeline.grid import (
     count_steps,
     EVEN_JITTER,
     NEIGHBOURS,
+    RATE_BLOCKS,
     rate_changes,
 )
 from imu_allan.timeline.messages import EvenPiece, Messages, NONE_BRIDGED
@@ -46,8 +47,7 @@ _FOLLOW = 0.2
 """Share by which the interval follows a window: an oscillator drifts slowly, jitter does not."""
 _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
-_RATE_BLOCK = 256
-"""Messages that are enough to see another rate, as in `rate_changes`."""
+_BESIDE_GAP = 3
 _SPARSE = 16
 """Every so many samples go into the mean acceleration, which needs no more."""
 
@@ -267,11 +267,12 @@ class Placing:
         if not decision.counted_only and (cursor.other_rate
                                           or self._rate_doubtful(messages, steps)):
             changes = rate_changes(self._places(messages)[:c], decision.counting,
-                                   cursor.other_rate)
+                                   cursor.other_rate, decision.spread)
             if len(changes) > 1 or changes[0][1]:
                 yield from self._split_by_rate(messages, changes)
                 return
             cursor.other_rate = False
+            self._note_uneven(messages, steps)
         yield from self._put(messages, steps)
 
     def _split_by_rate(self, messages: Messages,
@@ -314,19 +315,39 @@ class Placing:
         late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
         return count_steps(self._places(messages), pace, late=late, new_run=cursor.begins)
 
+    def _passed(self, messages: Messages, steps: Ints) -> tuple[float, int, int]:
+        """Intervals that pass between messages without a gap, places counted, and messages."""
+        c = messages.consumed
+        short = steps[1:c] <= self._options.gap_tolerance + 1
+        passed = float(np.diff(messages.stamps[:c])[short].sum())
+        return (passed / self._decision.pace.interval_ns, int(steps[1:c][short].sum()),
+                int(np.count_nonzero(short)))
+
+    def _disagree(self, passed: float, counted: int, messages: int) -> bool:
+        """Tell whether stamps pass by other intervals than were counted; jitter makes a few."""
+        width = sqrt(12) * self._decision.spread if self._decision.counting else 0.0
+        return abs(passed - counted) > 4 + width + 0.003 * messages
+
+    def _note_uneven(self, messages: Messages, steps: Ints) -> None:
+        """Note the rate of messages that differs too little, or too briefly, to cut it out."""
+        passed, counted, _ = self._passed(messages, steps)
+        if (counted >= _LATELY and passed > 0
+                and self._disagree(passed, counted, messages.consumed)):
+            counts, usual = self._counts, SECOND / self._decision.pace.interval_ns
+            for rate in (usual, usual * counted / passed):
+                counts.lowest_rate_hz = min(counts.lowest_rate_hz or rate, rate)
+                counts.highest_rate_hz = max(counts.highest_rate_hz, rate)
+
     def _rate_doubtful(self, messages: Messages, steps: Ints) -> bool:
         c = messages.consumed
         if c < 2:
             return False
-        short = steps[1:c] <= self._options.gap_tolerance + 1
-        counted = int(steps[1:c][short].sum())
-        passed = float(np.diff(messages.stamps[:c])[short].sum()) / (
-            self._decision.pace.interval_ns)
-        if (abs(passed - counted) > 4 + 0.003 * c
-                or counted - int(np.count_nonzero(short)) > 0.25 * c):
+        passed, counted, unbroken = self._passed(messages, steps)
+        if self._disagree(passed, counted, c) or counted - unbroken > 0.25 * c:
             return True
+        block = RATE_BLOCKS[-1]
         # Half the rate for a part of the messages looks like every second one lost.
-        blocks = steps[1:c][:(c - 1) // _RATE_BLOCK * _RATE_BLOCK].reshape(-1, _RATE_BLOCK)
+        blocks = steps[1:c][:(c - 1) // block * block].reshape(-1, block)
         return bool(len(blocks)) and bool(np.any(np.median(blocks, axis=1) > 1))
 
     def _put(self, messages: Messages, steps: Ints) -> list[EvenPiece]:
@@ -354,10 +375,19 @@ class Placing:
             paced_steps -= 1
         for at in breaks.tolist():
             lasts = int(behind[at])
-            # Where stamps are uneven, the pause before a batch is no part of the gap.
-            unpaced = round(known[at] * interval) if self._decision.counting else lasts
-            paced_ns, paced_steps = paced_ns - unpaced, paced_steps - int(known[at])
+            if self._decision.counting:
+                # Where stamps are uneven, the pause before a batch is no part of the gap.
+                paced_ns -= round(known[at] * interval)
+                paced_steps -= int(known[at])
             counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
+        if len(breaks) and not self._decision.counting:
+            # With jitter one place of a gap may be taken for one beside it.
+            beside = _BESIDE_GAP if len(breaks) * _SPARSE < c else 0
+            left_out = np.zeros(c, dtype=bool)
+            for shift in range(-beside, beside + 1):
+                left_out[np.clip(breaks + shift, 0, c - 1)] = True
+            paced_ns -= int(behind[left_out].sum())
+            paced_steps -= int(known[left_out].sum())
         counts.missing += missing
         if missing:
             pieces = self._pieces(messages.samples, steps, index, elapsed, c, new_run)
@@ -443,3 +473,4 @@ class Placing:
             pieces.append(EvenPiece(rows, begins, start_s, new_run and first == 0,
                                     holes[low:high]))
         return pieces
+

@@ -8,7 +8,7 @@ The result, `imu_allan info` and the node's /diagnostics all tell the story of o
 """
 
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 
 from imu_allan.result import Remark, Span, Timeline
 from imu_allan.sensor.units import STANDARD_GRAVITY
@@ -37,6 +37,10 @@ _NAMED_RESTS = 5
 _LITTLE_HIDDEN = 0.005
 """Losses up to here move the noise density by less than a tenth of a usual interval."""
 _MANY_ABSENT = 0.01
+_CLEAR_RATE = 1e-3
+"""Less than this the ends of a record do not matter. A judgment."""
+_UNEVEN_RATE = 0.005
+"""Moves the noise density by half of it: a tenth of a usual interval."""
 _FEWEST_FOR_SPEED = 256
 _OTHER_SPEED = 0.05
 """A crystal is off by millionths; a replay or a simulation by more than this. A judgment."""
@@ -145,7 +149,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, cursor: Curs
         Of all that is decided on.
 
     """
-    measured = counts.paced_steps / counts.paced_ns * SECOND if counts.paced_ns > 0 else None
+    measured = _measured_rate(counts, decision)
     rate = options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
     start = None
@@ -185,6 +189,25 @@ def summarize(counts: Counts, decision: Decision, content: Content, cursor: Curs
         mostly_motion=_mostly_motion(motion), noise_changes=motion.changes)
 
 
+def _measured_rate(counts: Counts, decision: Decision) -> float | None:
+    """Tell samples per second of all unbroken stretches."""
+    if counts.paced_ns <= 0:
+        return None
+    rate = counts.paced_steps / counts.paced_ns * SECOND
+    if decision.counting and decision.first_interval_ns:
+        # A short record begins or ends within a batch; the first interval is of whole batches.
+        first = SECOND / decision.first_interval_ns
+        error = _rate_error(counts, decision)
+        if error > _CLEAR_RATE and abs(first / rate - 1) < error:
+            return first
+    return rate
+
+
+def _rate_error(counts: Counts, decision: Decision) -> float:
+    """Relative error of the rate, at most: stamps lie evenly within the width of a batch."""
+    return sqrt(12) * decision.spread / max(counts.paced_steps, 1)
+
+
 def _how_read(decision: Decision) -> str:
     """Say how stamps are read, and thus how surely a lost sample is seen."""
     if decision.counted_only or decision.interval_ns is None:
@@ -222,6 +245,9 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
         bound = ('' if decision.hidden < _LITTLE_HIDDEN else
                  f'; up to {decision.hidden:.1%} of the samples may be missing unseen, and the '
                  f'noise density then be up to {decision.hidden / 2:.1%} too high')
+        error = _rate_error(counts, decision)
+        if error > _LITTLE_HIDDEN:
+            bound += f'; the record is short, its rate may be up to {error:.1%} off'
         remarks['uneven_stamps'] = (
             f'{decision.clock} stamps come too unevenly to see a single missing sample: messages '
             f'are counted, and only gaps that last are seen{bound}')
@@ -242,6 +268,7 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             f'{counts.at_other_rate} samples at another rate than the first are left out; analyze '
             f'{"them" if stay else "them, the larger part,"} by themselves with --start and '
             '--duration')
+    remarks |= _rate_remarks(counts)
     if counts.other_frames:
         others = ', '.join(f'{name!r} ({count} messages)'
                            for name, count in counts.other_frames.items())
@@ -258,6 +285,20 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
     if options.motion == 'exclude':
         remarks |= _motion_remarks(motion)
     return remarks
+
+
+def _rate_remarks(counts: Counts) -> dict[str, str]:
+    """Bound the error of a rate that changes too little, or for too short, to be cut out."""
+    if not (counts.lowest_rate_hz and counts.paced_ns and counts.paced_steps):
+        return {}
+    rate = counts.paced_steps / counts.paced_ns * SECOND
+    off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
+    if off < _UNEVEN_RATE:
+        return {}
+    low, high = min(counts.lowest_rate_hz, rate), max(counts.highest_rate_hz, rate)
+    return {'uneven_rate': (
+        f'the sample rate varies between {low:.5g} and {high:.5g} Hz: {rate:.5g} Hz, its mean, is '
+        f'used; averaging times may be up to {off:.1%} off and noise densities half as much')}
 
 
 def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:

@@ -28,8 +28,8 @@ TITLES = {
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
     'held_values': 'held values', 'rest_within_motion': 'rest within motion',
     'slow_cycle': 'slow cycle', 'spikes': 'wild values', 'start_auto': 'start',
-    'uneven_stamps': 'uneven stamps',
     'trend_or_walk': 'trend or walk', 'turn_on_bias': 'turn-on bias',
+    'uneven_rate': 'uneven rate', 'uneven_stamps': 'uneven stamps',
     'unit_g': 'unit g', 'unknown_rate': 'no rate', 'warm_up': 'warming up'}
 _AXIS = re.compile(r'(\w+): (.*)', re.DOTALL)
 # A number that stands by itself: "0.0148", "-3", "12.5 %", "44," but not the 3 of "m/s^3".

@@ -112,7 +112,7 @@ def outages(m: Messages, truth: Truth, rng: Generator) -> Messages:
     on, off = rng.uniform(0.5, 10), rng.uniform(0.1, 15)
     irregular = rng.random() < 0.5
     keep = np.zeros(len(m.place), bool)
-    time, at = m.header - m.header[0], 0.0
+    time, at = m.place / truth.rate_hz, 0.0
     while at < time[-1]:
         lasts = on * (rng.uniform(0.3, 1.7) if irregular else 1)
         keep |= (time >= at) & (time < at + lasts)
@@ -405,7 +405,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     """Give what is silently wrong, how many axes have a false slow term, and of how many."""
     wrong: list[str] = []
     codes = {remark.code for remark in result.warnings}
-    told = bool(codes & (truth.told | {'uneven_stamps', 'unresolved_losses', 'counted_samples'}))
+    told = bool(codes & (truth.told | {'uneven_stamps', 'uneven_rate', 'counted_samples'}))
     rate = result.timeline.sample_rate_hz
     if not result.axes and not codes:
         wrong.append('no axes and no word')

@@ -212,6 +212,71 @@ def test_another_rate_within_the_first_messages_is_told_and_no_mixture_measured(
     assert len(result.axes) == 6
 
 
+def test_a_short_part_at_twice_the_rate_is_cut_out_and_told():
+    faster, slower = 200, 900
+    messages, truth, _ = rest(duration_s=(faster + slower) / 100)
+    time = np.cumsum(np.where(messages.place < faster, 0.5, 1.0)) / truth.rate_hz
+    result = characterized(replace(messages, header=time, receive=time + 1e-3))
+    assert_right(result, truth, 0.1)
+    assert result.timeline.samples == pytest.approx(slower, abs=4)
+    assert 'from 100 to 200 Hz' in told(result, 'rate_changed')
+
+
+def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
+    messages, truth, _ = rest(duration_s=300)
+    time = np.cumsum(np.where(messages.place < 15_000, 1.0, 1 / 1.018)) / truth.rate_hz
+    result = characterized(replace(messages, header=time, receive=time + 1e-3))
+    assert_right(result, replace(truth, rate_hz=30_000 / time[-1]))
+    assert told(result, 'uneven_rate') == (
+        'the sample rate varies between 100 and 101.8 Hz: 100.89 Hz, its mean, is used; '
+        'averaging times may be up to 0.9% off and noise densities half as much')
+
+
+@pytest.mark.parametrize('count', [100, 300, 600])
+def test_a_short_record_in_batches_has_the_rate_of_whole_batches(count):
+    messages, truth, _ = rest(duration_s=count / 100)
+    stamps = (messages.place // 10 + 1) * 0.1 + messages.place % 10 * 2e-5
+    result = characterized(replace(messages, header=stamps, receive=stamps + 1e-3))
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert f'its rate may be up to {10 / count:.1%} off' in told(result, 'uneven_stamps')
+
+
+def test_an_exact_grid_on_which_the_other_clock_does_not_lie_is_a_tick():
+    messages, truth, _ = rest(208.0, 60)
+    messages.header = np.floor((messages.header + 0.123456789) / 4e-3) * 4e-3
+    there = messages.place % 4 != 0
+    result = characterized(keep(messages, there))
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
+    assert 'receive_clock' in codes(result)
+
+
+def test_jitter_beside_long_gaps_leaves_the_rate_as_it_is():
+    messages, truth, rng = rest(800.0, 10.5)
+    late = rng.exponential(0.2 / truth.rate_hz, len(messages.place))
+    messages.header = np.maximum.accumulate(messages.header + late) + 1e-6 * messages.place
+    truth.rate_hz /= 1 + 1e-6 * truth.rate_hz
+    result = characterized(keep(messages, messages.place % 178 >= 46))
+    assert_right(result, truth, 0.06)
+
+
+def test_two_publishers_are_told_between_frequent_gaps_too():
+    messages, _, _ = rest()
+    messages.samples[1::2] += 2 * SIGMA
+    there = messages.place % 27 > 6
+    assert 'several_publishers' in codes(characterized(keep(messages, there)))
+
+
+def test_spikes_close_together_in_a_short_record_are_no_motion():
+    messages, truth, _ = rest(duration_s=20)
+    hit = np.concatenate([np.arange(50, 2000, 70), [301, 302, 1503]])
+    messages.samples[hit] += 30 * SIGMA
+    result = characterized(messages)
+    assert_right(result, truth, 0.1)
+    assert told(result, 'spikes').startswith(f'{len(hit)} single messages')
+    assert 'motion' not in codes(result)
+
+
 def test_spikes_in_a_hundredth_of_the_messages_are_left_out_and_told():
     messages, truth, rng = rest(1000.0, 30)
     hit = rng.random(len(messages.place)) < 0.01
