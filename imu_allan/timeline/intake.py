@@ -31,7 +31,6 @@ from imu_allan.timeline.impostors import alternates, is_spiky, spikes
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import (
-    COUNTING_SPREAD,
     longest_at_one_rate,
     measure_pace,
     Pace,
@@ -58,6 +57,8 @@ _SAME_RATE = 0.12
 """Clocks that disagree by more do not tell of the same samples."""
 _OTHER_GRID, _OTHER_RATE = 0.01, 0.6
 """Shares by which two grids differ that are no speeds of two clocks. A judgment."""
+_FITS_BADLY = 0.1
+"""Of an interval: a tick four times as wide hides a sample. A judgment."""
 _FEWEST_FOR_RATE = 64
 """Stamps from which a rate is known well enough to contradict the stated one."""
 
@@ -346,7 +347,8 @@ class Intake:
             if abs(ratio - 1) > _SAME_RATE:
                 return pace, count
         elif not (_OTHER_GRID < abs(ratio - 1) < _OTHER_RATE
-                  and spread_about(other, pace.interval_ns) > COUNTING_SPREAD):
+                  and spread_about(other, pace.interval_ns)
+                  > max(_FITS_BADLY, 4 * second.spread)):
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False

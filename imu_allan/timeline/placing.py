@@ -473,4 +473,3 @@ class Placing:
             pieces.append(EvenPiece(rows, begins, start_s, new_run and first == 0,
                                     holes[low:high]))
         return pieces
-

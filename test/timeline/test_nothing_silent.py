@@ -251,6 +251,17 @@ def test_an_exact_grid_on_which_the_other_clock_does_not_lie_is_a_tick():
     assert 'receive_clock' in codes(result)
 
 
+def test_batches_that_hide_what_is_dropped_in_turn_give_way_to_the_other_clock():
+    messages, truth, _ = rest(duration_s=50)
+    size = 8
+    messages.header = ((messages.place // size + 1) * size
+                       - (size - 1 - messages.place % size) * 1.08) / truth.rate_hz
+    there = messages.place % 4 != 0
+    result = characterized(keep(messages, there))
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
+
+
 def test_jitter_beside_long_gaps_leaves_the_rate_as_it_is():
     messages, truth, rng = rest(800.0, 10.5)
     late = rng.exponential(0.2 / truth.rate_hz, len(messages.place))
