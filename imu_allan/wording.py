@@ -18,6 +18,7 @@ SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
 """What a sample of each sensor is."""
 
+_LETTERS = 'xyz'
 _FEWEST, _MOST = 2, 6
 """Significant digits of a value, however wide or narrow its interval is."""
 _PLAIN = (-4, 6)
@@ -37,13 +38,34 @@ def number(value: float, digits: int = 4) -> str:
 
     Examples
     --------
-    >>> number(2.40642), number(12345.6), number(2.86e-5), number(222.4, 3)
-    ('2.406', '12346', '2.86e-05', '222')
+    >>> number(2.40642), number(12345.6), number(2.86e-5), number(99.6, 2)
+    ('2.406', '12346', '2.86e-05', '100')
 
     """
-    if 10.0**digits <= abs(value) < 10.0**_PLAIN[1]:
+    # Rounding may carry: 99.6 to two digits is 100, not 1e+02.
+    if 10.0**digits - 0.5 <= abs(value) < 10.0**_PLAIN[1]:
         return f'{value:.0f}'
     return f'{value:.{digits}g}'
+
+
+def bounded(bound: float, symbol: str = '') -> str:
+    """
+    Return what is said of a quantity of which only an upper bound is known.
+
+    Parameters
+    ----------
+    bound : float
+        In any unit; three significant digits of it are told.
+    symbol : str, optional
+        Of the coefficient: the ramp R has a sign, and the bound is one of its size.
+
+    Examples
+    --------
+    >>> bounded(52071.3, 'R'), bounded(0.0372, 'K')
+    ('|R| < 52100', '< 0.0372')
+
+    """
+    return f'{"|R| " if symbol == "R" else ""}< {number(float(f"{bound:.2e}"), 3)}'
 
 
 def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
@@ -106,8 +128,8 @@ def duration(seconds: float) -> str:
 
     Examples
     --------
-    >>> [duration(seconds) for seconds in (0.04, 93, 345, 10_000, 259_200)]
-    ['40 ms', '93 s', '5 min 45 s', '2 h 47 min', '3 days']
+    >>> [duration(seconds) for seconds in (0.04, 9.34, 87.1, 345, 10_000, 259_200)]
+    ['40 ms', '9.34 s', '87 s', '5 min 45 s', '2 h 47 min', '3 days']
 
     """
     if seconds >= 172_800:
@@ -118,6 +140,8 @@ def duration(seconds: float) -> str:
     if seconds >= 120:
         minutes, rest = divmod(round(seconds), 60)
         return f'{minutes} min {rest} s' if rest else f'{minutes} min'
+    if seconds >= 60:
+        return f'{seconds:.0f} s'
     return f'{seconds:.3g} s' if seconds >= 1 or seconds == 0 else f'{seconds * 1e3:.3g} ms'
 
 
@@ -152,6 +176,27 @@ def listed(words: Sequence[str]) -> str:
 def spoken(axis: str) -> str:
     """Return the name of an axis in a sentence: ``gyro x`` for ``gyro_x``."""
     return axis.replace('_', ' ')
+
+
+def named(axes: Sequence[str]) -> str:
+    """
+    Name axes in a sentence.
+
+    Examples
+    --------
+    >>> named(['gyro_x', 'gyro_z', 'accel_x', 'accel_y', 'accel_z'])
+    'gyro x and z, accel x, y and z'
+    >>> named(['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z'])
+    'all axes'
+
+    """
+    if len(set(axes)) == 2 * len(_LETTERS):
+        return 'all axes'
+    sensors: dict[str, list[str]] = {}
+    for axis in axes:
+        sensor, _, letter = axis.partition('_')
+        sensors.setdefault(sensor, []).append(letter)
+    return ', '.join(f'{sensor} {listed(letters)}' for sensor, letters in sensors.items())
 
 
 def names_of(result: Result) -> list[str]:

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 from hypothesis import given, strategies as st
 from imu_allan.result import Span, Timeline
-from imu_allan.wording import amount_of, duration, faults_of, measured, number
+from imu_allan.wording import amount_of, bounded, duration, faults_of, measured, number
 import pytest
 
 
 @pytest.mark.parametrize(('seconds', 'text'), [
-    (0, '0 s'), (0.012, '12 ms'), (93, '93 s'), (120, '2 min'), (345, '5 min 45 s'),
+    (0, '0 s'), (0.012, '12 ms'), (9.34, '9.34 s'), (87.1, '87 s'),
+    (93, '93 s'), (120, '2 min'), (345, '5 min 45 s'),
     (10_000, '2 h 47 min'), (10_800, '3 h'), (259_200, '3 days')])
 def test_durations_are_said_as_a_person_says_them(seconds, text):
     assert duration(seconds) == text
@@ -15,9 +16,15 @@ def test_durations_are_said_as_a_person_says_them(seconds, text):
 
 @pytest.mark.parametrize(('value', 'text'), [
     (0, '0'), (2.40642, '2.406'), (101.0, '101'), (2.86e-5, '2.86e-05'), (123456.0, '123456'),
-    (-12345.6, '-12346'), (1.5e9, '1.5e+09')])
+    (-12345.6, '-12346'), (9999.6, '10000'), (1.5e9, '1.5e+09')])
 def test_numbers_without_an_interval_have_four_significant_digits(value, text):
     assert number(value) == text
+
+
+@pytest.mark.parametrize(('bound', 'symbol', 'text'), [
+    (52071.3, 'R', '|R| < 52100'), (0.03718, 'K', '< 0.0372'), (99.96, '', '< 100')])
+def test_a_bound_is_told_in_three_digits_and_that_of_the_ramp_for_either_sign(bound, symbol, text):
+    assert bounded(bound, symbol) == text
 
 
 @pytest.mark.parametrize(('numbers', 'texts'), [

@@ -26,6 +26,7 @@ from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.datasheet import check
 from imu_allan.writers.plot import (
     COLOURS,
+    density_limits,
     draw_curve,
     draw_density,
     draw_terms,
@@ -98,7 +99,7 @@ def draw_pair(title: str, axis: AxisResult, truth: Mapping[str, float], hours: f
         density, allan = (figure.add_subplot(grid[0, column]) for column in range(2))
         timeline = Timeline(RATE_HZ, round(hours * 3600 * RATE_HZ), hours * 3600)
         draw_density(density, axis, timeline, COLOURS['light']['z'])
-        frame_density(density, 'gyro', left=True, right=True)
+        frame_density(density, 'gyro', density_limits([axis], timeline))
         density.set_title('(a) power spectral density: measured, model', loc='left')
         draw_allan(allan, axis, truth)
         allan.set_title('(b) Allan deviation: measured, model, theory', loc='left')

@@ -10,10 +10,10 @@ from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.moving_mean import Warming
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.result import AxisResult, Remark, Segment
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import duration
+from imu_allan.wording import duration, listed, named
 
 MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk'}
 """Codes of the findings about a mean that moves."""
@@ -214,18 +214,22 @@ def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
                            f'for any coefficient; at least {SHORTEST_RECORD} are needed')]
         return []
     remarks = []
-    for key, what in (('noise_density', 'noise density'),
-                      ('rate_random_walk', 'rate random walk')):
+    for key in ('noise_density', 'rate_random_walk'):
         hidden = {name: axis.coefficients[key] for name, axis in live.items()
                   if not axis.coefficients[key].observable
                   and not (key == 'rate_random_walk' and name in unclear)}
         if not hidden:
             continue
         waits = [c.observable_in_s for c in hidden.values() if c.observable_in_s is not None]
-        hint = (f'; on {len(waits)} of these axes a value is expected after another '
-                f'{duration(min(waits))} or more' if waits else '')
+        which = '' if len(waits) == len(hidden) else f'on {len(waits)} of these axes '
+        hint = (f'; {which}a value is expected after another {duration(min(waits))} or more'
+                if waits else '')
+        terms: dict[str, list[str]] = {}
+        for name in hidden:
+            terms.setdefault(TERMS[key].name(AXES[name]), []).append(name)
+        what = listed([f'{term} of {named(names)}' for term, names in terms.items()])
         remarks.append(Remark(
             'short_recording',
-            f'{what} of {", ".join(hidden)} does not show in {length} of data: '
+            f'{what} {"does" if len(terms) == 1 else "do"} not show in {length} of data: '
             f'only an upper bound is given{hint}'))
     return remarks

@@ -150,6 +150,10 @@ def convert(value: float, unit: str, to: str) -> float:
     return value * factor
 
 
+MEAN_UNITS = {'rad/s': 'deg/s', 'm/s^2': 'm/s^2'}
+"""In which the mean of an axis is read: one can imagine a turn of a degree a second."""
+
+
 def engineering(value: float, unit: str) -> tuple[float, str]:
     """
     Return an SI value in the unit that datasheets use for it.

@@ -215,12 +215,17 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
     if not (noise_density > 0 and random_walk > 0 and np.isfinite(noise_density + random_walk)):
         raise ImuAllanError('noise_density and random_walk must be positive, '
                             f'not {noise_density:g} and {random_walk:g}')
-    truth = Truth(axis)
-    horizons = _horizons(aiding_interval_s, coast_s)
-    filters = Filters.walking(np.array([noise_density**2]), np.array([random_walk**2]),
-                              aiding_interval_s)
-    expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
-    return _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0], coast_s)
+    known = tunings_of(axis)
+    given = (noise_density, random_walk, aiding_interval_s, coast_s)
+    if given not in known:
+        truth = Truth(axis)
+        horizons = _horizons(aiding_interval_s, coast_s)
+        filters = Filters.walking(np.array([noise_density**2]), np.array([random_walk**2]),
+                                  aiding_interval_s)
+        expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
+        known[given] = _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0],
+                               coast_s)
+    return known[given]
 
 
 def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
@@ -397,6 +402,8 @@ _TUNINGS: dict[int, tuple['ref[AxisResult]', dict[tuple[object, ...], FilterTuni
 def tunings_of(axis: AxisResult) -> dict[tuple[object, ...], FilterTuning]:
     """
     Return what was tuned of this very axis object already, by the arguments of `tune`.
+
+    What was assessed stands there too, by the arguments of `assess`, of which there are four.
 
     A report writes the configurations of some thirty consumers, most of which want the same. The
     entry goes when the axis does.

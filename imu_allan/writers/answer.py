@@ -15,7 +15,7 @@ from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.wording import measured, number, SENSORS
+from imu_allan.wording import bounded, measured, number, SENSORS
 
 AIDING_S = 0.1
 COAST_S = 60.0
@@ -181,8 +181,8 @@ def _written(axis: str, coefficient: Coefficient, word: str) -> Figure:
     if coefficient.value is None or coefficient.ci95 is None:
         bound = coefficient.upper95 or 0.0
         return Figure(coefficient.symbol, axis, word,
-                      f'< {number(convert(bound, coefficient.unit, unit), 3)}', '', unit,
-                      f'< {number(bound, 3)}', '', coefficient.unit)
+                      bounded(convert(bound, coefficient.unit, unit)), '', unit,
+                      bounded(bound), '', coefficient.unit)
     numbers = (coefficient.value, *coefficient.ci95)
     value, *bounds = measured(*(convert(n, coefficient.unit, unit) for n in numbers))
     si_value, *si_bounds = measured(*numbers)
@@ -244,5 +244,6 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> str:
 
 def _with_unit(value: float, units: tuple[tuple[str, float], ...]) -> str:
     """Write a standard deviation in the largest unit in which it is one at least."""
-    unit, factor = next((pair for pair in units if value * pair[1] >= 1), units[-1])
+    unit, factor = next((pair for pair in units if float(number(value * pair[1], 2)) >= 1),
+                        units[-1])
     return f'{number(value * factor, 2)} {unit}'

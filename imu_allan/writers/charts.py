@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Span, Timeline
-from imu_allan.sensor.units import convert, engineering, typeset
+from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.tuning.tune import FilterTuning
 from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
 from imu_allan.writers.answer import is_constant
@@ -28,6 +28,8 @@ from imu_allan.writers.panels import (
     limits_of,
     model_curve,
     reading_point,
+    time_unit,
+    wander,
     written,
 )
 from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
@@ -124,10 +126,11 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
              if axis.signal is not None and axis.signal.mean and not is_constant(axis)}
     if not known:
         return None
-    shown = 'deg/s' if sensor == 'gyro' else 'm/s^2'
-    factor = convert(1.0, next(iter(known.values())).unit, shown)
+    unit = next(iter(known.values())).unit
+    shown = MEAN_UNITS[unit]
+    factor = convert(1.0, unit, shown)
     length = max(result.timeline.duration_s, 1e-9)
-    scale, time_unit = _time_unit(length)
+    scale, units = time_unit(length)
 
     def draw(drawing: Drawing, narrow: bool) -> None:
         left, top, right, _ = _box(drawing, narrow)
@@ -139,7 +142,8 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         main.frame('', f'mean of each stretch less the mean of all [{typeset(shown)}]',
                    x_labels=False, most_y=6)
         drawing.add(main, [group(name[-1], f'axis-{name[-1]}', [
-            main.line(*_columns(axis, scale, factor), 'curve')]) for name, axis in known.items()])
+            main.line(time / scale, mean * factor, 'curve')])
+            for name, axis in known.items() for time, mean in [wander(axis)]])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
         for place, (name, axis) in enumerate(known.items()):
@@ -152,7 +156,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
                                  (0, length / scale, False), _padded(*ends))
             _shade(part, result.timeline, scale, known)
             last = place == len(known) - 1
-            part.frame(f'time [{time_unit}]' if last else '', '', x_labels=last, most_y=3)
+            part.frame(f'time [{units}]' if last else '', '', x_labels=last, most_y=3)
             time = (np.arange(len(low)) + 0.5) * (axis.signal.step_s if axis.signal else 1) / scale
             drawing.add(part, [group(name[-1], f'axis-{name[-1]}',
                                      [part.band(time, low, high, 'extent')])])
@@ -169,22 +173,8 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
                        draw, 330), _groups(known))
 
 
-def _time_unit(length_s: float) -> tuple[float, str]:
-    return next(((size, name) for size, name in ((86_400.0, 'days'), (3600.0, 'h'), (60.0, 'min'))
-                 if length_s >= 2 * size), (1.0, 's'))
-
-
-def _columns(axis: AxisResult, scale: float, factor: float) -> tuple[Array, Array]:
-    """Time and wandering of the mean."""
-    if axis.signal is None:
-        return np.zeros(0), np.zeros(0)
-    mean: Array = np.array([np.nan if v is None else v for v in axis.signal.mean])
-    time = np.asarray((np.arange(len(mean)) + 0.5) * (axis.signal.step_s / scale), np.float64)
-    return time, np.asarray((mean - np.nanmean(mean)) * factor, np.float64)
-
-
 def _wander(axes: Mapping[str, AxisResult], factor: float) -> tuple[float, float, bool]:
-    values = np.concatenate([_columns(axis, 1.0, factor)[1] for axis in axes.values()])
+    values = np.concatenate([wander(axis)[1] for axis in axes.values()]) * factor
     return _padded(float(np.nanmin(values)), float(np.nanmax(values)))
 
 
@@ -494,7 +484,7 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
                    for s in axis.stationarity.segments
                    if s.noise_density is not None and s.ci95 is not None]
             if axis.stationarity is not None else [] for name, axis in known.items()}
-    scale, time_unit = _time_unit(max(
+    scale, units = time_unit(max(
         s.start_s + s.duration_s for axis in known.values()
         for s in (axis.stationarity.segments if axis.stationarity else ())))
     ends = max(s.start_s + s.duration_s for axis in known.values()
@@ -504,7 +494,7 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
     def draw(drawing: Drawing, narrow: bool) -> None:
         panel = drawing.panel(_box(drawing, narrow), (0, ends, False),
                               _padded(min(values), max(values)))
-        panel.frame(f'time [{time_unit}]', f'N of each part [{typeset(shown)}]',
+        panel.frame(f'time [{units}]', f'N of each part [{typeset(shown)}]',
                     None if narrow else (1 / factor, f'[{typeset(unit)}]'), most_y=6)
         inside = []
         for place, (name, points) in enumerate(rows.items()):

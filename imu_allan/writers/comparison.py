@@ -18,7 +18,7 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import duration, measured, number
+from imu_allan.wording import bounded, duration, measured
 from imu_allan.writers.panels import (
     COLOURS,
     draw_curve,
@@ -171,7 +171,7 @@ def shown(coefficient: Coefficient) -> str:
                           for value in (coefficient.value, *coefficient.ci95)))[0]
     if coefficient.upper95 is None:
         return 'not observable'
-    return f'< {number(engineering(coefficient.upper95, coefficient.unit)[0], 3)}'
+    return bounded(engineering(coefficient.upper95, coefficient.unit)[0], coefficient.symbol)
 
 
 def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 'Figure':

@@ -6,7 +6,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.version import __version__
-from imu_allan.wording import duration, listed, measured, number, SENSORS
+from imu_allan.wording import bounded, duration, listed, measured, SENSORS
 from imu_allan.writers.panels import axes_of, sensors_of
 
 _SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
@@ -107,7 +107,8 @@ def _cell(coefficient: Coefficient) -> str:
         return f'{value} [{low}, {high}]'
     if coefficient.upper95 is None:
         return '--'
-    return f'$<{number(engineering(coefficient.upper95, coefficient.unit)[0], 3)}$'
+    bound = bounded(engineering(coefficient.upper95, coefficient.unit)[0], coefficient.symbol)
+    return f'${bound}$'
 
 
 def _methods(result: Result) -> str:

@@ -19,14 +19,16 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, Term, TERMS
 from imu_allan.result import AxisResult, Coefficient, GaussMarkov, Result, Spectrum, Timeline
-from imu_allan.sensor.units import engineering, typeset
+from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS
 from imu_allan.writers.own_style import matplotlib_alone, own_style
+from imu_allan.writers.svg import power_text
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
@@ -47,6 +49,8 @@ FEWEST_DEGREES = 3.0
 _FINE, _BETWEEN = 161, 8
 _LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
 _BAND = 0.25
+_SHORT_RANGE = 100.0
+"""From here on there are two powers of ten inside a range, wherever it begins."""
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
 _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
                            'bias_instability': (0, (8, 2, 1, 2)),
@@ -367,29 +371,84 @@ def coefficients_of(axis: AxisResult) -> dict[str, float]:
             if axis.coefficients[key].observable}
 
 
-def draw_timeline(panel: 'Axes', timeline: Timeline, theme: Theme = 'light') -> None:
-    """Draw the recording as a strip with its gaps and the motion that was left out."""
+def time_unit(length_s: float) -> tuple[float, str]:
+    """Return the unit, in seconds and by name, in which a length of time is two or more."""
+    return next(((size, name) for size, name in ((86_400.0, 'days'), (3600.0, 'h'), (60.0, 'min'))
+                 if length_s >= 2 * size), (1.0, 's'))
+
+
+def wander(axis: AxisResult) -> tuple[Array, Array]:
+    """
+    Return how the mean of an axis wandered: that of each stretch less that of all.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose signal.
+
+    Returns
+    -------
+    time_s, mean : ndarray, shape (n,)
+        Middle of each stretch, and in the unit of a sample; NaN where there were no samples, and
+        nothing where the result does not have the signal.
+
+    """
+    if axis.signal is None:
+        return np.zeros(0), np.zeros(0)
+    mean: Array = np.array([np.nan if v is None else v for v in axis.signal.mean])
+    time = np.asarray((np.arange(len(mean)) + 0.5) * axis.signal.step_s, np.float64)
+    if not np.isfinite(mean).any():
+        return np.zeros(0), np.zeros(0)
+    return time, np.asarray(mean - np.nanmean(mean))
+
+
+def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], timeline: Timeline,
+                theme: Theme = 'light') -> None:
+    """
+    Draw how the means wandered over the recording, its gaps, and the motion that was left out.
+
+    Parameters
+    ----------
+    panel : matplotlib.axes.Axes
+        Where to draw; a strip without curves where no axis has the signal.
+    axes : mapping of name to AxisResult
+        Of one sensor.
+    timeline : Timeline
+        Of the same result.
+    theme : 'light' or 'dark'
+        Colours of the paper.
+
+    """
     colours = COLOURS[theme]
-    scale, unit = next(((s, u) for s, u in ((86400, 'days'), (3600, 'h'), (60, 'min'), (1, 's'))
-                        if timeline.duration_s >= 2 * s), (1, 's'))
+    scale, unit = time_unit(timeline.duration_s)
     length = max(timeline.duration_s, 1e-9) / scale
-    panel.barh([0], [length], color=colours['good'], height=1, linewidth=0)
-    for spans, colour, hatch in ((timeline.motion, colours['motion'], None),
-                                 (timeline.gaps, colours['ink'], None)):
+    panel.set_xlim(0, length)
+    panel.set_xlabel(f'time [{unit}]', labelpad=1)
+    for spans, colour in ((timeline.motion, colours['motion']), (timeline.gaps, colours['gap'])):
         for span in spans[:2000]:
             # A gap of a second in a day is still one visible line.
             width = max(span.duration_s / scale, length * 1.5e-3)
-            panel.barh([0], [width], left=[span.start_s / scale], color=colour, height=1,
-                       linewidth=0, hatch=hatch)
-    panel.set_xlim(0, length)
-    panel.set_ylim(-0.5, 0.5)
-    panel.set_yticks([])
-    panel.set_xlabel(f'time [{unit}]', labelpad=1)
-    for side in ('top', 'left', 'right'):
-        panel.spines[side].set_visible(False)
-    parts = [(f'recording of {duration(timeline.duration_s)}', colours['soft'])]
+            panel.axvspan(span.start_s / scale, span.start_s / scale + width, color=colour,
+                          linewidth=0)
+    moved = {name: wander(axis) for name, axis in axes.items()}
+    if any(len(time) for time, _ in moved.values()):
+        quantity = AXES[next(iter(axes))].unit
+        shown = MEAN_UNITS[quantity]
+        for name, (time, mean) in moved.items():
+            panel.plot(time / scale, mean * convert(1.0, quantity, shown), linewidth=0.8,
+                       color=colours[name[-1]])
+        panel.grid(True)
+        panel.locator_params(axis='y', nbins=4)
+        parts = [(f'mean of each stretch less the mean of all [{typeset(shown)}]',
+                  colours['ink'])]
+    else:
+        panel.set_yticks([])
+        panel.set_facecolor(colours['good'])
+        for side in ('top', 'left', 'right'):
+            panel.spines[side].set_visible(False)
+        parts = [(f'recording of {duration(timeline.duration_s)}', colours['soft'])]
     for spans, name, colour in ((timeline.motion, 'motion, left out', colours['motion']),
-                                (timeline.gaps, 'gap', colours['ink'])):
+                                (timeline.gaps, 'gap', colours['gap'])):
         if spans:
             total = duration(sum(span.duration_s for span in spans))
             parts.append((f'■ {len(spans)} × {name} ({total})', colour))
@@ -452,10 +511,7 @@ def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float
 def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
                 left: bool = True, right: bool = True) -> None:
     """Set scales, limits and labels of an Allan deviation panel; SI left, engineering right."""
-    panel.set_xscale('log')
-    panel.set_yscale('log')
-    panel.set_ylim(*limits)
-    panel.grid(True, which='major')
+    _log_scales(panel, limits)
     panel.set_xlabel('averaging time τ [s]')
     unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
     _two_units(panel, unit, 1, f'Allan deviation of {SAMPLES[sensor]}', left, right)
@@ -479,14 +535,33 @@ def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[floa
     return (low / 4, high * 8) if high > 0 else (0.1, 10.0)
 
 
-def frame_density(panel: 'Axes', sensor: str, *, left: bool, right: bool) -> None:
-    """Set scales and labels of a spectrum panel; SI left, engineering right."""
-    panel.set_xscale('log')
-    panel.set_yscale('log')
-    panel.grid(True, which='major')
+def frame_density(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
+                  left: bool = True, right: bool = True) -> None:
+    """Set scales, limits and labels of a spectrum panel; SI left, engineering right."""
+    _log_scales(panel, limits)
     panel.set_xlabel('frequency [Hz]')
     unit = 'rad/s' if sensor == 'gyro' else 'm/s^2'
     _two_units(panel, unit, 2, 'PSD (two-sided)', left, right)
+
+
+def _log_scales(panel: 'Axes', limits: tuple[float, float]) -> None:
+    panel.set_xscale('log')
+    panel.set_yscale('log')
+    panel.set_ylim(*limits)
+    panel.grid(True)
+    _mark_powers(panel.xaxis)
+    _mark_powers(panel.yaxis, limits)
+
+
+def _mark_powers(axis: 'Axis', limits: tuple[float, float] | None = None) -> None:
+    """Mark powers of ten; over a short range of `limits` also twice and five times as much."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    short = limits is not None and limits[1] < limits[0] * _SHORT_RANGE
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=9))
+    # Small marks in between, and numbers set as formulas, are two thirds of the time of a figure.
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
 
 
 def _two_units(panel: 'Axes', unit: str, power: int, title: str, left: bool, right: bool) -> None:
@@ -505,6 +580,8 @@ def _two_units(panel: 'Axes', unit: str, power: int, title: str, left: bool, rig
             'right', functions=(lambda v: np.asarray(v) * factor,
                                 lambda v: np.asarray(v) / factor))
         second.set_ylabel(f'[{written(other)}]')
+        low, high = panel.get_ylim()
+        _mark_powers(second.yaxis, (low * factor, high * factor))
 
 
 def label_ends(panel: 'Axes', axes: Mapping[str, AxisResult], theme: Theme) -> None:

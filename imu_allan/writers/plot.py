@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Figures of a result: Allan deviation, power spectral density, and what was left out when.
+Figures of a result: Allan deviation, power spectral density, and the signal over time.
 
 Every figure is one sheet, put together from the parts in `imu_allan.writers.panels`.
 """
@@ -15,15 +15,24 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import amount_of, measured, names_of, number, origin_of, SENSORS
+from imu_allan.wording import (
+    amount_of,
+    bounded,
+    measured,
+    named,
+    names_of,
+    origin_of,
+    SENSORS,
+)
+from imu_allan.writers.answer import is_constant
 from imu_allan.writers.panels import (
     axes_of,
     COLOURS,
     density_limits,
     draw_curve,
     draw_density,
+    draw_signal,
     draw_terms,
-    draw_timeline,
     empty_figure,
     frame_allan,
     frame_density,
@@ -56,32 +65,39 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
     Returns
     -------
     matplotlib.figure.Figure
-        Gyroscope and accelerometer side by side, their coefficients above, the timeline below.
+        Gyroscope and accelerometer side by side, their coefficients above, the signal below.
 
     """
     with plot_style(theme):
         sensors = sensors_of(result)
         halves = max(1, len(sensors))
-        figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 7.2)
+        live = [sensor for sensor in sensors
+                if any(any(axis.curve.adev) for axis in axes_of(result, sensor).values())]
+        figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
         _write_heading(figure, result, theme)
         for column, sensor in enumerate(sensors):
             axes = axes_of(result, sensor)
             left, width = column / halves, 1 / halves
-            _draw_table(figure.add_axes((left + 0.04 * width, 0.715, 0.92 * width, 0.155)),
+            if sensor not in live:
+                _write_why(figure, left + 0.04 * width, sensor, axes, theme)
+                continue
+            _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes, theme)
-            panel = figure.add_axes((left + 0.135 * width, 0.205, 0.735 * width, 0.495))
+            panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
             for name, axis in axes.items():
-                draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
-                           result.timeline)
+                if any(axis.curve.adev):
+                    draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
+                               result.timeline)
             frame_allan(panel, sensor, limits_of(axes.values()))
             label_ends(panel, axes, theme)
-        draw_timeline(figure.add_axes((0.02, 0.072, 0.96, 0.03)), result.timeline, theme)
+            draw_signal(figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105)), axes,
+                        result.timeline, theme)
         return figure
 
 
 def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figure':
     """
-    Draw everything about one sensor: per axis the Allan deviation above, the spectrum below.
+    Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.
 
     The Allan deviation stands with its 68 % and 95 % intervals, the fitted model, the model's
     terms with their slopes, and a ring where each coefficient is read off.
@@ -105,9 +121,9 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
     if not axes:
         raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
     with plot_style(theme):
-        figure = empty_figure(5.2 * len(axes) + 0.6, 10.2)
+        figure = empty_figure(5.2 * len(axes) + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
-                                   right=0.935, top=0.885, bottom=0.145, wspace=0.09, hspace=0.2)
+                                   right=0.935, top=0.895, bottom=0.215, wspace=0.09, hspace=0.2)
         _write_heading(figure, result, theme, SENSORS[sensor])
         limits = limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
@@ -121,10 +137,9 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
             draw_density(density, axis, result.timeline, colour, theme)
-            frame_density(density, sensor, **ends)
-            density.set_ylim(*density_limits(axes.values(), result.timeline))
+            frame_density(density, sensor, density_limits(axes.values(), result.timeline), **ends)
             first = [first[0] or allan, first[1] or density]
-        draw_timeline(figure.add_axes((0.062, 0.055, 0.873, 0.022)), result.timeline, theme)
+        draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result.timeline, theme)
         return figure
 
 
@@ -155,6 +170,19 @@ def render(figure: 'Figure', format: str = 'png',  # noqa: A002
     return content.getvalue()
 
 
+def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, AxisResult],
+               theme: Theme) -> None:
+    """Say in the place of the pictures of a sensor why there are none."""
+    top = figure.get_figheight()
+    figure.text(left, 1 - 1.05 / top, SENSORS[sensor], fontsize=11, fontweight='bold', va='center')
+    reasons = {'every sample is the same, there is no noise to draw':
+               [name for name, axis in axes.items() if is_constant(axis)],
+               'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
+    figure.text(left, 1 - 1.35 / top, '; '.join(
+        f'{named(names)}: {reason}' for reason, names in reasons.items() if names),
+        color=COLOURS[theme]['soft'], va='center')
+
+
 def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], theme: Theme) -> None:
     """Draw the coefficients that at least one axis shows, with their intervals."""
     ink, soft = COLOURS[theme]['ink'], COLOURS[theme]['soft']
@@ -172,7 +200,11 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
         for row, axis in enumerate(axes.values()):
             coefficient = axis.coefficients[term.key]
             height = 2.3 - 0.9 * row
-            if coefficient.value is not None and coefficient.ci95 is not None:
+            if is_constant(axis):
+                if not column:
+                    panel.text(0.08, height, 'constant: every sample is the same', fontsize=7,
+                               va='center', color=soft)
+            elif coefficient.value is not None and coefficient.ci95 is not None:
                 value, *bounds = measured(*(engineering(v, coefficient.unit)[0] for v in (
                     coefficient.value, *coefficient.ci95)))
                 panel.text(right - 0.178, height, value, ha='right', va='center', fontsize=9.5,
@@ -180,8 +212,8 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                 panel.text(right, height, f'{bounds[0]} – {bounds[1]}', ha='right', va='center',
                            fontsize=6.5, color=soft)
             elif coefficient.upper95 is not None:
-                bound = number(engineering(coefficient.upper95, coefficient.unit)[0], 3)
-                panel.text(right, height, f'not observable, < {bound}', ha='right', va='center',
+                bound = bounded(engineering(coefficient.upper95, coefficient.unit)[0], term.symbol)
+                panel.text(right, height, f'not observable, {bound}', ha='right', va='center',
                            fontsize=7, color=soft)
             else:
                 panel.text(right, height, 'not observable', ha='right', va='center', fontsize=7,

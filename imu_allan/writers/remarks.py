@@ -15,8 +15,8 @@ import re
 from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
-from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import counted, duration, listed, number, spoken
+from imu_allan.sensor.units import engineering
+from imu_allan.wording import counted, duration, listed, named, number, spoken
 
 TITLES = {
     'band_limited': 'low-pass', 'coarse_resolution': 'coarse steps', 'constant_axis': 'constant',
@@ -83,27 +83,6 @@ def grouped(result: Result, tones: int = MANY_TONES) -> list[Group]:
     return groups
 
 
-def named(axes: Sequence[str]) -> str:
-    """
-    Name axes in a sentence.
-
-    Examples
-    --------
-    >>> named(['gyro_x', 'gyro_z', 'accel_x', 'accel_y', 'accel_z'])
-    'gyro x and z, accel x, y and z'
-    >>> named(['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z'])
-    'all axes'
-
-    """
-    if set(axes) == set(AXES):
-        return 'all axes'
-    sensors: dict[str, list[str]] = {}
-    for axis in axes:
-        sensor, _, letter = axis.partition('_')
-        sensors.setdefault(sensor, []).append(letter)
-    return ', '.join(f'{sensor} {listed(letters)}' for sensor, letters in sensors.items())
-
-
 def count_of(groups: Sequence[Group]) -> str:
     """Return ``6 remarks: low-pass, poor fit, ...``."""
     titles = dict.fromkeys(group.title for group in groups)
@@ -162,7 +141,7 @@ def _tones(result: Result, shown: int) -> str:
 
 
 def _frequencies(axis: AxisResult, shown: int) -> str:
-    unit = typeset(engineering(1.0, axis.unit)[1])
+    unit = engineering(1.0, axis.unit)[1]
     texts = [f'{tone.frequency_hz:.4g} Hz '
              f'({number(engineering(tone.amplitude, axis.unit)[0], 3)} {unit})'
              for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:shown]]

@@ -12,22 +12,25 @@ more.
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from importlib.resources import files
+import re
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Span
-from imu_allan.sensor.units import convert, engineering, typeset
+from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import (
     amount_of,
+    bounded,
     counted,
     duration,
     faults_of,
     measured,
+    named,
     names_of,
     number,
     origin_of,
@@ -56,13 +59,14 @@ from imu_allan.writers.charts import (
 from imu_allan.writers.comparison import compare, Difference, shown
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.panels import axes_of, sensors_of
-from imu_allan.writers.remarks import count_of, grouped, named, outlook_of
+from imu_allan.writers.remarks import count_of, grouped, outlook_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-_MEAN_UNITS = {'rad/s': 'deg/s', 'm/s^2': 'm/s^2'}
 _LONGEST_LIST = 500
+_UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
+"""What follows a number in a sentence: a unit, or a word that `typeset` leaves as it is."""
 
 
 def report_html(result: Result) -> str:
@@ -81,7 +85,8 @@ def report_html(result: Result) -> str:
 
     """
     found = answers(result)
-    remarks = grouped(result)
+    remarks = [replace(group, sentences=tuple(map(_typeset, group.sentences)))
+               for group in grouped(result)]
     constant = [name for name in AXES if name in result.axes and is_constant(result.axes[name])]
     return _page(
         'report.html.j2', title=' '.join(names_of(result)), names=names_of(result),
@@ -161,6 +166,10 @@ def _facts(result: Result) -> list[str]:
     return [amount_of(result.timeline), *origin_of(result), *faults_of(result.timeline)]
 
 
+def _typeset(sentence: str) -> str:
+    return _UNIT.sub(lambda match: typeset(match[0]), sentence)
+
+
 def _card(answer: Answer) -> dict[str, Any]:
     """Say of one sensor what the first screen says."""
     quantity = AXES[f'{answer.sensor}_x']
@@ -216,7 +225,7 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
             'unit': typeset(engineering(1.0, unit)[1]), 'si_unit': typeset(unit),
             'shown': any(axis.coefficients[key].observable for axis in axes.values()),
             'cells': [_cell(axis.coefficients[key]) for axis in axes.values()]})
-    unit = _MEAN_UNITS[quantity.unit]
+    unit = MEAN_UNITS[quantity.unit]
     means = [None if axis.mean is None else
              (number(convert(axis.mean, axis.unit, unit)), number(axis.mean))
              for axis in axes.values()]
@@ -234,8 +243,9 @@ def _cell(coefficient: Coefficient) -> _Cell:
                      repr(coefficient.value))
     if coefficient.upper95 is None:
         return _Cell('', 'not observable', '', 'not observable', '')
-    bound = number(engineering(coefficient.upper95, coefficient.unit)[0], 3)
-    return _Cell('', f'< {bound}', '', f'< {number(coefficient.upper95, 3)}', '')
+    shown, si = (bounded(bound, coefficient.symbol) for bound in (
+        engineering(coefficient.upper95, coefficient.unit)[0], coefficient.upper95))
+    return _Cell('', shown, '', si, '')
 
 
 def _tunings(result: Result, answer: Answer) -> list[dict[str, str]]:
@@ -267,7 +277,7 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
         return None
     axis = axes[next(iter(known))]
     n_unit = axis.coefficients['noise_density'].unit
-    mean_unit = _MEAN_UNITS[axis.unit]
+    mean_unit = MEAN_UNITS[axis.unit]
     rows = []
     for name, stationarity in known.items():
         for place, segment in enumerate(stationarity.segments):

@@ -72,15 +72,27 @@ def _log_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
     if last - first >= 1:
         step = max(1, ceil((last - first + 1) / most))
-        return [(10.0**k, decade(k)) for k in range(first, last + 1) if k % step == 0]
-    ticks = [(m * 10.0**k, f'{m * 10.0**k:.6g}') for k in range(first - 1, last + 1)
+        return [(10.0**k, power_text(10.0**k)) for k in range(first, last + 1) if k % step == 0]
+    ticks = [(m * 10.0**k, power_text(m * 10.0**k)) for k in range(first - 1, last + 1)
              for m in (1, 2, 5) if low <= m * 10.0**k <= high]
     return ticks if len(ticks) > 1 else _linear_ticks(low, high, 4)
 
 
-def decade(k: int) -> str:
-    """Write ten to the power of `k`."""
-    return f'{10.0**k:g}' if k in _PLAIN_DECADES else '10' + str(k).translate(_SUPERSCRIPTS)
+def power_text(value: float) -> str:
+    """
+    Write a number beside a logarithmic axis.
+
+    Examples
+    --------
+    >>> power_text(0.02), power_text(1e-5), power_text(2e6)
+    ('0.02', '10⁻⁵', '2×10⁶')
+
+    """
+    k = floor(log10(value) + 1e-9)
+    if k in _PLAIN_DECADES:
+        return f'{value:.6g}'
+    times = round(value / 10.0**k)
+    return ('' if times == 1 else f'{times}×') + '10' + str(k).translate(_SUPERSCRIPTS)
 
 
 def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from typing import Literal, TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
-from imu_allan.noise.terms import AXES, Term, TERMS
+from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
-from imu_allan.sensor.units import convert, engineering
+from imu_allan.sensor.units import convert, engineering, MEAN_UNITS
 from imu_allan.wording import (
     amount_of,
+    bounded,
     duration,
     faults_of,
     measured,
@@ -45,7 +46,6 @@ PIPE_WIDTH = 100
 """Where nobody says how wide the paper is: every line of an ordinary result fits."""
 _LONGEST_HEAD = 28
 """Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
-_MEAN_UNITS = {'rad/s': 'deg/s', 'm/s^2': 'm/s^2'}
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
@@ -184,10 +184,10 @@ def _rows(axes: Mapping[str, AxisResult], units: Units) -> Iterator[_Row]:
         unit = term.unit(quantity)
         yield _Row(f'{term.symbol} {term.name(quantity)}',
                    unit if units == 'si' else engineering(1.0, unit)[1],
-                   {name: _cell(cell, units, term) for name, cell in cells.items()},
+                   {name: _cell(cell, units) for name, cell in cells.items()},
                    not any(cell.observable for cell in cells.values()))
     if any(axis.mean is not None for axis in axes.values()):
-        unit = quantity.unit if units == 'si' else _MEAN_UNITS[quantity.unit]
+        unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
         yield _Row('mean', unit, {
             name: Text('' if axis.mean is None else number(convert(axis.mean, axis.unit, unit)),
                        style='dim') for name, axis in axes.items()}, dim=True)
@@ -242,7 +242,7 @@ def _stacked(rows: Sequence[_Row]) -> 'list[Text]':
     return lines
 
 
-def _cell(coefficient: Coefficient, units: Units, term: Term) -> 'Text':
+def _cell(coefficient: Coefficient, units: Units) -> 'Text':
     from rich.text import Text
 
     def shown(value: float) -> float:
@@ -255,8 +255,7 @@ def _cell(coefficient: Coefficient, units: Units, term: Term) -> 'Text':
         return text
     if coefficient.upper95 is None:
         return Text('-', style='dim')
-    sign = f'|{term.symbol}| ' if term.key == 'rate_ramp' else ''
-    return Text(f'{sign}< {number(shown(coefficient.upper95), 3)}', style='dim')
+    return Text(bounded(shown(coefficient.upper95), coefficient.symbol), style='dim')
 
 
 def _notes(result: Result, *, tuned: bool) -> 'Iterator[Text]':

@@ -190,7 +190,8 @@ def test_the_summary_says_what_speaks_against_the_sensor(result):
     outcome, sentences = summary(check(result, parse_model(
         'gyro: {noise_density: 2.5 deg/sqrt(h), zero_bias: 1 deg/s}')))
     assert outcome == 'fail'
-    assert sentences == ['gyro_y N: the 95 % interval is above 2.5 deg/sqrt(h) (measured 2.647)']
+    assert sentences == ['gyro_y N: the 95 % interval is above 2.5 deg/sqrt(h) '
+                         '(measured 2.647, 2.642 .. 2.652)']
     assert summary(check(result, parse_model('gyro: {noise_density: 9 deg/sqrt(h)}'))) == (
         'pass', [])
 

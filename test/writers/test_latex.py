@@ -10,7 +10,7 @@ def test_the_table_has_every_observable_term_with_its_interval_or_bound(result):
     assert rows[0] == (r'$N$ angle random walk & $^\circ/\sqrt{\mathrm{h}}$ & '
                        r'2.406 [2.402, 2.411] & 2.647 [2.642, 2.652] & 2.286 [2.282, 2.291] \\')
     assert rows[2] == (r'$K$ rate random walk & $^\circ/\mathrm{h}/\sqrt{\mathrm{h}}$ & '
-                       r'50 [35, 64] & 54 [38, 71] & $<23.5$ \\')
+                       r'50 [35, 64] & 54 [38, 71] & $< 23.5$ \\')
     assert len(rows) == 6
 
 

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 import io
+from math import degrees
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import allan_variance
-from imu_allan.result import Curve, Remark, Source, Span, Spectrum, Timeline
+from imu_allan.result import Curve, Remark, Signal, Source, Span, Spectrum, Timeline
 from imu_allan.writers import panels, plot
 import matplotlib
 from matplotlib.colors import to_rgb
@@ -136,13 +137,28 @@ def test_gaps_and_motion_stand_on_the_strip_at_their_time(result):
     timeline = Timeline(100.0, 100, 10_000.0, gaps=(Span(2500.0, 100.0),),
                         motion=(Span(5000.0, 1000.0),))
     figure = plot.overview_figure(replace(result, timeline=timeline))
-    strip = figure.axes[-1] if not figure.axes[-1].get_ylabel() else figure.axes[-2]
-    bars = sorted((bar.get_x(), bar.get_width()) for bar in strip.patches)
+    strips = [panel for panel in figure.axes if panel.get_xlabel() == 'time [h]']
+    assert len(strips) == 2
     hours = 1 / 3600
-    assert bars == [(0.0, pytest.approx(10_000 * hours)),
-                    (pytest.approx(2500 * hours), pytest.approx(100 * hours)),
-                    (pytest.approx(5000 * hours), pytest.approx(1000 * hours))]
-    assert strip.get_xlabel() == 'time [h]'
+    for strip in strips:
+        shown = [bar.get_window_extent().transformed(strip.transData.inverted())
+                 for bar in strip.patches]
+        assert sorted((box.x0, box.width) for box in shown) == [
+            (pytest.approx(2500 * hours), pytest.approx(100 * hours)),
+            (pytest.approx(5000 * hours), pytest.approx(1000 * hours))]
+
+
+def test_a_warm_up_shows_in_the_overview(result):
+    # The mean of the first of eight stretches lies far from the others.
+    signal = Signal(450.0, (-1.0,) * 8, (0.5, *[0.0] * 7), (1.0,) * 8)
+    warm = replace(result, axes={name: replace(axis, signal=signal)
+                                 for name, axis in result.axes.items()})
+    strip = next(panel for panel in plot.overview_figure(warm).axes
+                 if panel.get_xlabel().startswith('time'))
+    for line in strip.lines:
+        shown = line.get_ydata()
+        assert shown[0] - shown[1] == pytest.approx(degrees(0.5))
+        assert sum(shown) == pytest.approx(0, abs=1e-9)
 
 
 def test_odd_results_are_drawn_too(result, make_axis):
@@ -156,7 +172,9 @@ def test_odd_results_are_drawn_too(result, make_axis):
     for theme in ('light', 'dark'):
         assert plot.render(plot.overview_figure(odd, theme), 'png', 40)
         assert plot.render(plot.sensor_figure(odd, 'gyro', theme=theme), 'png', 40)
-    assert 'constant signal:\nAllan deviation 0' in texts_of(plot.overview_figure(odd))
+    assert ('gyro z: every sample is the same, there is no noise to draw; gyro x: too few samples'
+            in texts_of(plot.overview_figure(odd)))
+    assert 'constant signal:\nAllan deviation 0' in texts_of(plot.sensor_figure(odd, 'gyro'))
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
     with pytest.raises(ImuAllanError, match="no axis of the sensor 'accel'"):
         plot.sensor_figure(odd, 'accel')

@@ -104,7 +104,7 @@ def test_remarks_of_one_kind_are_one_sentence(result):
     assert text.splitlines()[-3:] == [
         'low-pass: all axes: its effective window is 0.0148 to 0.02 s',
         'gravity: the mean acceleration is 1.001 m/s^2',
-        'tones: gyro z 23.4 Hz (41.3 °/h) and 1 weaker: vibration, mains or an idle tone of a '
+        'tones: gyro z 23.4 Hz (41.3 deg/h) and 1 weaker: vibration, mains or an idle tone of a '
         'converter, not noise; left out of the fit']
     assert '1,200 missing, 2 gaps (6 s), 2 stretches of motion (5 min 45 s)' in text
 

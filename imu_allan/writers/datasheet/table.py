@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import printable
-from imu_allan.sensor.units import convert, unit_of
-from imu_allan.wording import measured
-from imu_allan.writers.datasheet.verdicts import in_written_unit, Outcome, Verdict
+from imu_allan.sensor.units import unit_of
+from imu_allan.writers.datasheet.verdicts import in_written_unit, Outcome, Verdict, with_interval
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -57,27 +56,9 @@ def figures(verdict: Verdict) -> tuple[str, str, str]:
     """Return measured value, interval and limit, each in the unit of the specification."""
     limit = in_written_unit(verdict, verdict.limit)
     if verdict.value is not None and verdict.ci95 is not None:
-        value, low, high = _measured(verdict, verdict.value, verdict.ci95)
+        value, low, high = with_interval(verdict, verdict.value, verdict.ci95)
         return value, f'{low} .. {high}', limit
     value = '' if verdict.value is None else in_written_unit(verdict, verdict.value)
     if verdict.upper95 is not None:
         return '', f'< {in_written_unit(verdict, verdict.upper95)}', limit
     return value, '', limit
-
-
-def _measured(verdict: Verdict, value: float, bounds: tuple[float, float]
-              ) -> tuple[str, str, str]:
-    """Write value and interval with the digits that the interval leaves."""
-    unit = unit_of(verdict.specified)
-    shown = measured(*(convert(number, verdict.unit, unit) for number in (value, *bounds)))
-    limit = convert(verdict.limit, verdict.unit, unit)
-    if [_side(float(text), limit) for text in shown[1:]] != [
-            _side(bound, verdict.limit) for bound in bounds]:
-        # Rounded onto or across the limit, the interval would contradict the verdict beside it.
-        return (in_written_unit(verdict, value), in_written_unit(verdict, bounds[0]),
-                in_written_unit(verdict, bounds[1]))
-    return shown
-
-
-def _side(number: float, limit: float) -> int:
-    return (number > limit) - (number < limit)

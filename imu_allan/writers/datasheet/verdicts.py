@@ -19,7 +19,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import LIMITS, NoiseModel
 from imu_allan.sensor.units import convert, unit_of
-from imu_allan.wording import duration, number
+from imu_allan.wording import duration, measured, number
 from imu_allan.writers.datasheet.measured import fault_of, Measured, of_limit
 
 Outcome = Literal['pass', 'fail', 'cannot tell']
@@ -137,10 +137,31 @@ def in_written_unit(verdict: Verdict, value: float) -> str:
     return number(convert(value, verdict.unit, unit_of(verdict.specified)))
 
 
+def with_interval(verdict: Verdict, value: float, bounds: tuple[float, float]
+                  ) -> tuple[str, str, str]:
+    """Return value and interval in the unit of the specification, with the interval's digits."""
+    unit = unit_of(verdict.specified)
+    shown = measured(*(convert(number, verdict.unit, unit) for number in (value, *bounds)))
+    limit = convert(verdict.limit, verdict.unit, unit)
+    if [_side(float(text), limit) for text in shown[1:]] != [
+            _side(bound, verdict.limit) for bound in bounds]:
+        # Rounded onto or across the limit, the interval would contradict the verdict beside it.
+        return (in_written_unit(verdict, value), in_written_unit(verdict, bounds[0]),
+                in_written_unit(verdict, bounds[1]))
+    return shown
+
+
+def _side(number: float, limit: float) -> int:
+    return (number > limit) - (number < limit)
+
+
 def _with_figures(verdict: Verdict) -> str:
     if verdict.value is None:
         return verdict.reason
-    return f'{verdict.reason} (measured {in_written_unit(verdict, verdict.value)})'
+    if verdict.ci95 is None:
+        return f'{verdict.reason} (measured {in_written_unit(verdict, verdict.value)})'
+    value, low, high = with_interval(verdict, verdict.value, verdict.ci95)
+    return f'{verdict.reason} (measured {value}, {low} .. {high})'
 
 
 def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:

@@ -12,7 +12,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
-from imu_allan.wording import duration, number
+from imu_allan.wording import bounded, duration, number
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
@@ -116,7 +116,7 @@ def _worst(result: Result, sensor: str, key: str) -> str:
     if values:
         return number(engineering(max(values), found[0].unit)[0], 3)
     bounds = [c.upper95 for c in found if c.upper95 is not None]
-    return f'< {number(engineering(max(bounds), found[0].unit)[0], 3)}' if bounds else ''
+    return bounded(engineering(max(bounds), found[0].unit)[0]) if bounds else ''
 
 
 def _link(fleet: Fleet, unit: str) -> str | None:
