@@ -47,6 +47,7 @@ setup(
         ],
         'fleet': ['distributed'],
         'px4': ['pyulog>=1.0'],
+        'ardupilot': ['pymavlink>=2.4.40'],
         'test': [
             'pytest',
             'pytest-cov',

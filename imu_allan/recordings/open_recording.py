@@ -28,7 +28,7 @@ def open_recording(
     ----------
     path : path-like
         A rosbag2 directory, a .mcap or .db3 file (also compressed as a whole with zstd), a ROS 1
-        .bag, a PX4 .ulg, or a CSV file.
+        .bag, a PX4 .ulg, an ArduPilot .bin, or a CSV file.
     rate_hz : float, optional
         Sample rate in Hz of a CSV file without a time column.
     options : RecordingOptions, optional
@@ -157,6 +157,9 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
     if head.startswith(b'ULog\x01\x12\x35'):
         from imu_allan.recordings.formats.px4_ulog import UlogRecording
         return UlogRecording(path, stored, options)
+    if head.startswith(b'\xa3\x95\x80'):
+        from imu_allan.recordings.formats.ardupilot_log import ArduPilotRecording
+        return ArduPilotRecording(path, stored, options)
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and b',' in head):
         from imu_allan.recordings.formats.csv_file import CsvRecording
         return CsvRecording(path, stored, options)

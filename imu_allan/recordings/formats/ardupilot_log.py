@@ -1,0 +1,245 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+ArduPilot dataflash logs (.bin), whose messages are found by the pymavlink library.
+
+The library finds every message of the file and reads their formats; those of IMUs are then
+gathered as arrays.
+
+References
+----------
+ArduPilot, libraries/AP_InertialSensor/LogStructure.h and BatchSampler.cpp: ACC, GYR and IMU are in
+SI units, stamped in microseconds since start; an ISBH announces a batch of raw samples, which the
+ISBD behind it hold, 32 each, as integers that are `mul` times the value.
+
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import sys
+from typing import Any
+
+from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.formats.table import fastest, Table, table_block, table_times
+from imu_allan.recordings.messages.decoder import ImuMessages
+from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.recording import ImuTopic, Recording
+import numpy as np
+from numpy.typing import NDArray
+
+MAGIC = b'\xa3\x95\x80'
+"""The two bytes before every message, and the number of FMT, which comes first."""
+
+_HEAD = 3
+_US = 1000
+_GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))
+_BATCH = Vector(('x', 'y', 'z'), scale='scale')
+_SAMPLED = (Stamp('SampleUS', _US), Stamp('TimeUS', _US))
+_BATCHED = (Stamp('time_ns', 1),)
+_FIELDS = {
+    'IMU': ImuFields(_GYRO, _ACCEL, (Stamp('TimeUS', _US),), what='as logged'),
+    'GYR': ImuFields(_GYRO, None, _SAMPLED, what='as logged'),
+    'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged'),
+    'ISBD_GYR': ImuFields(_BATCH, None, _BATCHED, what='batches, unrolled'),
+    'ISBD_ACC': ImuFields(None, _BATCH, _BATCHED, what='batches, unrolled')}
+_BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
+"""Topics of the batches by the type in their header."""
+_PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
+_THIN_HZ = 20.0
+"""Below it, a message is logged for show: no IMU is as slow."""
+_ROWS = 1 << 14
+"""Messages that are gathered at a time."""
+_RAW = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
+        'full rate')
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Messages of one type: the places of the whole ones in the file, size and layout."""
+
+    starts: NDArray[np.int64]
+    size: int
+    layout: np.dtype[Any]
+
+
+class ArduPilotRecording(Recording):
+    """
+    An ArduPilot dataflash log.
+
+    Parameters
+    ----------
+    path, stored : Path
+        The recording as the user knows it, and where its bytes are.
+    options : RecordingOptions
+        What the user says about it.
+
+    Raises
+    ------
+    ImuAllanError
+        If pymavlink is missing or cannot make sense of the file.
+
+    """
+
+    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
+        super().__init__(path, options)
+        self._stored = stored
+        self.size_bytes = stored.stat().st_size
+        times: dict[str, list[NDArray[np.int64]]] = {}
+        kinds = self._kinds()
+        for base in _FIELDS:
+            for name, table, _ in self._tables(kinds, base):
+                times.setdefault(name, []).append(table_times(table, _FIELDS[base]))
+        rates = {name: _rate_hz(np.concatenate(parts)) for name, parts in times.items()}
+        for name, rate in rates.items():
+            base = name.partition('.')[0]
+            if rate < _THIN_HZ:
+                self.reasons[name] = f'{rate:.3g} Hz are too thin; {_RAW}'
+                self.other_topics[name] = f'ArduPilot {base}'
+            else:
+                self.topics.append(ImuTopic(name, sum(map(len, times[name])), ImuMessages(
+                    f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)))
+        unbroken = {topic.name: rates[topic.name] for topic in self.topics
+                    if not topic.name.startswith('ISBD')}
+        self.preferred = fastest(unbroken, _PARTNER) or fastest(
+            {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
+
+    def close(self) -> None:
+        """Release nothing: each reading opens and closes the file itself."""
+
+    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        """Read blocks, each with the bytes consumed so far."""
+        base = topic.partition('.')[0]
+        factors = np.repeat(self.options.factors, 3)
+        for name, table, position in self._tables(self._kinds(), base):
+            if name == topic:
+                yield table_block(table, _FIELDS[base], factors), position
+        if base == 'IMU':
+            self.remark('filtered', 'IMU messages have passed the filters of the autopilot '
+                                    f'(INS_GYRO_FILTER, INS_ACCEL_FILTER); {_RAW}')
+        elif base.startswith('ISBD'):
+            self.remark('batches', f'topic {printable(topic)} comes in batches with pauses: it '
+                                   f'shows N and no more; {_RAW}')
+
+    def _kinds(self) -> dict[str, _Kind]:
+        """Find the messages of IMUs in the file."""
+        try:
+            from pymavlink.DFReader import DFReader_binary, FORMAT_TO_STRUCT
+        except ImportError:
+            raise ImuAllanError(
+                f'{printable(self.path)}: ArduPilot logs need the package pymavlink; '
+                "pip install 'imu_allan[ardupilot]'") from None
+
+        class Index(DFReader_binary):  # type: ignore[misc]
+            def init_clock(self) -> None:
+                """Look for no time of day, for which all messages might be gone through."""
+
+        kinds = {}
+        try:
+            with _hushed(), Index(str(self._stored)) as log:
+                for number, form in log.formats.items():
+                    name = form.name.rstrip('0123456789')
+                    if name not in ('IMU', 'GYR', 'ACC', 'ISBH', 'ISBD'):
+                        continue
+                    layout = np.dtype([
+                        (column, ('<i2', 32) if letter == 'a' else _code(FORMAT_TO_STRUCT[letter]))
+                        for column, letter in zip(form.columns, form.format, strict=True)])
+                    starts = np.asarray(log.offsets[number], np.int64)
+                    starts = starts[starts + form.len <= self.size_bytes]
+                    if len(starts) and layout.itemsize == form.len - _HEAD:
+                        kinds[form.name] = _Kind(starts, form.len, layout)
+        # The library raises what it meets in a damaged file.
+        except Exception as error:
+            raise ImuAllanError(f'{printable(self.path)}: not a readable dataflash log '
+                                f'({printable(error)[:80]})') from error
+        return kinds
+
+    def _tables(self, kinds: dict[str, _Kind], base: str) -> Iterator[tuple[str, Table, int]]:
+        """Gather messages: name of the topic, columns, bytes consumed."""
+        if base in _BATCH_SENSORS:
+            yield from self._batches(kinds, _BATCH_SENSORS.index(base))
+            return
+        for kind in kinds:
+            if kind.rstrip('0123456789') != base:
+                continue
+            # Before version 4.1 the second IMU was another message, IMU2.
+            suffix = int(kind[len(base):] or 1) - 1
+            for rows, position in self._rows(kinds[kind]):
+                numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
+                    len(rows), suffix)
+                for number in np.unique(numbers).tolist():
+                    yield _named(base, number), _columns(rows[numbers == number]), position
+
+    def _batches(self, kinds: dict[str, _Kind], sensor: int) -> Iterator[tuple[str, Table, int]]:
+        """Unroll the batches of one kind of sensor to the times of their samples."""
+        if not {'ISBH', 'ISBD'} <= kinds.keys():
+            return
+        heads = np.concatenate([rows for rows, _ in self._rows(kinds['ISBH'])])
+        of_kind = kinds['ISBD']
+        first = 0
+        for rows, position in self._rows(of_kind):
+            starts = of_kind.starts[first:first + len(rows)]
+            first += len(rows)
+            before = np.searchsorted(kinds['ISBH'].starts, starts) - 1
+            head = heads[np.maximum(before, 0)]
+            sound = (before >= 0) & (head['N'] == rows['N']) & (head['type'] == sensor) & (
+                head['mul'] > 0) & (head['smp_rate'] > 0) & np.isfinite(head['smp_rate'])
+            for number in np.unique(head['instance'][sound]).tolist():
+                chosen = sound & (head['instance'] == number)
+                own, samples = head[chosen], rows[chosen]
+                place = samples['seqno'][:, np.newaxis] * 32. + np.arange(32)
+                step_ns = 1e9 / own['smp_rate'].astype(np.float64)[:, np.newaxis]
+                times = own['SampleUS'].astype(np.int64)[:, np.newaxis] * _US + np.rint(
+                    np.minimum(place * step_ns, 2.0**62)).astype(np.int64)
+                scale = np.repeat(1 / own['mul'].astype(np.float64), 32)
+                yield _named(_BATCH_SENSORS[sensor], number), {
+                    'time_ns': times.reshape(-1), 'scale': scale,
+                    **{axis: samples[axis].reshape(-1) for axis in 'xyz'}}, position
+
+    def _rows(self, kind: _Kind) -> Iterator[tuple[NDArray[Any], int]]:
+        """Gather messages, some thousand at a time, with the bytes consumed."""
+        data = np.memmap(self._stored, np.uint8, 'r')
+        for start in range(0, len(kind.starts), _ROWS):
+            starts = kind.starts[start:start + _ROWS]
+            body = data[starts[:, np.newaxis] + np.arange(_HEAD, kind.size)]
+            yield body.view(kind.layout)[:, 0], int(starts[-1])
+
+
+@contextmanager
+def _hushed() -> Iterator[None]:
+    """Keep from the user what the library prints of damage, a line a byte, partly from C."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open('w') as nowhere, redirect_stdout(nowhere):
+            os.dup2(nowhere.fileno(), 2)
+            yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _code(translation: tuple[str, object, object]) -> str:
+    """Return the code of a number or text for numpy."""
+    letters = translation[0]
+    return f'S{letters[:-1]}' if letters.endswith('s') else f'<{letters}'
+
+
+def _named(base: str, number: int) -> str:
+    return f'{base}.{number}' if number else base
+
+
+def _columns(rows: NDArray[Any]) -> Table:
+    return {name: rows[name] for name in rows.dtype.names or ()}
+
+
+def _rate_hz(times: NDArray[np.int64]) -> float:
+    """Return the rate between pauses."""
+    steps = np.diff(times)
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    return 1e9 / middle if middle > 0 else 0.0

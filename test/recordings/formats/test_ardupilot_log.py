@@ -1,0 +1,178 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""ArduPilot logs, written message by message as its LogStructure.h says; pymavlink reads along."""
+
+from pathlib import Path
+from struct import pack
+import subprocess
+import sys
+
+from bags import read
+from imu_allan import analyze
+from imu_allan.cli.main import main
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording
+from imu_allan.recordings.halves import choose_streams, Stream
+import numpy as np
+import pytest
+
+DFReader = pytest.importorskip('pymavlink.DFReader')
+
+NOISE = np.random.default_rng(3)
+CODES = {'Q': 'Q', 'B': 'B', 'f': 'f', 'H': 'H', 'a': '32h', 'I': 'I'}
+FORMATS = {
+    'IMU': (131, 'QBffffffIIfBBHH',
+            'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz'),
+    'GYR': (132, 'QBQfff', 'TimeUS,I,SampleUS,GyrX,GyrY,GyrZ'),
+    'ACC': (133, 'QBQfff', 'TimeUS,I,SampleUS,AccX,AccY,AccZ'),
+    'ISBH': (134, 'QHBBHHQf', 'TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate'),
+    'ISBD': (135, 'QHHaaa', 'TimeUS,N,seqno,x,y,z'),
+    'IMU2': (136, 'QffffffIIfBBHH',
+             'TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz')}
+Message = tuple[str, tuple[object, ...]]
+
+
+def code(name: str) -> str:
+    return '<' + ''.join(CODES[letter] for letter in FORMATS[name][1])
+
+
+def write(path: Path, messages: list[Message]) -> Path:
+    """Write the formats, then the messages in their order."""
+    described = [(128, 89, b'FMT', b'BBnNZ', b'Type,Length,Name,Format,Columns')] + [
+        (number, 3 + len(pack(code(name), *[0] * (
+            len(form) + 31 * form.count('a')))), name.encode(), form.encode(), columns.encode())
+        for name, (number, form, columns) in FORMATS.items()]
+    data = [b'\xa3\x95\x80' + pack('<BB4s16s64s', *each) for each in described]
+    data += [bytes((0xA3, 0x95, FORMATS[name][0])) + pack(code(name), *values)
+             for name, values in messages]
+    path.write_bytes(b''.join(data))
+    return path
+
+
+def imu(count: int = 300, step_us: int = 2500, number: int = 0) -> list[Message]:
+    samples = np.sin(np.arange(count)[:, None] * np.arange(1, 7) + number).astype(np.float32)
+    return [('IMU', (1000 + n * step_us, number, *samples[n], 0, 0, 41.5, 1, 1, 400, 400))
+            for n in range(count)]
+
+
+def raw(name: str, step_us: int, count: int, sigma: float) -> list[Message]:
+    samples = NOISE.normal(0, sigma, (count, 3))
+    return [(name, (7 + n * step_us, 0, n * step_us + 5, *samples[n])) for n in range(count)]
+
+
+def batches(sensor: int, count: int, sigma: float) -> list[Message]:
+    """Return batches of 1024 samples at 1 kHz, one every 2 s, in units of 1 / 1000."""
+    found: list[Message] = []
+    for batch in range(count):
+        start = (2 * batch + sensor) * 1_000_000
+        found.append(('ISBH', (start, 2 * batch + sensor, sensor, 0, 1000, 1024, start, 1000.0)))
+        samples = np.rint(NOISE.normal(0, sigma * 1000, (32, 3, 32))).astype(int)
+        found += [('ISBD', (start, 2 * batch + sensor, part, *samples[part].reshape(-1)))
+                  for part in range(32)]
+    return found
+
+
+def test_every_bit_is_what_pymavlink_reads(tmp_path):
+    path = write(tmp_path / 'a.bin', [m for pair in zip(
+        imu(), imu(number=1), strict=True) for m in pair])
+    log = DFReader.DFReader_binary(str(path))
+    expected = []
+    while (message := log.recv_match(type='IMU')) is not None:
+        if message.I == 1:
+            expected.append((message.TimeUS * 1000, message.GyrX, message.GyrY, message.GyrZ,
+                             message.AccX, message.AccY, message.AccZ))
+    log.close()
+    messages, _ = read(path, 'IMU.1')
+    assert len(expected) == len(messages) == 300
+    assert messages.header_ns.tolist() == [row[0] for row in expected]
+    assert messages.samples.tolist() == [list(row[1:]) for row in expected]
+
+
+def test_an_old_log_has_a_message_for_the_second_imu(tmp_path):
+    second = [('IMU2', (values[0], *values[2:])) for _, values in imu(number=1)]
+    path = write(tmp_path / 'a.bin', imu() + second)
+    with open_recording(path) as recording:
+        assert [topic.name for topic in recording.topics] == ['IMU', 'IMU.1']
+    assert read(path, 'IMU.1')[0].samples[:, 3].tolist() == [values[4] for _, values in second]
+
+
+def test_raw_samples_are_preferred_and_named(tmp_path):
+    path = write(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 900, 0.01) + raw(
+        'ACC', 500, 1800, 0.1))
+    with open_recording(path) as recording:
+        assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
+        [remark] = recording.remarks
+    assert 'GYR and ACC are read, with the highest rate' in remark.message
+    assert remark.message.endswith('choose among IMU')
+    axes = analyze(path).axes
+    assert [axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')] == pytest.approx(
+        [1000, 2000])
+    messages, _ = read(path, 'GYR')
+    assert messages.header_ns[:2].tolist() == [5000, 1_005_000]
+
+
+def test_filtered_samples_are_told(tmp_path):
+    result = analyze(write(tmp_path / 'a.bin', imu(2000)))
+    assert [remark.message for remark in result.warnings if remark.code == 'filtered'] == [
+        f'{tmp_path / "a.bin"}: IMU messages have passed the filters of the autopilot '
+        '(INS_GYRO_FILTER, INS_ACCEL_FILTER); set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '
+        'autopilot for raw samples at the full rate']
+
+
+def test_batches_are_unrolled_and_show_n_alone(tmp_path):
+    path = write(tmp_path / 'a.bin', batches(0, 20, 0.1) + batches(1, 20, 0.01))
+    messages, _ = read(path, 'ISBD_GYR')
+    assert len(messages) == 20 * 1024
+    assert np.unique(np.diff(messages.header_ns)).tolist() == [10**6, 2 * 10**9 - 1023 * 10**6]
+    assert messages.header_ns[0] == 10**9
+    result = analyze(path)
+    assert 'batches' in {remark.code for remark in result.warnings}
+    for name, axis in result.axes.items():
+        shown = {key for key, found in axis.coefficients.items() if found.observable}
+        assert shown == {'noise_density'}
+        sigma = 0.01 if name.startswith('gyro') else 0.1
+        assert axis.coefficients['noise_density'].value == pytest.approx(
+            sigma / np.sqrt(1000), rel=0.05)
+
+
+def test_a_thin_log_says_what_to_set(tmp_path, capsys):
+    path = write(tmp_path / 'a.bin', imu(step_us=100_000))
+    assert main(['analyze', str(path)]) == 1
+    assert capsys.readouterr().err == (
+        f'imu_allan: {path}: no topic of type sensor_msgs/msg/Imu; it holds IMU (ArduPilot '
+        'IMU); 10 Hz are too thin; set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot '
+        'for raw samples at the full rate\n')
+
+
+def test_without_pymavlink_the_package_is_named(tmp_path, monkeypatch):
+    path = write(tmp_path / 'a.bin', imu())
+    monkeypatch.setitem(sys.modules, 'pymavlink.DFReader', None)
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == (
+        f"{path}: ArduPilot logs need the package pymavlink; pip install 'imu_allan[ardupilot]'")
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_damage_is_one_line_or_a_part_of_the_log(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    path = write(tmp_path / 'a.bin', imu() + batches(seed % 2, 1, 0.1))
+    data = bytearray(path.read_bytes())
+    for place in rng.integers(3, len(data), 10 if seed % 3 else 0):
+        data[place] = rng.integers(256)
+    path.write_bytes(data[:rng.integers(3, len(data))])
+    try:
+        messages, _ = read(path, 'IMU')
+    except ImuAllanError as error:
+        assert '\n' not in str(error)
+    else:
+        assert 0 < len(messages) <= 300
+
+
+def test_damage_is_quiet(tmp_path):
+    path = write(tmp_path / 'a.bin', imu())
+    path.write_bytes(path.read_bytes()[:5000] + bytes(3000) + path.read_bytes()[5000:])
+    shown = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(path)], check=True,
+                           capture_output=True, text=True)
+    assert shown.stderr == ''
+    assert 'ArduPilot IMU, as logged' in shown.stdout
