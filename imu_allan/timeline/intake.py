@@ -26,7 +26,7 @@ from imu_allan.timeline.clock import (
 )
 from imu_allan.timeline.content import Content, Repeats
 from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import Decision
+from imu_allan.timeline.decision import AXIS_NAMES, Decision
 from imu_allan.timeline.impostors import alternates, is_spiky, spikes
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
@@ -43,7 +43,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
 _LARGEST = 1e9
 """In SI units: no IMU measures more, so it is not a number but bytes gone wrong."""
 _RATE_TOLERANCE = 0.02
@@ -241,7 +240,7 @@ class Intake:
         decision.present = [bool(axis) for axis in present]
         if np.any(declared & ~present):
             missing = ', '.join(name for name, gone
-                                in zip(_AXES, declared & ~present, strict=True) if gone)
+                                in zip(AXIS_NAMES, declared & ~present, strict=True) if gone)
             decision.remarks['axis_not_finite'] = f'{missing}: NaN or infinite, left out'
         self._choose_clock(window)
         self._counts.first_header_ns = int(window.header[0])

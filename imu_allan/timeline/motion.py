@@ -18,6 +18,7 @@ from math import log, sqrt
 from typing import Any
 
 from imu_allan.block import EvenBlock
+from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.messages import EvenPiece
 from imu_allan.timeline.sensor_at_rest import (
     Baseline,
@@ -46,6 +47,8 @@ _LAGS = (1, 4)
 """Windows apart that are held against each other: a jerk, and a slow turn of two seconds."""
 _LONGEST_LAG_S = 6.0
 """Of a slow sensor windows are longer: beyond this, drift is no motion. A judgment."""
+_MOST_RECENT = 64
+"""Windows of stretches before a gap that those behind it are held against."""
 _CONTEXT = _MARGIN + max(_LAGS) + 1
 _REMEMBERED = 512
 """Windows at rest that make the baseline: four minutes. Of fewer the threshold scatters."""
@@ -188,6 +191,8 @@ class MotionDetector:
         self._past = np.empty((0, 18))
         self._news: list[Floats] = []
         self._lately = np.empty((0, 19))
+        self._excursions = Excursions()
+        self._recent = np.empty((0, 14))
         self._summary = MotionSummary()
         self._run_pending = False
         self._quieter = 0
@@ -203,6 +208,11 @@ class MotionDetector:
         return self._summary
 
     @property
+    def excursions(self) -> list[list[float]]:
+        """Return slow turns that were not cut out, as `Excursions.found`."""
+        return self._excursions.found
+
+    @property
     def holds_back(self) -> bool:
         """Whether there are rows not yet decided on."""
         return bool(self._held)
@@ -212,6 +222,7 @@ class MotionDetector:
         twin = shallow_copy(self)
         twin._held = [replace(stretch, rows=list(stretch.rows)) for stretch in self._held]
         twin._news = list(self._news)
+        twin._excursions = self._excursions.copy()
         return twin
 
     def to_state(self) -> dict[str, NDArray[Any]]:
@@ -226,7 +237,8 @@ class MotionDetector:
             'run_pending': self._run_pending, 'span_end': self._span_end,
             'quieter': self._quieter, 'void': self._void, 'rest_end': self._rest_end,
             'rest_lasts': self._rest_lasts,
-            'span_end_s': self._span_end_s, 'stretches': stretches})
+            'span_end_s': self._span_end_s, 'stretches': stretches,
+            'excursions': self._excursions.to_plain()})
         baseline, first = self._baseline, self._first_loudness
         empty = np.empty((0, 6))
         return {
@@ -242,6 +254,7 @@ class MotionDetector:
             'motion_past': self._past,
             'motion_news': np.concatenate([np.empty((0, 18)), *self._news]),
             'motion_lately': self._lately,
+            'motion_recent': self._recent,
             'motion_baseline': empty if baseline is None else np.concatenate(
                 [baseline.loudness, baseline.spread, baseline.wander, baseline.resolution]),
             'motion_first': empty if first is None else first}
@@ -282,6 +295,8 @@ class MotionDetector:
             rows, means, loudness = rows[held:], means[windows:], loudness[windows:]
             moving, bridged = moving[judged:], bridged[filled:]
         detector._past, detector._lately = table('past', 18), table('lately', 19)
+        detector._recent = table('recent', 14)
+        detector._excursions = Excursions.from_plain(plain['excursions'])
         news = table('news', 18)
         detector._news = [news] if len(news) else []
         baseline, first = table('baseline', 36), table('first', 12)
@@ -400,6 +415,31 @@ class MotionDetector:
                 beyond[lag:] |= np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
         return beyond[first:]
 
+    def _beyond_before(self, stretch: _Stretch, first: int, last: int) -> Bools:
+        """Tell windows whose mean is beyond belief beside those of stretches just before."""
+        beyond = np.zeros(last - first, dtype=bool)
+        reach, size = max(self._lags) * self._size, self._size
+        begins = stretch.first_index + (stretch.base + first) * size
+        near = self._recent[self._recent[:, 0] >= begins - reach]
+        if stretch.base + first < max(self._lags) and not stretch.new_run and len(near):
+            there = min(last - first, max(self._lags) - stretch.base - first)
+            sigma = stretch.loudness[first:first + there, :6] ** 1.5
+            change = np.abs(stretch.means[first:first + there, None] - near[:, 2:8])
+            white = _PLAUSIBLE_SIGMAS * np.minimum(sigma[:, None], near[:, 8:]) * np.sqrt(
+                1 / near[:, 1:2] + 1 / min(size, max(stretch.held, 1)))
+            close = (begins + np.arange(there)[:, None] * size - near[:, 0]) <= reach
+            beyond[:there] = np.any(
+                close & np.any((change > _PLAUSIBLE_CHANGE) & (change > white), axis=2), axis=1)
+        if stretch.closed:
+            newest = max(last - max(self._lags), 0)
+            count = last - newest
+            places = begins + (np.arange(newest, last) - first) * size
+            rows = np.full((count, 1), float(min(size, max(stretch.held, 1))))
+            self._recent = np.concatenate([self._recent, np.hstack([
+                places[:, None], rows, stretch.means[newest:last],
+                stretch.loudness[newest:last, :6] ** 1.5])])[-_MOST_RECENT:]
+        return beyond
+
     def _judge(self, stretch: _Stretch) -> None:
         """Decide on the windows whose neighbours are known."""
         assert self._baseline is not None
@@ -412,6 +452,7 @@ class MotionDetector:
         short = stretch.given == 0 and stretch.held < self._size
         shorter = self._size / stretch.held if short else 1.0
         beyond = self._implausible(stretch, first)[:last - first]
+        beyond |= self._beyond_before(stretch, first, last)
         awake = np.any(loudness[:, :6][:, np.isinf(self._baseline.resolution)] > 0, axis=1)
         if awake.any():
             self._refine_resolution(stretch, np.flatnonzero(awake) + first)
@@ -421,6 +462,10 @@ class MotionDetector:
         stretch.moving = np.concatenate([stretch.moving, moving])
         if not short and self._seek_rest(stretch, first, last):
             return
+        rest = stretch.means[first:last][~moving]
+        if len(rest) and not short:
+            self._excursions.take(rest, self._time(stretch, stretch.base + first),
+                                  self._size * self._interval_s)
         self._note_contrast(loudness[moving])
         if not short:
             self._learn(np.hstack([loudness, wander]), moving, beyond,
@@ -473,6 +518,7 @@ class MotionDetector:
                                  wander=2 * found.wander)
         self._first_loudness = found.loudness
         self._quieter, self._void = 0, True
+        self._excursions = Excursions()
         self._past, self._news, self._lately = np.empty((0, 18)), [], self._lately[:0]
         stretch.moving[:first] = True
         stretch.moving[first:] = (self._implausible(stretch, first)[:last - first]

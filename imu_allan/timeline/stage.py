@@ -170,9 +170,11 @@ class TimelineStage:
                 stage.flush()
             except ImuAllanError:
                 stage = self
-        motion = stage._motion.summary if stage._motion is not None else MotionSummary()
+        detector = stage._motion
+        motion = detector.summary if detector is not None else MotionSummary()
         return summarize(stage._counts, stage._intake.decision, stage._intake.content,
-                         stage._placing.cursor, self._options, motion, len(stage._pending))
+                         stage._placing.cursor, self._options, motion, len(stage._pending),
+                         detector.excursions if detector is not None else [])
 
     @property
     def epoch_ns(self) -> int | None:

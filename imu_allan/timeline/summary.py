@@ -7,6 +7,7 @@ The result, `imu_allan info` and the node's /diagnostics all tell the story of o
 `TimelineSummary`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, sqrt
 
@@ -15,7 +16,7 @@ from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.timeline.clock import iso_time, SECOND
 from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import Clock, Decision
+from imu_allan.timeline.decision import AXIS_NAMES, Clock, Decision
 from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Cursor
@@ -132,7 +133,8 @@ class TimelineSummary:
 
 
 def summarize(counts: Counts, decision: Decision, content: Content, cursor: Cursor,
-              options: TimelineOptions, motion: MotionSummary, held_back: int) -> TimelineSummary:
+              options: TimelineOptions, motion: MotionSummary, held_back: int,
+              excursions: Sequence[Sequence[float]] = ()) -> TimelineSummary:
     """
     Tell what was seen.
 
@@ -142,6 +144,8 @@ def summarize(counts: Counts, decision: Decision, content: Content, cursor: Curs
         What the parts of a timeline remember, its options, and the spans cut out.
     held_back : int
         Messages that came but are not decided on.
+    excursions : sequence
+        As `imu_allan.timeline.excursions.Excursions.found`.
 
     Returns
     -------
@@ -173,7 +177,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, cursor: Curs
         frame_id=decision.frame_id,
         start_time=start,
         remarks=tuple(Remark(code, text) for code, text in _remarks(
-            counts, decision, content, options, motion).items()),
+            counts, decision, content, options, motion).items()) + _slow_turns(excursions),
         present=tuple(decision.present or [True] * 6),
         messages=counts.messages + held_back,
         bridged=counts.bridged,
@@ -338,6 +342,19 @@ def _clock_remarks(counts: Counts, decision: Decision) -> dict[str, str]:
         f'header stamps run {header / receive:.3g} times as fast as receive stamps, as in a '
         'replay or a simulation; were they wrong, averaging times would be off by that, and the '
         'noise density by its square root: --clock receive uses the other clock')}
+
+
+def _slow_turns(excursions: Sequence[Sequence[float]]) -> tuple[Remark, ...]:
+    """Tell of means that went away and came back."""
+    if not excursions:
+        return ()
+    listed = ', '.join(
+        f'{AXIS_NAMES[int(axis)]} by {size:.2g} {"rad/s" if axis < 3 else "m/s^2"} for '
+        f'{lasts:.3g} s from {start:.4g} s on' for start, lasts, axis, size in excursions[:_NAMED_RESTS])
+    return (Remark('slow_motion', (
+        f'a mean goes away and comes back, as in a slow turn or tilt: {listed}; bias instability '
+        'and random walk of that axis may be nothing else: analyze the rest alone with --start '
+        'and --duration')),)
 
 
 def _motion_remarks(motion: MotionSummary) -> dict[str, str]:

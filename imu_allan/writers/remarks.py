@@ -27,7 +27,8 @@ TITLES = {
     'short_recording': 'short recording', 'temperature': 'temperature', 'tones': 'tones',
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
     'held_values': 'held values', 'rest_within_motion': 'rest within motion',
-    'slow_cycle': 'slow cycle', 'spikes': 'wild values', 'start_auto': 'start',
+    'slow_cycle': 'slow cycle', 'slow_motion': 'slow motion', 'spikes': 'wild values',
+    'start_auto': 'start',
     'trend_or_walk': 'trend or walk', 'turn_on_bias': 'turn-on bias',
     'uneven_rate': 'uneven rate', 'uneven_stamps': 'uneven stamps',
     'unit_g': 'unit g', 'unknown_rate': 'no rate', 'warm_up': 'warming up'}

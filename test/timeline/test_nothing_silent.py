@@ -3,6 +3,7 @@
 """Faults that made a number wrong without a word: each is right now, or told."""
 
 from dataclasses import replace
+import re
 
 from imu_allan.result import Result
 import numpy as np
@@ -332,6 +333,40 @@ def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
     assert_right(result, truth, 0.04)
     assert 'motion' not in codes(result)
     assert told(result, 'held_values').startswith(f'{0.5 - lost / 2:.0%} of the messages repeat')
+
+
+@pytest.mark.parametrize('rise_s', [0.01, 5.0])
+def test_a_slow_turn_is_told(rise_s):
+    messages, _, _ = rest()
+    turn = np.clip(np.minimum(messages.header - 60, 90 - messages.header) / rise_s, 0, 1)
+    messages.samples[:, 2] += 0.01 * turn
+    result = characterized(messages)
+    assert result.axes['gyro_z'].coefficients['rate_random_walk'].observable
+    assert re.search(
+        r'gyro_z by 0\.01\d* rad/s for 2\d s from 6\d s on; bias instability and random walk of '
+        'that axis may be nothing else', told(result, 'slow_motion'))
+
+
+@pytest.mark.parametrize('term', ['rate_random_walk', 'bias_instability'])
+def test_drift_of_the_sensor_is_no_slow_turn(term):
+    messages, _, rng = rest(duration_s=600)
+    count = len(messages.place)
+    drift = (np.cumsum(rng.normal(size=(count, 6)), axis=0) * 3e-4 if term == 'rate_random_walk'
+             else np.fft.irfft(np.fft.rfft(rng.normal(size=(count, 6)), axis=0)
+                               / np.sqrt(np.arange(count // 2 + 1) + 1)[:, None], axis=0))
+    messages.samples += drift
+    assert 'slow_motion' not in codes(characterized(messages))
+
+
+@pytest.mark.parametrize('lost', [10, 18])
+def test_smooth_motion_is_seen_across_gaps(lost):
+    messages, truth, _ = rest()
+    moving = (messages.header > 60) & (messages.header < 90)
+    messages.samples[moving, 0] += 0.5 * np.sin(0.6 * np.pi * messages.header[moving])
+    result = characterized(keep(messages, messages.place % 50 >= lost))
+    assert_right(result, truth, 0.04)
+    assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
+        30 * (1 - lost / 50), abs=3)
 
 
 @pytest.mark.parametrize('motion', ['keep', 'exclude'])

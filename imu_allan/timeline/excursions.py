@@ -1,0 +1,111 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Slow turns and tilts, too slow for a detector of motion: the mean goes away and comes back."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from imu_allan.timeline.record import Record
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+BLOCK = 8
+"""Windows of half a second whose means are averaged: a slow turn lasts longer."""
+LISTED = 10
+
+_REMEMBERED = 32
+"""Blocks: what takes longer than two minutes to come back is drift."""
+_FEWEST = 8
+_LEAST = np.array([0.004] * 3 + [0.04] * 3)
+"""rad/s and m/s^2: no sensor's bias goes so far and comes back within two minutes. A judgment."""
+_ABRUPT = 14.0
+"""Times the usual change from block to block: a random walk never goes so far at once."""
+_AT_ONCE = 0.7
+"""Share of the excursion within three blocks, at its beginning and at its end."""
+_BACK = 0.3
+"""Share of the excursion within which the level before is reached again."""
+
+
+@dataclass
+class Excursions(Record):
+    """
+    Times in which the mean of an axis was elsewhere.
+
+    Attributes
+    ----------
+    sums : list of float
+        Sum of the means of the windows of the newest block, by axis.
+    windows : int
+        How many these are.
+    blocks : list of list of float
+        Beginning in seconds and mean of each axis, of the latest blocks.
+    found : list of list of float
+        Beginning and duration in seconds, number of the axis, and size in its unit.
+
+    """
+
+    sums: list[float] = field(default_factory=lambda: [0.0] * 6)
+    windows: int = 0
+    blocks: list[list[float]] = field(default_factory=list)
+    found: list[list[float]] = field(default_factory=list)
+
+    @classmethod
+    def from_plain(cls, plain: Mapping[str, Any]) -> 'Excursions':
+        """Take the fields as JSON gives them, see `Record`."""
+        excursions = super().from_plain(plain)
+        np.array(excursions.blocks, dtype=np.float64).reshape(-1, 7)
+        np.array(excursions.found, dtype=np.float64).reshape(-1, 4)
+        return excursions
+
+    def take(self, means: Floats, start_s: float, window_s: float) -> None:
+        """
+        Go on with windows at rest.
+
+        Parameters
+        ----------
+        means : ndarray, shape (n, 6)
+            Mean of each window.
+        start_s, window_s : float
+            When the first begins, and how long each lasts.
+
+        """
+        first = 0
+        while first < len(means):
+            last = min(first + BLOCK - self.windows, len(means))
+            self.sums = (np.array(self.sums) + means[first:last].sum(axis=0)).tolist()
+            self.windows += last - first
+            first = last
+            if self.windows == BLOCK:
+                begins = start_s + (last - BLOCK) * window_s
+                self.blocks.append([begins, *(total / BLOCK for total in self.sums)])
+                self.sums, self.windows = [0.0] * 6, 0
+                del self.blocks[:-_REMEMBERED]
+                self._look(BLOCK * window_s)
+
+    def _look(self, block_s: float) -> None:
+        """Tell whether the newest block is back from an excursion."""
+        table = np.array(self.blocks)
+        level = table[:, 1:]
+        if len(level) < _FEWEST or np.all(np.ptp(level, axis=0) < _LEAST):
+            return
+        usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
+        size = level - level[-1]
+        far = np.abs(size) > np.maximum(_LEAST, _ABRUPT * usual)
+        for axis in np.flatnonzero(far.any(axis=0)).tolist():
+            away = np.flatnonzero(far[:, axis])
+            peak = float(size[away[np.argmax(np.abs(size[away, axis]))], axis])
+            before = np.flatnonzero(np.abs(size[:away[0], axis]) < _BACK * abs(peak))
+            first, last = int(away[0]), int(away[-1])
+            edges = (size[min(first + 1, last), axis] - size[max(first - 2, 0), axis],
+                     size[max(last - 1, first), axis] - size[min(last + 2, len(size) - 1), axis])
+            if (not len(before) or far[-2, axis]
+                    or min(abs(edge) for edge in edges) < _AT_ONCE * abs(peak)):
+                continue
+            if len(self.found) < LISTED:
+                begins = float(table[first, 0])
+                self.found.append([begins, float(table[last, 0]) + block_s - begins, axis, peak])
+            self.blocks = self.blocks[-1:]
+            return
