@@ -350,7 +350,8 @@ def _slow_turns(excursions: Sequence[Sequence[float]]) -> tuple[Remark, ...]:
         return ()
     listed = ', '.join(
         f'{AXIS_NAMES[int(axis)]} by {size:.2g} {"rad/s" if axis < 3 else "m/s^2"} for '
-        f'{lasts:.3g} s from {start:.4g} s on' for start, lasts, axis, size in excursions[:_NAMED_RESTS])
+        f'{lasts:.3g} s from {start:.4g} s on'
+        for start, lasts, axis, size in excursions[:_NAMED_RESTS])
     return (Remark('slow_motion', (
         f'a mean goes away and comes back, as in a slow turn or tilt: {listed}; bias instability '
         'and random walk of that axis may be nothing else: analyze the rest alone with --start '
