@@ -13,6 +13,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
 from imu_allan.timeline import TimelineOptions
 import numpy as np
@@ -244,6 +245,9 @@ def _characterized(recording: Recording, stream: Stream, options: TimelineOption
     if start_s > 0 or duration_s is not None:
         blocks = between(blocks, start_s, duration_s)
     characterization.take(blocks)
+    for stamps, celsius in temperatures(recording, stream.topic,
+                                        characterization.summary().clock):
+        characterization.take_temperature(stamps, celsius)
     return characterization, remarks()
 
 

@@ -111,6 +111,7 @@ def _after(progress: Callable[[int], None], topics: int,
 def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             progress: Callable[[int], None]) -> list[str]:
     from imu_allan.recordings import read_blocks
+    from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.sensor.acceleration_unit import AccelerationUnit
     from imu_allan.timeline import TimelineOptions, TimelineStage
 
@@ -142,6 +143,9 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
         rows.append(('unusable', failure))
     else:
         rows += _timeline_rows(stage.summary())
+    heat = thermometer_of(recording, topic)
+    if heat is not None:
+        rows.append(('temperature', f'from {heat.name}'))
     rows += [('warning', remark.message) for remark in unit.remarks]
     return lines + [f'  {name:<12}{printable(text)}' for name, text in rows]
 

@@ -35,6 +35,10 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--accel-rate', metavar='HZ', type=positive_number,
                        help='sample rate of an accelerometer on a topic of its own, instead of '
                             'the one measured; --rate is that of the gyroscope then')
+    group.add_argument('--temperature', metavar='NAME',
+                       help='topic (sensor_msgs/Temperature), field of the messages, or column '
+                            'with the temperature of the IMU; one of its namespace or frame_id '
+                            'is found')
     group.add_argument('--columns', metavar='AXIS=NAME', action='append', default=[],
                        help='column of a CSV: gyro_x=w0,gyro_y=w1,accel_x=a0,time=t; units as '
                             'in --gyro-unit and --accel-unit')
@@ -62,4 +66,4 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
         rate_hz=args.rate, definitions=tuple(args.definitions), gyro=args.gyro, accel=args.accel,
         stamp=args.stamp, gyro_unit=args.gyro_unit, accel_unit=args.accel_unit,
         gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
-        accel_rate_hz=args.accel_rate)
+        accel_rate_hz=args.accel_rate, temperature=args.temperature)

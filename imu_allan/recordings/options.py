@@ -34,6 +34,8 @@ class RecordingOptions:
         Pairs of axis (or ``time``) and name of the column of a CSV file.
     accel_rate_hz : float or None
         Sample rate in Hz of an accelerometer on a topic of its own.
+    temperature : str or None
+        Topic, field of the messages, or column with the temperature of the IMU.
 
     """
 
@@ -48,6 +50,7 @@ class RecordingOptions:
     accel_topic: str | None = None
     columns: tuple[tuple[str, str], ...] = ()
     accel_rate_hz: float | None = None
+    temperature: str | None = None
 
     def __post_init__(self) -> None:
         """

@@ -4,7 +4,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 from types import TracebackType
@@ -14,7 +15,12 @@ from imu_allan.cdr import MalformedImu, Serialization
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
-from imu_allan.recordings.messages.imus_in import IMU_TYPES, imus_in
+from imu_allan.recordings.messages.imus_in import (
+    IMU_TYPES,
+    imus_in,
+    TEMPERATURE_TYPES,
+    thermometer_in,
+)
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.result import Remark
 
@@ -50,6 +56,7 @@ class ImuTopic:
 
 _MOST_REMARKS = 10
 """Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
+_MOST_THERMOMETERS = 64
 _MOST_SEARCHED = 1000
 """Topics in whose definitions an IMU is searched for in vain or found; a robot has a dozen."""
 
@@ -70,6 +77,9 @@ class Recording(ABC):
         Why others of them are not read although they might hold an IMU.
     options : RecordingOptions
         What the user says about it.
+    thermometers : list of ImuTopic
+        Temperatures, decoded like Imu topics, with degrees Celsius in the first column. Those
+        called ``TOPIC:FIELD`` are part of the messages of an Imu topic.
     preferred : tuple of str
         The topic, or gyroscope and accelerometer, that is read where none is named; empty where
         the user is asked.
@@ -90,6 +100,7 @@ class Recording(ABC):
         self.path = path
         self.options = options
         self.topics: list[ImuTopic] = []
+        self.thermometers: list[ImuTopic] = []
         self.other_topics: dict[str, str] = {}
         self.reasons: dict[str, str] = {}
         self.preferred: tuple[str, ...] = ()
@@ -107,8 +118,8 @@ class Recording(ABC):
         """Release files."""
 
     def imu(self, name: str) -> ImuTopic:
-        """Return one of `topics` by its name."""
-        return next(topic for topic in self.topics if topic.name == name)
+        """Return one of `topics`, or of `thermometers`, by its name."""
+        return next(topic for topic in (*self.topics, *self.thermometers) if topic.name == name)
 
     def list_topic(
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,
@@ -131,7 +142,22 @@ class Recording(ABC):
             self.other_topics[topic] = type_name
         self.topics += [ImuTopic(name, count, messages, topic)
                         for name, messages in found.items()]
+        for name, messages in found.items():
+            self.list_own_thermometer(ImuTopic(name, count, messages, topic))
+        if (normal_name(type_name) in TEMPERATURE_TYPES
+                and len(self.thermometers) < _MOST_THERMOMETERS):
+            with suppress(ImuAllanError):
+                self.thermometers.append(ImuTopic(topic, count, thermometer_in(
+                    type_name, serialization, definition)))
         return bool(found)
+
+    def list_own_thermometer(self, imu: ImuTopic) -> None:
+        """Enter the temperature that the messages of an Imu topic hold, if they do."""
+        fields = imu.messages.fields
+        if fields is not None and (heat := fields.thermometer()) is not None:
+            self.thermometers.append(ImuTopic(
+                f'{imu.name}:{fields.temperature}', imu.count,
+                replace(imu.messages, fields=heat, factors=(1.0, 1.0)), imu.topic))
 
     def remark(self, code: str, message: str) -> None:
         """Add a remark, once."""

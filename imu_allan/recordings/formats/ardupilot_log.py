@@ -16,7 +16,7 @@ ISBD behind it hold, 32 each, as integers that are `mul` times the value.
 
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import os
 from pathlib import Path
 import sys
@@ -47,6 +47,7 @@ _FIELDS = {
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged'),
     'ISBD_GYR': ImuFields(_BATCH, None, _BATCHED, what='batches, unrolled'),
     'ISBD_ACC': ImuFields(None, _BATCH, _BATCHED, what='batches, unrolled')}
+_HEAT = replace(_FIELDS['IMU'], temperature='T').thermometer()
 _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
 """Topics of the batches by the type in their header."""
 _PARTNER = {'GYR': 'ACC', 'ISBD_GYR': 'ISBD_ACC'}
@@ -103,6 +104,13 @@ class ArduPilotRecording(Recording):
             else:
                 self.topics.append(ImuTopic(name, sum(map(len, times[name])), ImuMessages(
                     f'ArduPilot {base}', fields=_FIELDS[base], factors=options.factors)))
+        for name in rates:
+            # The other messages of a sensor hold no temperature; the thinnest IMU has enough.
+            base, dot, number = name.partition('.')
+            source = f'IMU{dot}{number}'
+            if source in rates:
+                self.thermometers.append(ImuTopic(f'{name}:T', None, ImuMessages(
+                    'ArduPilot IMU', fields=_HEAT), source))
         unbroken = {topic.name: rates[topic.name] for topic in self.topics
                     if not topic.name.startswith('ISBD')}
         self.preferred = fastest(unbroken, _PARTNER) or fastest(
@@ -113,11 +121,14 @@ class ArduPilotRecording(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""
-        base = topic.partition('.')[0]
-        factors = np.repeat(self.options.factors, 3)
+        imu = self.imu(topic)
+        base = imu.topic.partition('.')[0]
+        fields = imu.messages.fields
+        assert fields is not None
+        factors = np.repeat(imu.messages.factors, 3)
         for name, table, position in self._tables(self._kinds(), base):
-            if name == topic:
-                yield table_block(table, _FIELDS[base], factors), position
+            if name == imu.topic:
+                yield table_block(table, fields, factors), position
         if base == 'IMU':
             self.remark('filtered', 'IMU messages have passed the filters of the autopilot '
                                     f'(INS_GYRO_FILTER, INS_ACCEL_FILTER); {_RAW}')

@@ -17,7 +17,7 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
-from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu
+from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import ImuTopic, Recording
 import yaml
@@ -66,6 +66,7 @@ class BagDirectory(Recording):
             self.other_topics = metadata.other_topics
             if (not self.topics or any(topic.count == 0 for topic in self.topics)
                     or any(map(may_hold_imu, self.other_topics.values()))
+                    or TEMPERATURE_TYPES & set(self.other_topics.values())
                     or options.gyro is not None or options.accel is not None):
                 # The files know better, and may hold definitions of the other types.
                 self._list_from_files()
@@ -81,13 +82,14 @@ class BagDirectory(Recording):
             part = self._opened(file)
             if part is not None:
                 with part:
-                    if any(item.name == topic for item in part.topics):
+                    if any(item.name == topic
+                           for item in (*part.topics, *part.thermometers)):
                         for block, position in part.decoded(topic):
                             messages += len(block)
                             yield block, before + position
                     self._adopt(part)
             before += file.stat().st_size
-        [expected] = (item.count or 0 for item in self.topics if item.name == topic)
+        expected = self.imu(topic).count or 0
         if messages < expected and not self.remarks:
             self.remark(
                 'lost_messages',
@@ -121,6 +123,9 @@ class BagDirectory(Recording):
                     before = counts.get(topic.name) or 0
                     counts[topic.name] = None if topic.count is None else before + topic.count
                     listed[topic.name] = topic
+                known = {heat.name for heat in self.thermometers}
+                self.thermometers += [replace(heat, count=None) for heat in part.thermometers
+                                      if heat.name not in known]
                 self.other_topics.update(part.other_topics)
                 self.reasons.update(part.reasons)
                 self._adopt(part)

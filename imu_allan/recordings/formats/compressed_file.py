@@ -66,6 +66,7 @@ class CompressedRecording(Recording):
             self.close()
             raise
         self.topics = self._inner.topics
+        self.thermometers = self._inner.thermometers
         self.other_topics = self._inner.other_topics
         self.reasons = self._inner.reasons
         self._inner.remarks[:0] = self.remarks

@@ -7,6 +7,7 @@ Which names are understood stands in `imu_allan.recordings.formats.csv_header`.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from imu_allan.block import ImuBlock
@@ -65,13 +66,19 @@ class CsvRecording(Recording):
                 f'{printable(path)}: no time_s column; give the sample rate with --rate')
         self._rate_hz = options.rate_hz
         self.topics = [ImuTopic(TOPIC, None)]
+        if self._columns.temperature is not None:
+            self.thermometers = [
+                ImuTopic(f'{TOPIC}:{options.temperature or "temperature"}', None)]
 
     def close(self) -> None:
         """Release nothing: each reading opens and closes the file itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks, each with the bytes consumed so far; `topic` can only be `TOPIC`."""
-        del topic
+        """Read blocks, each with the bytes consumed so far."""
+        columns = self._columns
+        if topic != TOPIC and columns.temperature is not None:
+            # A thermometer may be slower than the samples, its cells empty most of the time.
+            columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
         rejected = samples = 0
         first_rejected = ''
         line = 1 if self._data_at == 0 else 2
@@ -80,19 +87,19 @@ class CsvRecording(Recording):
             lines = text.split('\n')
             if lines[-1] == '':
                 lines.pop()
-            table, stamps, time_unit_s, bad = _parse(lines, self._columns, time_unit_s)
+            table, stamps, time_unit_s, bad = _parse(lines, columns, time_unit_s)
             if bad:
                 first_rejected = first_rejected or (
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
                 rejected += len(bad)
             line += len(lines)
             if len(table):
-                yield self._block(table, stamps, samples), position
+                yield self._block(table, stamps, samples, columns), position
                 samples += len(table)
         if rejected and not samples:
             raise ImuAllanError(
                 f'{printable(self.path)}: {first_rejected} is not a line of '
-                f'{len(self._columns.used)} numbers like the header says')
+                f'{len(columns.used)} numbers like the header says')
         if rejected:
             self.remark(
                 'malformed_messages',
@@ -121,8 +128,7 @@ class CsvRecording(Recording):
             yield rest.decode('utf-8', 'replace'), position
 
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
-               first: int) -> ImuBlock:
-        columns = self._columns
+               first: int, columns: Columns) -> ImuBlock:
         if stamps is None:
             assert self._rate_hz is not None
             seconds = np.arange(first, first + len(table)) / self._rate_hz

@@ -32,6 +32,7 @@ _TIME = re.compile(
     r'[#%_]*(?:time|timestamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp')
 _NANOSECONDS = ('%time', 'field.header.stamp')
 """Columns that are nanoseconds without saying so."""
+_TEMPERATURE = re.compile(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?')
 _MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
 """From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
 
@@ -51,6 +52,8 @@ class Columns:
         Its unit; None where the numbers themselves must tell.
     nanoseconds : int or None
         Number of a column of nanoseconds to be added to it.
+    temperature : int or None
+        Number of a column with the temperature.
     axes : tuple of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
     ignored : tuple of str
@@ -64,6 +67,7 @@ class Columns:
     axes: tuple[tuple[int, int, float], ...]
     ignored: tuple[str, ...] = ()
     nanoseconds: int | None = None
+    temperature: int | None = None
 
     @property
     def used(self) -> list[int]:
@@ -89,6 +93,7 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
     time_name, time_unit = '', None
     axes: dict[str, tuple[int, int, float]] = {}
     ignored: list[str] = []
+    temperature: int | None = None
     for column, cell in enumerate(cells):
         # Runs of blanks are what an expression goes through over and over.
         plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
@@ -105,13 +110,18 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
                 raise ImuAllanError(f'two columns named {meaning}')
             axes[meaning] = column, list(AXES).index(meaning), _factor(
                 name, unit, meaning, options)
+        elif name and (options.temperature in (name, plain.strip(' "')) or (
+                options.temperature is None and temperature is None
+                and _TEMPERATURE.fullmatch(name.lower()))):
+            temperature = column
         else:
             ignored.append(cell.strip())
     if not axes:
         raise ImuAllanError(
             f'the first line names none of the axes {", ".join(AXES)}; a CSV recording begins '
             f'with a line such as {EXAMPLE}')
-    return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored))
+    return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
+                   temperature=temperature)
 
 
 def echoed_imu(line: str) -> Columns | None:

@@ -59,8 +59,12 @@ class UlogRecording(Recording):
             times = table_times(table, KNOWN[kind])
             span = (int(times[-1]) - int(times[0])) / 1e9 if len(times) > 1 else 0.0
             rates[name] = (len(times) - 1) / span if span > 0 else 0.0
+            fields = replace(KNOWN[kind], what='as logged')
+            if fields.temperature not in table:
+                fields = replace(fields, temperature=None)
             self.topics.append(ImuTopic(name, len(table['timestamp']), ImuMessages(
-                kind, fields=replace(KNOWN[kind], what='as logged'), factors=options.factors)))
+                kind, fields=fields, factors=options.factors)))
+            self.list_own_thermometer(self.topics[-1])
         thin = [name for name, rate in rates.items() if rate < _THIN_HZ]
         for name in thin:
             self.reasons[name] = (
@@ -76,12 +80,12 @@ class UlogRecording(Recording):
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with its share of the bytes."""
-        name = topic.partition('.')[0]
-        fields = self.imu(topic).messages.fields
+        imu = self.imu(topic)
+        fields = imu.messages.fields
         assert fields is not None
-        factors = np.repeat(self.options.factors, 3)
-        for found, _, table in self._tables([name]):
-            if found == topic:
+        factors = np.repeat(imu.messages.factors, 3)
+        for found, _, table in self._tables([imu.topic.partition('.')[0]]):
+            if found == imu.topic:
                 block = table_block(table, fields, factors)
                 for start in range(0, len(block), _BLOCK):
                     part = slice(start, start + _BLOCK)

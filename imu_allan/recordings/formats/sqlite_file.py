@@ -225,7 +225,7 @@ class SqliteRecording(Recording):
     def _list_topics(self) -> None:
         with self._database() as database:
             self._numbers, self.topics, self.other_topics = {}, [], {}
-            self.reasons, self._searched = {}, 0
+            self.reasons, self._searched, self.thermometers = {}, 0, []
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             kinds: dict[str, str] = {}
             room = self._room

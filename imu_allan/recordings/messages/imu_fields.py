@@ -108,6 +108,8 @@ class ImuFields:
         Where a message holds many samples.
     what : str
         In words for the user: which field is read.
+    temperature : str or None
+        A field with the temperature of the sensor; it is read on its own, by `thermometer`.
 
     """
 
@@ -117,6 +119,14 @@ class ImuFields:
     frame_id: str | None = None
     burst: Burst | None = None
     what: str = ''
+    temperature: str | None = None
+
+    def thermometer(self) -> 'ImuFields | None':
+        """Return how the temperature alone is read: as the first three columns of the samples."""
+        if self.temperature is None:
+            return None
+        return ImuFields(Vector((self.temperature,) * 3), None, self.stamps, self.frame_id,
+                         what=f'its field {self.temperature}')
 
     def vectors(self) -> Iterator[tuple[int, Vector]]:
         """Give the halves that there are, each with its first column in the samples."""
@@ -163,18 +173,21 @@ def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
 
 
 def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
-            frame_id: str | None, found: list[ImuFields], depth: int) -> None:
+            frame_id: str | None, found: list[ImuFields], depth: int,
+            heat: str | None = None) -> None:
     fields = {field.name: field for field in types.get(type_name, ())}
     own = tuple(_stamps(types, fields.values(), path))
     stamps = own + stamps
     frame_id = _frame_id(types, fields.values(), path) or frame_id
+    heat = next((f'{path}{name}' for name in _TEMPERATURES
+                 if name in fields and _is_number(fields[name])), heat)
     if all(_is_vector(types, fields.get(name)) for name in _HALVES):
         gyro, accel = (Vector(
             _components(f'{path}{name}'),
             covariance=(f'{path}{name}_covariance[0]' if _is_covariance(
                 fields.get(f'{name}_covariance')) else None)) for name in _HALVES)
         what = f'its field {path[:-1]} ({type_name})' if path else 'its own fields'
-        found.append(ImuFields(gyro, accel, stamps, frame_id, what=what))
+        found.append(ImuFields(gyro, accel, stamps, frame_id, what=what, temperature=heat))
         return
     if depth == _DEEPEST:
         return
@@ -185,9 +198,11 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
             f'{field.name}[{number}]' for number in range(min(field.count, _MOST_IMUS))]
         for name in names:
             if len(found) < _MOST_IMUS:
-                _search(types, field.kind, f'{path}{name}.', stamps, frame_id, found, depth + 1)
+                _search(types, field.kind, f'{path}{name}.', stamps, frame_id, found,
+                        depth + 1, heat)
 
 
+_TEMPERATURES = ('imu_temperature', 'temperature', 'imu_temp', 'temp')
 _HALVES = ('angular_velocity', 'linear_acceleration')
 
 

@@ -18,6 +18,7 @@ from imu_allan.recordings.messages.imu_fields import (
     field_at,
     found_by_shape,
     ImuFields,
+    number_at,
     own_clock,
     split_path,
     Stamp,
@@ -30,6 +31,7 @@ from imu_allan.recordings.options import factor, M_PER_S2, RAD_PER_S, RecordingO
 IMU_TYPES = frozenset({'sensor_msgs/msg/Imu', 'sensor_msgs/Imu'})
 """Names of the type in ROS 2 and ROS 1."""
 
+TEMPERATURE_TYPES = frozenset({'sensor_msgs/msg/Temperature', 'sensor_msgs/Temperature'})
 _OF_ROS = frozenset({
     'action_msgs', 'actionlib_msgs', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
     'lifecycle_msgs', 'map_msgs', 'nav_msgs', 'rcl_interfaces', 'rosbag2_interfaces',
@@ -81,6 +83,27 @@ def imus_in(
 
     """
     kind = normal_name(type_name)
+    found = _imus_in(topic, kind, serialization, definition, options)
+    return {name: _with_temperature(messages, options.temperature)
+            for name, messages in found.items()}
+
+
+def _with_temperature(messages: ImuMessages, field: str | None) -> ImuMessages:
+    """Take the field that the user names, where the messages have it, for the temperature."""
+    if field is None or messages.fields is None or messages.types is None:
+        return messages
+    try:
+        number_at(messages.types, messages.type_name, field, '--temperature')
+    except ImuAllanError:
+        # It may be a topic.
+        return messages
+    return replace(messages, fields=replace(messages.fields, temperature=field))
+
+
+def _imus_in(
+    topic: str, kind: str, serialization: Serialization,
+    definition: Definition | None, options: RecordingOptions,
+) -> dict[str, ImuMessages]:
     gyro = options.gyro if options.gyro_topic in (None, topic) else None
     accel = options.accel if options.accel_topic in (None, topic) else None
     if gyro is not None or accel is not None:
@@ -110,6 +133,16 @@ def imus_in(
         topic if len(found) == 1 else f'{topic}.{fields.gyro.paths[0].rpartition(".angular")[0]}':
         ImuMessages(kind, serialization, fields, types, factors)
         for fields in found if fields.gyro is not None}
+
+
+def thermometer_in(type_name: str, serialization: Serialization, definition: Definition | None,
+                   ) -> ImuMessages:
+    """Say how messages of type sensor_msgs/Temperature are read, in degrees Celsius."""
+    kind = normal_name(type_name)
+    types = _types(kind, serialization, definition, RecordingOptions())
+    stamps, frame_id = own_clock(types, kind)
+    fields = ImuFields(None, None, stamps, frame_id, temperature='temperature').thermometer()
+    return ImuMessages(kind, serialization, fields, types)
 
 
 def decoder_of(type_name: str, definition: str, *, serialization: Serialization = 'cdr',
@@ -226,6 +259,7 @@ def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
     return replace(
         fields, stamps=tuple(stamp for stamp in fields.stamps if all(map(has, stamp.paths))),
         frame_id=fields.frame_id if fields.frame_id and has(fields.frame_id) else None,
+        temperature=fields.temperature if fields.temperature and has(fields.temperature) else None,
         what='its fields ' + ' and '.join(paths) if len(paths) > 1 else f'its field {paths[0]}')
 
 

@@ -43,20 +43,21 @@ KNOWN: Mapping[str, ImuFields] = {
         _elements('delta_angle', per='delta_angle_dt'),
         _elements('delta_velocity', per='delta_velocity_dt'), _PX4_SAMPLE),
     'px4_msgs/msg/SensorGyro': ImuFields(
-        _PX4_XYZ, None, _PX4_SAMPLE),
+        _PX4_XYZ, None, _PX4_SAMPLE, temperature='temperature'),
     'px4_msgs/msg/SensorAccel': ImuFields(
-        None, _PX4_XYZ, _PX4_SAMPLE),
+        None, _PX4_XYZ, _PX4_SAMPLE, temperature='temperature'),
     'px4_msgs/msg/SensorGyroFifo': ImuFields(_PX4_FIFO, None, _PX4_SAMPLE, burst=_PX4_BURST),
     'px4_msgs/msg/SensorAccelFifo': ImuFields(None, _PX4_FIFO, _PX4_SAMPLE, burst=_PX4_BURST),
     # dawonn/vectornav: the uncompensated outputs are those before the factory calibration.
     'vectornav_msgs/msg/ImuGroup': ImuFields(
-        _xyz('uncompgyro'), _xyz('uncompaccel'), _HEADER, _FRAME),
+        _xyz('uncompgyro'), _xyz('uncompaccel'), _HEADER, _FRAME, temperature='temp'),
     'vectornav_msgs/msg/CommonGroup': ImuFields(
         _xyz('imu_rate'), _xyz('imu_accel'), (Stamp('timestartup', 1), *_HEADER), _FRAME),
     # SBG-Systems/sbg_ros2_driver: time_stamp has 32 bits of microseconds and begins anew every
     # 71 minutes, so the header comes first.
     'sbg_driver/msg/SbgImuData': ImuFields(
-        _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
+        _xyz('gyro'), _xyz('accel'), (*_HEADER, Stamp('time_stamp', _US)), _FRAME,
+        temperature='temp'),
     'sbg_driver/msg/SbgImuShort': ImuFields(
         _xyz('delta_angle', _SBG_SHORT_GYRO), _xyz('delta_velocity', _SBG_SHORT_ACCEL),
         (*_HEADER, Stamp('time_stamp', _US)), _FRAME),
@@ -65,13 +66,15 @@ KNOWN: Mapping[str, ImuFields] = {
     'unitree_hg/msg/LowState': _UNITREE,
     # analogdevicesinc/imu_ros2: increments over one sample, whose length no field tells.
     'adi_imu/msg/VelAngTempData': ImuFields(
-        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME),
+        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
+        temperature='temperature'),
     'imu_ros2/msg/VelAngTempData': ImuFields(
-        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME),
+        _xyz('delta_angle', per=''), _xyz('delta_velocity', per=''), _HEADER, _FRAME,
+        temperature='temperature'),
     # LeoRover/leo_msgs
     'leo_msgs/msg/Imu': ImuFields(
         Vector(('gyro_x', 'gyro_y', 'gyro_z')), Vector(('accel_x', 'accel_y', 'accel_z')),
-        (Stamp('stamp'),)),
+        (Stamp('stamp'),), temperature='temperature'),
 }
 """How messages of a type are read, by its name."""
 

@@ -13,6 +13,7 @@ from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.recordings.thermometers import temperatures
 import numpy as np
 import pytest
 
@@ -86,6 +87,14 @@ def test_every_bit_is_what_pymavlink_reads(tmp_path):
     assert len(expected) == len(messages) == 300
     assert messages.header_ns.tolist() == [row[0] for row in expected]
     assert messages.samples.tolist() == [list(row[1:]) for row in expected]
+
+
+def test_the_temperature_of_its_imu_is_taken_for_raw_samples(tmp_path):
+    path = write(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 900, 0.01))
+    with open_recording(path) as recording:
+        [(stamps, celsius)] = temperatures(recording, 'GYR', 'header')
+    assert stamps.tolist() == [values[0] * 1000 for _, values in imu()]
+    assert set(celsius.tolist()) == {41.5}
 
 
 def test_an_old_log_has_a_message_for_the_second_imu(tmp_path):

@@ -10,6 +10,7 @@ from bags import read
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.recordings.thermometers import temperatures
 import numpy as np
 import pytest
 
@@ -82,6 +83,16 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
             f'{path}: of 3 IMU topics sensor_gyro and sensor_accel are read, with the highest '
             'rate; --topic, or --gyro-topic and --accel-topic, choose among sensor_combined']
         assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
+
+
+def test_the_temperature_of_a_sensor_is_taken(tmp_path):
+    form, messages = one(slice(0, 3))
+    path = write(tmp_path / 'a.ulg', {'sensor_gyro': (f'{form}float temperature;', [
+        message + pack('<f', 40 + n / 8) for n, message in enumerate(messages)])})
+    with open_recording(path) as recording:
+        [(stamps, celsius)] = temperatures(recording, 'sensor_gyro', 'header')
+    assert celsius.tolist() == [40 + n / 8 for n in range(COUNT)]
+    assert stamps.tolist() == [(n * 4_000 + 1) * 1000 for n in range(COUNT)]
 
 
 def test_fifos_are_unrolled_to_true_sample_times(tmp_path):

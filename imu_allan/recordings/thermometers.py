@@ -1,0 +1,119 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The temperature beside an IMU: which of a recording's thermometers is its own, and when."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.result import Remark
+import numpy as np
+from numpy.typing import NDArray
+
+_KELVIN = 273.15
+_HOTTEST_CELSIUS = 180.0
+"""Beyond what an IMU stands, and below every temperature in kelvin that it meets."""
+
+
+def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
+    """
+    Find the temperature that belongs to an IMU.
+
+    Parameters
+    ----------
+    recording : Recording
+        Open.
+    topic : str
+        An Imu topic of it.
+
+    Returns
+    -------
+    ImuTopic or None
+        What the user names; else a field of the messages, the one topic in the same namespace, or
+        with the same frame_id.
+
+    Raises
+    ------
+    ImuAllanError
+        If there is none of the name that the user gives.
+
+    """
+    own = [heat for heat in recording.thermometers if heat.name.startswith(f'{topic}:')]
+    apart = [heat for heat in recording.thermometers if heat.name == heat.topic]
+    named = recording.options.temperature
+    if named is not None:
+        chosen = [heat for heat in apart if heat.name.strip('/') == named.strip('/')] or [
+            heat for heat in own if heat.name == f'{topic}:{named}']
+        if not chosen:
+            shown = ', '.join(printable(shorten(heat.name)) for heat in (*apart, *own)[:10])
+            raise ImuAllanError(
+                f'{printable(recording.path)}: --temperature {printable(shorten(named))}: no '
+                'topic of type sensor_msgs/Temperature, field or column of this name; there are '
+                + (shown or 'no temperatures in it'))
+        return chosen[0]
+    if own or not apart:
+        return own[0] if own else None
+    source = recording.imu(topic).topic
+    space = source.rpartition('/')[0]
+    near = [heat for heat in apart if space and heat.name.rpartition('/')[0] == space]
+    if len(near) == 1:
+        return near[0]
+    frame_id = _frame_id(recording, topic)
+    alike = [heat for heat in near or apart
+             if frame_id and _frame_id(recording, heat.name) == frame_id]
+    return alike[0] if len(alike) == 1 else None
+
+
+def temperatures(recording: Recording, topic: str, clock: Literal['header', 'receive'] | None,
+                 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    """
+    Read the temperature that belongs to an IMU.
+
+    Parameters
+    ----------
+    recording : Recording
+        Open.
+    topic : str
+        An Imu topic of it.
+    clock : {'header', 'receive'} or None
+        Which stamps of the IMU are used.
+
+    Yields
+    ------
+    stamps : ndarray of int64, shape (n,)
+        In nanoseconds on that clock.
+    celsius : ndarray of float64, shape (n,)
+
+    Raises
+    ------
+    ImuAllanError
+        As `thermometer_of`.
+
+    """
+    heat = thermometer_of(recording, topic)
+    if heat is None or clock is None:
+        return
+    # What is wrong with the file was told when the IMU was read.
+    remarks = list(recording.remarks)
+    try:
+        for block, _ in recording.decoded(heat.name):
+            celsius = block.samples[:, 0]
+            if np.median(celsius) > _HOTTEST_CELSIUS:
+                celsius = celsius - _KELVIN
+            usable = clock == 'header' and (block.header_ns > 0).all()
+            yield block.header_ns if usable else block.receive_ns, celsius
+    except ImuAllanError as error:
+        if recording.options.temperature is not None:
+            raise
+        remarks.append(Remark('temperature', f'the temperature was not read: {error}'))
+    recording.remarks[:] = remarks
+
+
+def _frame_id(recording: Recording, name: str) -> str:
+    """Return the frame_id of the first message."""
+    remarks = list(recording.remarks)
+    try:
+        return next((block.frame_id for block, _ in recording.decoded(name) if len(block)), '')
+    finally:
+        recording.remarks[:] = remarks

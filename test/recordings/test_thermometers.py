@@ -1,0 +1,186 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The temperature beside an IMU, from every kind of recording that has one."""
+
+from pathlib import Path
+
+from bags import IMU, START_NS
+from imu_allan import analyze
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.cli.main import main
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.simulate import simulate
+from imu_allan.recordings import open_recording, RecordingOptions
+from imu_allan.recordings.thermometers import temperatures, thermometer_of
+from imu_allan.result import Result
+from mcap.writer import Writer
+import numpy as np
+from other_types import full_definition, sample, stamped, store_with, vector, write_mcap
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer as BagWriter
+
+TEMPERATURE = 'sensor_msgs/msg/Temperature'
+RATE_HZ = 10
+SECONDS = np.arange(36_000) / RATE_HZ
+CELSIUS = 25 + 12 * (1 - np.exp(-SECONDS / 700)) - 3 * np.exp(-((SECONDS - 2000) / 300)**2)
+PER_KELVIN = 2e-3
+STORE = store_with({})
+
+
+@pytest.fixture(scope='module')
+def samples() -> np.ndarray:
+    """Draw an hour at rest of which gyro_x follows the temperature."""
+    rows = np.stack([simulate({'noise_density': 1e-3}, len(SECONDS), RATE_HZ, seed)
+                     for seed in range(6)], axis=1)
+    rows[:, 0] += PER_KELVIN * CELSIUS
+    rows[:, 5] += 9.81
+    return rows
+
+
+def imu_rows(samples: np.ndarray) -> tuple[list[bytes], list[int]]:
+    stamps = START_NS + np.rint(SECONDS[:len(samples)] * 1e9).astype(np.int64)
+    rows = encode_imu_rows(ImuBlock(stamps, stamps, samples, np.zeros(
+        (len(samples), 2), np.bool_), 'imu_link'))
+    return [row.tobytes() for row in rows], stamps.tolist()
+
+
+def heat(celsius: float, stamp_ns: int, frame_id: str = 'imu_link') -> bytes:
+    types = STORE.types
+    header = types['std_msgs/msg/Header'](
+        types['builtin_interfaces/msg/Time'](stamp_ns // 10**9, stamp_ns % 10**9), frame_id)
+    return bytes(STORE.serialize_cdr(types[TEMPERATURE](header, celsius, 0.0), TEMPERATURE))
+
+
+def write(path: Path, samples: np.ndarray, thermometers: dict[str, str],
+          imu: str = '/imu/data_raw', headers: bool = True) -> Path:
+    """Write an Imu topic, and one for each thermometer, with its frame_id; every 2 s."""
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        channel = writer.register_channel(imu, 'cdr', writer.register_schema(
+            IMU, 'ros2msg', b'float64 x'))
+        schema = writer.register_schema(
+            TEMPERATURE, 'ros2msg', full_definition(STORE, TEMPERATURE).encode())
+        channels = {name: writer.register_channel(name, 'cdr', schema) for name in thermometers}
+        for number, (row, stamp) in enumerate(zip(*imu_rows(samples), strict=True)):
+            writer.add_message(channel, stamp, row, stamp)
+            if number % 20 == 0:
+                for name, frame_id in thermometers.items():
+                    writer.add_message(channels[name], stamp, heat(
+                        CELSIUS[number], stamp if headers else 0, frame_id), stamp)
+        writer.finish()
+    return path
+
+
+def follows(result: Result) -> bool:
+    """Tell whether the coefficient was found, and on gyro_x alone."""
+    found = {name: axis.trend.temperature for name, axis in result.axes.items()
+             if axis.trend is not None and axis.trend.temperature is not None}
+    if not found:
+        return False
+    assert list(found) == ['gyro_x']
+    assert found['gyro_x'].ci95[0] < PER_KELVIN < found['gyro_x'].ci95[1]
+    assert found['gyro_x'].per_kelvin == pytest.approx(PER_KELVIN, rel=0.05)
+    return True
+
+
+@pytest.mark.parametrize('headers', [True, False])
+def test_a_topic_of_the_same_namespace_is_taken(tmp_path, samples, capsys, headers):
+    thermometers = {'/imu/temperature': '', '/battery/temperature': ''}
+    path = write(tmp_path / 'a.mcap', samples, thermometers, headers=headers)
+    assert follows(analyze(path))
+    assert main(['info', str(path)]) == 0
+    assert '  temperature from /imu/temperature\n' in capsys.readouterr().out
+
+
+def chosen(path: Path, topic: str | None = None, **options: str) -> str | None:
+    with open_recording(path, options=RecordingOptions(**options)) as recording:
+        found = thermometer_of(recording, topic or recording.topics[0].name)
+        return None if found is None else found.name
+
+
+def test_the_frame_id_decides_where_the_namespace_does_not(tmp_path, samples):
+    few = samples[:100]
+    path = write(tmp_path / 'a.mcap', few, {'/temp': 'imu_link', '/motor': 'motor'}, '/imu')
+    assert chosen(path) == '/temp'
+    assert chosen(path, temperature='motor') == '/motor'
+    path = write(tmp_path / 'b.mcap', few, {'/temp': '', '/motor': 'motor'}, '/imu')
+    assert chosen(path) is None
+    path = write(tmp_path / 'c.mcap', few, {'/imu/a': 'x', '/imu/b': 'imu_link'})
+    assert chosen(path) == '/imu/b'
+    with pytest.raises(ImuAllanError) as error:
+        chosen(path, temperature='/imu/c')
+    assert str(error.value) == (
+        f'{path}: --temperature /imu/c: no topic of type sensor_msgs/Temperature, field or column '
+        'of this name; there are /imu/a, /imu/b')
+
+
+def test_a_bag_of_several_files_without_definitions_has_it_too(tmp_path, samples):
+    with BagWriter(tmp_path / 'bag', version=8,
+                   storage_plugin=StoragePlugin.SQLITE3) as writer:
+        imu = writer.add_connection('/imu/data_raw', IMU, typestore=STORE)
+        other = writer.add_connection('/imu/temperature', TEMPERATURE, typestore=STORE)
+        for number, (row, stamp) in enumerate(zip(*imu_rows(samples[:100]), strict=True)):
+            writer.write(imu, stamp, row)
+            writer.write(other, stamp, heat(float(number), stamp))
+    assert chosen(tmp_path / 'bag') == '/imu/temperature'
+    with open_recording(tmp_path / 'bag') as recording:
+        parts = list(temperatures(recording, '/imu/data_raw', 'header'))
+        assert recording.remarks == []
+    stamps, celsius = (np.concatenate(part) for part in zip(*parts, strict=True))
+    assert celsius.tolist() == list(range(100))
+    assert stamps.tolist() == imu_rows(samples[:100])[1]
+
+
+def test_a_column_is_taken(tmp_path, samples):
+    columns = zip(SECONDS.tolist(), samples[:, 0].tolist(), CELSIUS.tolist(), strict=True)
+    rows = [f'{second},{x!r},{celsius if number % 20 == 0 else ""}'
+            for number, (second, x, celsius) in enumerate(columns)]
+    for name, options in (('temperature [degC]', {}), ('heat', {'temperature': 'heat'})):
+        path = tmp_path / 'a.csv'
+        path.write_text('\n'.join([f'time_s,gyro_x,{name}', *rows, '']))
+        assert follows(analyze(path, reading=RecordingOptions(**options)))
+    assert not follows(analyze(path))
+
+
+def test_a_column_that_is_no_temperature_is_told(tmp_path):
+    path = tmp_path / 'a.csv'
+    rows = [f'{i / 100},{(i * i) % 7},warm' for i in range(500)]
+    path.write_text('\n'.join(['time_s,gyro_x,temp', *rows, '']))
+    [remark] = [remark.message for remark in analyze(path).warnings
+                if remark.code == 'temperature']
+    assert remark.startswith('the temperature was not read: ')
+    with pytest.raises(ImuAllanError, match='line 2'):
+        analyze(path, reading=RecordingOptions(temperature='temp'))
+
+
+@pytest.mark.parametrize(('type_name', 'options', 'name'), [
+    ('leo_msgs/msg/Imu', {}, '/sensor:temperature'),
+    ('my_driver/msg/Any', {}, '/sensor:temperature'),
+    ('my_driver/msg/Any', {'temperature': 'board.heat'}, '/sensor:board.heat')])
+def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(
+        tmp_path, type_name, options, name):
+    own = type_name.startswith('leo')
+    text = ('builtin_interfaces/Time stamp\nfloat32 temperature\n' + ''.join(
+        f'float32 {sensor}_{axis}\n' for sensor in ('gyro', 'accel') for axis in 'xyz')
+        if own else 'std_msgs/Header header\ngeometry_msgs/Vector3 angular_velocity\n'
+        'geometry_msgs/Vector3 linear_acceleration\nfloat32 temperature\nBoard board\n')
+    store = store_with({'my_driver/msg/Board': 'float64 heat\n', type_name: text})
+    kelvin = 300.0 + np.arange(50)
+
+    def message(number: int) -> bytes:
+        header = stamped(store, number)
+        values = ((header.stamp, kelvin[number], *sample(number)) if own else (
+            header, vector(store, sample(number)[:3]), vector(store, sample(number)[3:]),
+            kelvin[number], store.types['my_driver/msg/Board'](kelvin[number])))
+        return store.serialize_cdr(store.types[type_name](*values), type_name)
+
+    path = write_mcap(tmp_path / 'a.mcap', type_name, full_definition(store, type_name),
+                      map(message, range(50)))
+    assert chosen(path, **options) == name
+    with open_recording(path, options=RecordingOptions(**options)) as recording:
+        [(stamps, celsius)] = temperatures(recording, '/sensor', 'header')
+        [(block, _)] = recording.decoded('/sensor')
+    assert stamps.tolist() == block.header_ns.tolist()
+    np.testing.assert_allclose(celsius, kelvin - 273.15, atol=1e-4)
