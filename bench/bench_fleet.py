@@ -6,14 +6,21 @@ What several records, many units and the sequential test are worth, by Monte Car
     .venv/bin/python bench/bench_fleet.py joint 1500        # four records of 1 h, and their bound
     .venv/bin/python bench/bench_fleet.py units 400         # populations of 5 to 40 units
     .venv/bin/python bench/bench_fleet.py sequential 200    # error rates and time of check --live
+    .venv/bin/python bench/bench_fleet.py dask 1000         # a cluster; one worker dies
 
 The spectra of the joint fit are drawn in the spectral domain: every bin about its expectation, the
 whole-record coefficients as normal numbers with a sign. That takes the noise model for granted,
-which bench_accuracy.py does not.
+which bench_accuracy.py does not. On the cluster, of a scheduler and two workers on this computer,
+one worker is killed after a third of the recordings, half a minute each at 200 Hz.
 """
 
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
+import subprocess
 import sys
+from tempfile import TemporaryDirectory
+import time
 
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
@@ -23,6 +30,9 @@ from imu_allan.noise.likelihood import Bins, bins_of, grouped, maximise
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.sequential import decide, SMALLEST_RECORD
 from imu_allan.noise.simulate import simulate
+from imu_allan.recordings.write import write_recording
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
 import numpy as np
 
 DEG = np.pi / 180
@@ -141,6 +151,55 @@ def sequential(runs: int) -> None:
                   f'(90 %) of {samples / rate:.0f} s')
 
 
+def dask(recordings: int) -> None:
+    """Analyze recordings on a cluster of which a worker is killed, and count what is lost."""
+    model = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
+    with TemporaryDirectory() as name, ExitStack() as ending:
+        folder = Path(name)
+        for number in range(recordings):
+            write_recording(folder / f'unit{number}', simulated_blocks(
+                model, 200.0, 6000, seed=number))
+
+        def started(role: str, *options: str) -> subprocess.Popen[bytes]:
+            process = subprocess.Popen(
+                [sys.executable, '-m', f'distributed.cli.dask_{role}', *options], cwd=folder,
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            ending.callback(process.wait)
+            ending.callback(process.terminate)
+            return process
+
+        scheduler = started('scheduler', '--port', '18786', '--no-dashboard',
+                            '--scheduler-file', 'scheduler.json')
+        while not (folder / 'scheduler.json').exists():
+            time.sleep(0.1)
+        workers = [started('worker', 'tcp://127.0.0.1:18786', '--nthreads', '1', '--no-nanny',
+                           '--no-dashboard') for _ in range(2)]
+        command = subprocess.Popen(
+            [sys.executable, '-m', 'imu_allan', 'analyze', *(
+                str(folder / f'unit{number}') for number in range(recordings)),
+             '--dask', 'tcp://127.0.0.1:18786', '--no-progress'],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert command.stdout is not None
+        assert command.stderr is not None
+        moments, memory = [], []
+        for line in command.stdout:
+            if not line.startswith('unit'):
+                continue
+            moments.append(time.monotonic())
+            pages = Path(f'/proc/{scheduler.pid}/statm').read_text().split()[1]
+            memory.append(int(pages) / 256)
+            if len(moments) == recordings // 3:
+                workers[0].kill()
+        complaints = command.stderr.read()
+        print(f'{len(moments)} of {recordings} results, status {command.wait()}, complaints '
+              f'{complaints.strip() or "none"}')
+        sixth = recordings // 6
+        for what, first in (('two workers', sixth), ('one worker', recordings // 2),
+                            ('at the end', recordings - 1 - sixth)):
+            each = (moments[first + sixth] - moments[first]) / sixth
+            print(f'{what:12} {each:.2f} s a recording, scheduler {memory[first]:.0f} MB')
+
+
 def watched(model: dict[str, float], key: str, limit: float, margin: float, rate: float,
             most: int, seed: int) -> tuple[str, float]:
     """Watch one record; return the decision and the seconds that it took."""
@@ -157,4 +216,5 @@ def watched(model: dict[str, float], key: str, limit: float, margin: float, rate
 
 
 if __name__ == '__main__':
-    {'joint': joint, 'units': units, 'sequential': sequential}[sys.argv[1]](int(sys.argv[2]))
+    {'joint': joint, 'units': units, 'sequential': sequential,
+     'dask': dask}[sys.argv[1]](int(sys.argv[2]))

@@ -161,6 +161,9 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
         from imu_allan.recordings.formats.ardupilot_log import ArduPilotRecording
         return ArduPilotRecording(path, stored, options)
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and b',' in head):
+        from imu_allan.recordings.formats.foxglove_csv import FoxgloveCsv, is_foxglove
+        if is_foxglove(head):
+            return FoxgloveCsv(path, stored, options)
         from imu_allan.recordings.formats.csv_file import CsvRecording
         return CsvRecording(path, stored, options)
     raise ImuAllanError(

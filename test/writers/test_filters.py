@@ -131,6 +131,13 @@ def test_lio_sam_takes_n_and_k(easy):
         'imuGyrBiasN': GYRO_K, 'imuTopic': '/imu/data_raw'}}}
 
 
+@pytest.mark.parametrize(('consumer', 'words'), [
+    ('fast_lio', 'gives accelerations in g'), ('fast_livo2', 'gives accelerations in g'),
+    ('point_lio', '1 for a driver that gives g')])
+def test_consumers_of_accelerations_in_g_say_which_numbers_they_take(easy, consumer, words):
+    assert words in export(easy, consumer).text
+
+
 def test_fast_lio_takes_variances_per_sample(easy):
     document = yaml.safe_load(export(easy, 'fast_lio').text)
     assert document == {

@@ -52,6 +52,10 @@ def lio_sam_ros1(numbers: Numbers) -> FilterConfig:
     return FilterConfig('lio_sam_ros1_imu.yaml', joined([*lines, *indented(body, 2)]))
 
 
+_IN_G = ('# The program scales what it measures at rest to 9.81 m/s^2: the same numbers for a '
+         'driver', '# that gives accelerations in g, such as that of Livox.')
+
+
 def fast_lio(numbers: Numbers) -> FilterConfig:
     """
     FAST-LIO's ``mapping`` section: variances per sample, N^2 f and K^2 f.
@@ -60,7 +64,7 @@ def fast_lio(numbers: Numbers) -> FilterConfig:
     """
     f = numbers.rate()
     lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
-             '# The ports to ROS 2 want mapping: under /**: ros__parameters:', 'mapping:']
+             *_IN_G, '# The ports to ROS 2 want mapping: under /**: ros__parameters:', 'mapping:']
     lines += indented(pairs(numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov',
                                       ('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'},
                             lambda value: value**2 * f, '^2 f', _SQUARED), 2)
@@ -80,8 +84,8 @@ def point_lio(numbers: Numbers) -> FilterConfig:
     f = numbers.rate()
     lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
              '# acc_cov_output and gyr_cov_output describe the motion, not the sensor: leave them.'
-             ' acc_norm is 9.81', '# for accelerations in m/s^2, 1 for a driver that gives g.',
-             'mapping:']
+             ' acc_norm is 9.81', '# for accelerations in m/s^2, 1 for a driver that gives g;'
+             ' the numbers are the same for both.', 'mapping:']
     parts: tuple[dict[Pair, str], ...] = (
         {('accel', N): 'acc_cov_input', ('gyro', N): 'gyr_cov_input'},
         {('accel', N): 'imu_meas_acc_cov', ('gyro', N): 'imu_meas_omg_cov'},
@@ -105,7 +109,7 @@ def fast_livo2(numbers: Numbers) -> FilterConfig:
     f = numbers.rate()
     lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f. The program has '
              'its bias variances in its', '# source and reads none: b_acc_cov and b_gyr_cov have '
-             'no effect and are not written.', 'imu:', '  imu_en: true']
+             'no effect and are not written.', *_IN_G, 'imu:', '  imu_en: true']
     lines += indented(pairs(numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov'},
                             lambda value: value**2 * f, '^2 f', _SQUARED), 2)
     topic = topic_of(numbers)

@@ -1,0 +1,75 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plot data as Foxglove exports it: a path after the other, a number a line."""
+
+from csv import DictReader
+from pathlib import Path
+
+from bags import read
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES
+from imu_allan.recordings import open_recording
+import numpy as np
+import pytest
+
+COUNT = 200
+START = 1_700_000_000
+SAMPLES = np.sin(np.arange(COUNT)[:, np.newaxis] * np.arange(1, 7))
+FIELDS = [f'{name}.{axis}' for name in ('angular_velocity', 'linear_acceleration')
+          for axis in 'xyz']
+
+
+def stamp(number: int, later_ns: int = 0) -> str:
+    time = number * 5_000_000 + later_ns
+    return f'{START + time // 10**9}.{time % 10**9:09d}'
+
+
+def write(path: Path, topics: dict[str, float], more: str = '', headers: bool = True) -> Path:
+    lines = ['elapsed time,receive time,header.stamp,topic,value'] + [
+        f'{n / 200},{stamp(n, 1234)},{stamp(n) if headers else ""},{topic}.{field},'
+        f'{float(SAMPLES[n, column]) * scale!r}'
+        for topic, scale in topics.items() for column, field in enumerate(FIELDS)
+        for n in range(COUNT)]
+    path.write_text('\n'.join(lines) + more)
+    return path
+
+
+def test_the_lines_of_a_message_come_together_to_the_bit(tmp_path):
+    path = write(tmp_path / 'plot_data.csv', {'/imu': 1.0, '/other/imu': 0.5})
+    with open_recording(path) as recording:
+        assert [(topic.name, topic.count) for topic in recording.topics] == [
+            ('/imu', COUNT), ('/other/imu', COUNT)]
+    for topic, scale in (('/imu', 1.0), ('/other/imu', 0.5)):
+        messages, remarks = read(path, topic)
+        assert messages.samples.tobytes() == (SAMPLES * scale).tobytes()
+        assert remarks == []
+    with path.open() as file:
+        rows = [row for row in DictReader(file) if row['topic'] == '/imu.angular_velocity.x']
+    assert messages.header_ns.tolist() == [
+        int(row['header.stamp'].replace('.', '')) for row in rows]
+    assert messages.receive_ns.tolist() == [
+        int(row['receive time'].replace('.', '')) for row in rows]
+
+
+def test_what_is_missing_or_no_number_is_told(tmp_path):
+    path = write(tmp_path / 'a.csv', {'/imu': 1.0}, '\n1,2,3\n1,x,,/imu.angular_velocity.x,5\n'
+                 '1,1700000000.0,,/imu.orientation.x,5\n', headers=False)
+    lines = path.read_text().split('\n')
+    del lines[1 + 2 * COUNT + 7]
+    path.write_text('\n'.join(lines))
+    messages, remarks = read(path)
+    assert np.argwhere(np.isnan(messages.samples)).tolist() == [[7, 2]]
+    assert not messages.header_ns.any()
+    assert [remark.message for remark in remarks] == [
+        f'{path}: 2 lines are not numbers and were left out']
+    assert list(AXES)[2] == 'gyro_z'
+
+
+def test_a_plot_of_something_else_says_what_to_plot(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('elapsed time,receive time,header.stamp,topic,value\n0,1.0,,/odom.x,3\n')
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path)
+    assert str(error.value) == (
+        f'{path}: no path in it is an axis of an IMU; plot paths such as '
+        '/imu.angular_velocity.x and export them')
