@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from math import floor, isfinite, log10
 
 from imu_allan.errors import printable
-from imu_allan.result import Result, Timeline
+from imu_allan.result import Inspection, Result, Timeline
 
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 """Titles of the two sensors of an IMU."""
@@ -212,10 +212,11 @@ def amount_of(timeline: Timeline) -> str:
 
 
 def origin_of(result: Result) -> list[str]:
-    """Return frame, beginning and clock as far as they are known, printable."""
-    source = result.source
-    found = (('frame {}', source.frame_id), ('from {}', source.start_time),
-             ('{} stamps', source.clock))
+    """Return unit, frame, beginning and clock as far as they are known, printable."""
+    source, unit = result.source, result.inspection or Inspection()
+    found = (('serial number {}', unit.serial), ('operator {}', unit.operator),
+             ('station {}', unit.station), ('frame {}', source.frame_id),
+             ('from {}', source.start_time), ('{} stamps', source.clock))
     return [text.format(printable(value)) for text, value in found if value]
 
 

@@ -130,7 +130,32 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
             names = dict(halves)
             return [Stream(names['gyro'], 'gyro'), Stream(names['accel'], 'accel')]
     chosen = choose_topic(recording, topic)
+    _tell_filtered(recording, chosen)
     return _united(recording, chosen)
+
+
+def _tell_filtered(recording: Recording, topic: str) -> None:
+    """
+    Say so where samples have passed an orientation filter that changes them.
+
+    By REP 145 ``imu/data_raw`` comes from the sensor and ``imu/data`` from the filter behind it.
+    Most hand the samples through; imu_complementary_filter subtracts the bias that it estimates.
+    """
+    raw = f'{topic}_raw'
+    if not topic.endswith('/data') or raw not in (imu.name for imu in recording.topics):
+        return
+    filtered, sensor = (
+        {stamp: sample for block in _beginning(recording, name)
+         for stamp, sample in zip(block.header_ns.tolist(), block.samples, strict=True)}
+        for name in (topic, raw))
+    common = filtered.keys() & sensor.keys()
+    changed = sum(not np.allclose(filtered[stamp], sensor[stamp], rtol=1e-5, atol=1e-9)
+                  for stamp in common)
+    if len(common) >= _ENOUGH and changed > len(common) / 2:
+        recording.remark(
+            'filtered',
+            f'the samples of {printable(topic)} have passed an orientation filter that changes '
+            f'them, perhaps by a bias that it estimates; take {printable(raw)}')
 
 
 def _tell_others(recording: Recording) -> None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from bags import IMU, START_NS
@@ -76,6 +77,21 @@ def test_info_says_what_is_joined(tmp_path, capsys):
     topics['/b/gyro'] = block(400, 800, True, False)
     assert main(['info', str(write(tmp_path / 'b.mcap', topics))]) == 0
     assert '\nnot one IMU: choose a topic with --topic' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('bias', [0.0, 1e-3])
+def test_samples_that_an_orientation_filter_changed_are_told(tmp_path, bias):
+    sensor = block(400, 800, True, True)
+    behind = replace(sensor, samples=sensor.samples - np.repeat([bias, 0], 3))
+    path = write(tmp_path / 'a.mcap', {'/imu/data_raw': sensor, '/imu/data': behind})
+    for topic in ('/imu/data', '/imu/data_raw'):
+        with open_recording(path) as recording:
+            assert choose_streams(recording, topic) == [Stream(topic)]
+            told = [remark.message for remark in recording.remarks]
+        assert told == ([
+            f'{path}: the samples of /imu/data have passed an orientation filter that changes '
+            'them, perhaps by a bias that it estimates; take /imu/data_raw']
+            if bias and topic == '/imu/data' else [])
 
 
 def test_a_stated_rate_is_that_of_its_own_half(tmp_path):

@@ -13,6 +13,7 @@ from browser import CHROMIUM, DRIVER, running_browser
 from imu_allan.result import (
     Curve,
     GoodnessOfFit,
+    Inspection,
     Remark,
     Source,
     Spectrum,
@@ -347,3 +348,11 @@ def test_a_result_of_nothing_gives_a_page(result, tmp_path, browser):
     browser.show(written(tmp_path, report_html(empty)))
     assert 'No gap and no motion' in browser.run('return document.body.innerText')
     assert browser.console() == []
+
+
+def test_the_report_names_the_unit_and_who_measured_it_where(result):
+    inspection = Inspection('A-17 <b>', 'mk', 'bench 3')
+    text = Outline(report_html(replace(result, inspection=inspection))).text
+    for fact in ('serial number A-17 <b>', 'operator mk', 'station bench 3'):
+        assert fact in text
+    assert 'serial number' not in Outline(report_html(result)).text
