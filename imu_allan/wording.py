@@ -196,7 +196,7 @@ def named(axes: Sequence[str]) -> str:
     for axis in axes:
         sensor, _, letter = axis.partition('_')
         sensors.setdefault(sensor, []).append(letter)
-    return ', '.join(f'{sensor} {listed(letters)}' for sensor, letters in sensors.items())
+    return ', '.join(f'{sensor} {listed(sorted(letters))}' for sensor, letters in sensors.items())
 
 
 def names_of(result: Result) -> list[str]:

@@ -24,6 +24,10 @@ def register(verbs: Any) -> None:
                         help='what to write besides, of png, svg, pdf, and of one result latex: a '
                              'table, a paragraph on the method and its references (default: '
                              'png,svg,pdf)')
+    parser.add_argument('--width', metavar='CM', type=_width,
+                        help='of one result, the Allan deviation for a column of a paper, too: so '
+                             'many centimetres wide, without heading and table (8.5 or 17 are '
+                             'usual)')
     parser.set_defaults(run=run)
 
 
@@ -33,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
         MOST_COMPARED,
         save_comparison,
         save_latex,
+        save_paper,
         save_report,
     )
     from imu_allan.writers.result_file import load_result
@@ -41,10 +46,14 @@ def run(args: argparse.Namespace) -> int:
     pictures = tuple(name for name in args.format if name != 'latex')
     if len(results) > 1 and pictures != args.format:
         raise ImuAllanError('--format latex takes one result')
+    if len(results) > 1 and args.width is not None:
+        raise ImuAllanError('--width takes one result')
     if len(results) == 1:
         paths = save_report(results[0], args.output, pictures)
         if pictures != args.format:
             paths += save_latex(results[0], args.output)
+        if args.width is not None:
+            paths += save_paper(results[0], args.output, args.width, pictures)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of
         from rich.console import Console
@@ -64,6 +73,16 @@ def run(args: argparse.Namespace) -> int:
     for path in paths:
         print(path)
     return 0
+
+
+def _width(text: str) -> float:
+    try:
+        width = float(text.strip().removesuffix('cm'))
+    except ValueError:
+        width = 0.0
+    if not 5 <= width <= 50:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a width of 5 to 50 cm')
+    return width
 
 
 def _formats(text: str) -> tuple[str, ...]:

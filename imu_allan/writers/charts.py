@@ -131,11 +131,16 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     factor = convert(1.0, unit, shown)
     length = max(result.timeline.duration_s, 1e-9)
     scale, units = time_unit(length)
+    warmth = result.temperature
+    extents = [(name[-1], f'axis-{name[-1]}', axis.signal, factor)
+               for name, axis in known.items() if axis.signal is not None]
+    if warmth is not None:
+        extents.append(('°C', 'warmth', warmth, 1.0))
 
     def draw(drawing: Drawing, narrow: bool) -> None:
         left, top, right, _ = _box(drawing, narrow)
-        strip = 44.0
-        split = drawing.height - 46 - strip * len(known) - 26
+        strip = 52.0
+        split = drawing.height - 46 - strip * (len(known) + (warmth is not None)) - 26
         main = drawing.panel((left, top, right, split), (0, length / scale, False),
                              _wander(known, factor))
         _shade(main, result.timeline, scale, known)
@@ -146,21 +151,21 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
             for name, axis in known.items() for time, mean in [wander(axis)]])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
-        for place, (name, axis) in enumerate(known.items()):
+        for place, (tag, kind, signal, times) in enumerate(extents):
             y0 = split + 26 + place * strip
-            low, high = (np.array([np.nan if v is None else v for v in values]) * factor
-                         for values in (axis.signal.low, axis.signal.high)) \
-                if axis.signal is not None else (np.zeros(0), np.zeros(0))
+            low, high = (np.array([np.nan if v is None else v for v in values]) * times
+                         for values in (signal.low, signal.high))
             ends = float(np.nanmin(low)), float(np.nanmax(high))
-            part = drawing.panel((left, y0 + 2, right, y0 + strip - 4),
+            part = drawing.panel((left, y0 + 2, right, y0 + strip - 12),
                                  (0, length / scale, False), _padded(*ends))
             _shade(part, result.timeline, scale, known)
-            last = place == len(known) - 1
+            last = place == len(extents) - 1
             part.frame(f'time [{units}]' if last else '', '', x_labels=last, most_y=3)
-            time = (np.arange(len(low)) + 0.5) * (axis.signal.step_s if axis.signal else 1) / scale
-            drawing.add(part, [group(name[-1], f'axis-{name[-1]}',
-                                     [part.band(time, low, high, 'extent')])])
-            drawing.text(right - 4, y0 + 14, name[-1], f'tag axis-{name[-1]}', 'end')
+            time = (np.arange(len(low)) + 0.5) * signal.step_s / scale
+            shape = part.line(time, (low + high) / 2, 'curve') if signal is warmth else \
+                part.band(time, low, high, 'extent')
+            drawing.add(part, [group(tag, kind, [shape])])
+            drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
 
     name = f'{sensor}-signal'
     text = ('Mean and extremes of equal stretches of the recording. A drift, a warm-up or a knock '
@@ -168,9 +173,12 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     shades = [label for label, spans in (('Grey: gap.', result.timeline.gaps),
                                          ('Yellow: motion, left out.', result.timeline.motion))
               if spans]
+    if warmth is not None:
+        shades.append('°C: of the thermometer beside the sensor.')
+    height = 354 if warmth is None else 406
     return Chart(name, f'{SENSORS[sensor]}: the signal', ' '.join([text, *shades]),
-                 _both(name, f'{SENSORS[sensor]}: mean and extremes over time', 330,
-                       draw, 330), _groups(known))
+                 _both(name, f'{SENSORS[sensor]}: mean and extremes over time', height,
+                       draw, height), _groups(known))
 
 
 def _wander(axes: Mapping[str, AxisResult], factor: float) -> tuple[float, float, bool]:

@@ -11,7 +11,7 @@ from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.filters import export
 from imu_allan.writers.panels import sensors_of
-from imu_allan.writers.plot import FORMATS, overview_figure, render, sensor_figure
+from imu_allan.writers.plot import FORMATS, overview_figure, paper_figure, render, sensor_figure
 from imu_allan.writers.result_file import save_curves, save_result
 
 if TYPE_CHECKING:
@@ -98,11 +98,42 @@ def save_report(result: Result, folder: str | os.PathLike[str],
     write_atomically(paths[0], report_html(result).encode())
     wanted = formats if overview_formats is None else overview_formats
     if wanted:
-        paths += _save_plot(overview_figure(result), folder / 'allan_deviation', wanted)
+        paths += _save_plot(overview_figure(result), folder, 'allan_deviation', wanted)
     if formats:
         for sensor in sensors_of(result):
-            paths += _save_plot(sensor_figure(result, sensor), folder / sensor, formats)
+            paths += _save_plot(sensor_figure(result, sensor), folder, sensor, formats)
     return paths
+
+
+def save_paper(result: Result, folder: str | os.PathLike[str], width_cm: float,
+               formats: Sequence[str] = FORMATS) -> list[Path]:
+    """
+    Write ``allan_deviation_WIDTHcm.FORMAT``, made for a column of a paper.
+
+    Parameters
+    ----------
+    result : Result
+        What to write.
+    folder : path
+        Made where it is missing.
+    width_cm : float
+        Of the column.
+    formats : sequence of 'png', 'svg', 'pdf'
+        Of the figure.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    ImuAllanError
+        If a file cannot be written, or there is nothing to draw.
+
+    """
+    figure = paper_figure(result, width_cm)
+    return _save_plot(figure, Path(folder), f'allan_deviation_{width_cm:g}cm', formats, dpi=300)
 
 
 def save_latex(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
@@ -135,11 +166,12 @@ def save_latex(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
     return paths
 
 
-def _save_plot(figure: 'Figure', path: Path, formats: Sequence[str]) -> list[Path]:
+def _save_plot(figure: 'Figure', folder: Path, name: str, formats: Sequence[str],
+               dpi: float = 150) -> list[Path]:
     paths = []
-    for name in formats:
-        paths.append(path.with_suffix(f'.{name}'))
-        write_atomically(paths[-1], render(figure, name))
+    for kind in formats:
+        paths.append(folder / f'{name}.{kind}')
+        write_atomically(paths[-1], render(figure, kind, dpi))
     return paths
 
 
@@ -184,6 +216,6 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
         fleet = Fleet(results)
         page = fleet_html(fleet, f'{len(results)} results compared')
         write_atomically(paths[0], page.encode())
-        return paths + _save_plot(curves_figure(fleet), folder / 'comparison', formats)
+        return paths + _save_plot(curves_figure(fleet), folder, 'comparison', formats)
     write_atomically(paths[0], comparison_html(results).encode())
-    return paths + _save_plot(comparison_figure(results), folder / 'comparison', formats)
+    return paths + _save_plot(comparison_figure(results), folder, 'comparison', formats)

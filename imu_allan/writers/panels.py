@@ -597,7 +597,8 @@ def label_ends(panel: 'Axes', axes: Mapping[str, AxisResult], theme: Theme) -> N
     if not ends:
         return
     low, high = np.log((bottom, top))
-    apart = 0.055 * (high - low)
+    tall = 72 * panel.bbox.height / panel.figure.dpi
+    apart = max(0.055, 1.3 * float(panel.yaxis.label.get_fontsize()) / tall) * (high - low)
     heights = _spread([float(np.log(value)) for _, value, _ in ends], apart)
     # The outermost stay clear of the frame, all by the same shift.
     shift = max(0.0, low + apart - min(heights)) - max(0.0, max(heights) - (high - apart))
@@ -650,14 +651,25 @@ def empty_figure(width: float, height: float) -> 'Figure':
 
 
 @contextmanager
-def plot_style(theme: Theme = 'light') -> Iterator[None]:
-    """Fonts, lines and colours of every figure, for as long as the context lasts."""
+def plot_style(theme: Theme = 'light', size: float = 9.0) -> Iterator[None]:
+    """
+    Fonts, lines and colours of every figure, for as long as the context lasts.
+
+    Parameters
+    ----------
+    theme : 'light' or 'dark'
+        Colours of the paper.
+    size : float, optional
+        Of the text, in points; the numbers beside the axes are a point smaller, 7 at least.
+
+    """
     colours = COLOURS[theme]
     with own_style({
-            'font.family': 'DejaVu Sans', 'font.size': 9, 'axes.labelsize': 9,
-            'axes.titlesize': 10, 'axes.titleweight': 'bold', 'xtick.labelsize': 8,
-            'ytick.labelsize': 8, 'figure.facecolor': colours['paper'],
-            'axes.facecolor': colours['paper'], 'text.color': colours['ink'],
+            'font.family': 'DejaVu Sans', 'font.size': size, 'axes.labelsize': size,
+            'axes.titlesize': size + 1, 'axes.titleweight': 'bold',
+            'xtick.labelsize': max(7.0, size - 1), 'ytick.labelsize': max(7.0, size - 1),
+            'figure.facecolor': colours['paper'], 'axes.facecolor': colours['paper'],
+            'text.color': colours['ink'],
             'axes.labelcolor': colours['ink'], 'xtick.color': colours['soft'],
             'ytick.color': colours['soft'], 'axes.edgecolor': colours['soft'],
             'axes.linewidth': 0.7, 'grid.color': colours['grid'], 'grid.linewidth': 0.7,

@@ -49,6 +49,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ('png', 'svg', 'pdf')
+_INCH_CM = 2.54
+_BESIDE_CM = 12.0
+_PAPER_ROW = 2.5
+"""Height of a panel with its titles, in inches."""
 
 
 def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
@@ -140,6 +144,54 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
             frame_density(density, sensor, density_limits(axes.values(), result.timeline), **ends)
             first = [first[0] or allan, first[1] or density]
         draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result.timeline, theme)
+        return figure
+
+
+def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Figure':
+    """
+    Draw the Allan deviations for a column of a paper, which has its own caption.
+
+    Parameters
+    ----------
+    result : Result
+        What to draw.
+    width_cm : float
+        Width of the column; the sensors stand beside one another from 12 cm on, below one another
+        in less.
+    theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        No letter in it is smaller than 7 points in print.
+
+    Raises
+    ------
+    ImuAllanError
+        If no axis has an Allan deviation above zero.
+
+    """
+    drawn = {sensor: {name: axis for name, axis in axes_of(result, sensor).items()
+                      if any(axis.curve.adev)} for sensor in sensors_of(result)}
+    drawn = {sensor: axes for sensor, axes in drawn.items() if axes}
+    if not drawn:
+        raise ImuAllanError('no axis of the result has an Allan deviation above zero to draw')
+    beside = len(drawn) if width_cm >= _BESIDE_CM else 1
+    width, height = width_cm / _INCH_CM, _PAPER_ROW * (len(drawn) // beside)
+    with plot_style(theme, size=7.5):
+        figure = empty_figure(width, height)
+        column, row = 1 / beside, _PAPER_ROW / height
+        for place, (sensor, axes) in enumerate(drawn.items()):
+            left, bottom = (place % beside) * column, 1 - (place // beside + 1) * row
+            panel = figure.add_axes((left + 0.6 / width, bottom + 0.42 / height,
+                                     column - 1.14 / width, row - 0.68 / height))
+            for name, axis in axes.items():
+                draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
+                           result.timeline)
+            frame_allan(panel, sensor, limits_of(axes.values()))
+            label_ends(panel, axes, theme)
+            panel.set_title(SENSORS[sensor], loc='left')
         return figure
 
 

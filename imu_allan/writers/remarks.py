@@ -69,19 +69,39 @@ def grouped(result: Result, tones: int = MANY_TONES) -> list[Group]:
         So many lines of each axis are named, the strongest first.
 
     """
-    kinds: dict[str, dict[tuple[str, ...], list[tuple[str | None, str]]]] = {}
+    kinds: dict[str, list[tuple[str | None, str]]] = {}
     for warning in result.warnings:
-        axis, text = _split(printable(warning.message))
-        # Sentences that differ in numbers alone are of one kind.
-        kinds.setdefault(warning.code, {}).setdefault(
-            tuple(_NUMBER.split(text)) if axis else (text,), []).append((axis, text))
+        kinds.setdefault(warning.code, []).append(_split(printable(warning.message)))
     groups = [Group(code, TITLES.get(code, printable(code).replace('_', ' ')),
-                    tuple(_sentence(shape, found, listing=code == 'constant_axis')
-                          for shape, found in shapes.items()))
-              for code, shapes in kinds.items()]
+                    told_once(found, listing=code == 'constant_axis'))
+              for code, found in kinds.items()]
     if lines := _tones(result, tones):
         groups.append(Group('tones', TITLES['tones'], (lines,)))
     return groups
+
+
+def told_once(found: Sequence[tuple[str | None, str]], *, listing: bool = False
+              ) -> tuple[str, ...]:
+    """
+    Make one of sentences that differ in the axis and in numbers alone.
+
+    Parameters
+    ----------
+    found : sequence of (str or None, str)
+        Axis and sentence about it; what is about none stays as it is.
+    listing : bool, optional
+        Every number is named, not what they reach over.
+
+    Examples
+    --------
+    >>> told_once([('gyro_x', 'twice 0.3 deg'), ('gyro_z', 'twice 0.4 deg')])
+    ('gyro x and z: twice 0.3 to 0.4 deg',)
+
+    """
+    shapes: dict[tuple[str, ...], list[tuple[str | None, str]]] = {}
+    for axis, text in found:
+        shapes.setdefault(tuple(_NUMBER.split(text)) if axis else (text,), []).append((axis, text))
+    return tuple(_sentence(shape, those, listing=listing) for shape, those in shapes.items())
 
 
 def count_of(groups: Sequence[Group]) -> str:

@@ -188,9 +188,11 @@ def _card(answer: Answer) -> dict[str, Any]:
 
 def _card_row(figure: Figure, name: str) -> dict[str, Any]:
     return {'symbol': figure.symbol, 'name': name, 'axis': figure.axis, 'word': figure.word,
-            'good': figure.word in GOOD, 'value': figure.value, 'interval': figure.interval,
+            'good': figure.word in GOOD, 'value': figure.value,
+            'interval': figure.interval.replace(' .. ', ' – '),
             'unit': typeset(figure.unit), 'si_value': figure.si_value,
-            'si_interval': figure.si_interval, 'si_unit': typeset(figure.si_unit)}
+            'si_interval': figure.si_interval.replace(' .. ', ' – '),
+            'si_unit': typeset(figure.si_unit)}
 
 
 def _charts(result: Result, answer: Answer) -> list[Chart]:
@@ -218,7 +220,10 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
     axes = axes_of(result, sensor)
     quantity = AXES[next(iter(axes))]
     rows = []
+    dead = all(is_constant(axis) for axis in axes.values())
     for key, term in TERMS.items():
+        if dead:
+            break
         unit = term.unit(quantity)
         rows.append({
             'symbol': term.symbol, 'name': term.name(quantity), 'key': key,
@@ -231,7 +236,7 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
              for axis in axes.values()]
     return {'title': SENSORS[sensor], 'axes': [name[-1] for name in axes], 'rows': rows,
             'means': means if any(means) else [], 'mean_unit': typeset(unit),
-            'mean_si_unit': typeset(quantity.unit)}
+            'mean_si_unit': typeset(quantity.unit), 'dead': dead}
 
 
 def _cell(coefficient: Coefficient) -> _Cell:

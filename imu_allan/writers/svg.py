@@ -99,9 +99,14 @@ def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]
     rough = (high - low) / max(1, most - 1)
     size = 10.0 ** floor(log10(rough))
     step = size * next(m for m in (1, 2, 5, 10) if m * size >= rough * 0.999)
+    # One number beside an axis does not say how long it is.
+    while floor(high / step + 1e-9) - ceil(low / step - 1e-9) < 1:
+        size = 10.0 ** floor(log10(step * 0.999))
+        step = size * next(m for m in (5, 2, 1) if m * size < step * 0.999)
     digits = max(0, -floor(log10(step) + 1e-9))
-    return [(k * step, f'{k * step:.{digits}f}'.replace('-', '\N{MINUS SIGN}'))
-            for k in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+    ticks = [(k * step, f'{k * step:.{digits}f}'.replace('-', '\N{MINUS SIGN}'))
+             for k in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+    return ticks[::2] if len(ticks) > most else ticks
 
 
 def text_width(text: str) -> float:

@@ -14,6 +14,7 @@ from imu_allan.writers import panels, plot
 import matplotlib
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
+from matplotlib.text import Text
 import numpy as np
 import pytest
 
@@ -246,3 +247,44 @@ def test_drawing_needs_no_display_and_no_pyplot():
               'assert "matplotlib" not in sys.modules; plot.empty_figure(1, 1); '
               'assert "matplotlib.pyplot" not in sys.modules')
     subprocess.run([sys.executable, '-c', script], check=True)
+
+
+@pytest.mark.parametrize('width_cm', [8.5, 17.0])
+def test_a_figure_for_a_paper_has_its_column_s_width_and_text_that_survives(result, width_cm):
+    figure = plot.paper_figure(result, width_cm)
+    assert figure.get_figwidth() == pytest.approx(width_cm / 2.54)
+    plot.render(figure, 'png', 100)
+    paper = figure.bbox
+    boxes = []
+    for text in figure.findobj(Text):
+        # Numbers beside an axis that lie outside of it are there and not drawn.
+        box = text.get_window_extent()
+        if not (text.get_visible() and text.get_text().strip()) or text in hidden_ticks(figure):
+            continue
+        assert text.get_fontsize() >= 7, text.get_text()
+        assert paper.x0 <= box.x0 < box.x1 <= paper.x1, text.get_text()
+        assert paper.y0 <= box.y0 < box.y1 <= paper.y1, text.get_text()
+        boxes.append((text.get_text(), box))
+    for place, (one, box) in enumerate(boxes):
+        assert not [other for other, its in boxes[:place] if box.overlaps(its)], one
+
+
+def hidden_ticks(figure):
+    """Return the numbers that lie beyond the ends of their axis."""
+    hidden = []
+    beside = [child for panel in figure.axes for child in panel.child_axes]
+    for panel in [*figure.axes, *beside]:
+        for axis in (panel.xaxis, panel.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            for tick in axis.get_major_ticks():
+                if not low <= tick.get_loc() <= high:
+                    hidden += [tick.label1, tick.label2]
+    return hidden
+
+
+def test_a_paper_s_figure_of_constant_axes_is_one_line(result, make_axis):
+    flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
+                 (0.0, 0.0))
+    with pytest.raises(ImuAllanError, match='no axis of the result has an Allan deviation'):
+        plot.paper_figure(replace(result, axes={'gyro_x': make_axis('gyro_x', {}, curve=flat)}),
+                          8.5)

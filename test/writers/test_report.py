@@ -15,6 +15,7 @@ from imu_allan.result import (
     GoodnessOfFit,
     Inspection,
     Remark,
+    Signal,
     Source,
     Spectrum,
     Timeline,
@@ -25,6 +26,7 @@ from imu_allan.sensor.units import engineering
 from imu_allan.wording import measured
 from imu_allan.writers.filters import export
 from imu_allan.writers.report import comparison_html, report_html
+from imu_allan.writers.svg import Scale
 import pytest
 
 needs_browser = pytest.mark.skipif(not (CHROMIUM and DRIVER),
@@ -76,8 +78,8 @@ def written(tmp_path, text):
 def test_the_report_shows_the_answer_before_it_explains_it(filtered):
     text = Outline(report_html(filtered)).text
     for part in ('Gyroscope steady N angle random walk, worst axis: y 2.647 °/√h '
-                 '95 %: 2.642 .. 2.652 0.0007700 rad/s/√Hz',
-                 'K rate random walk, worst axis: y 54 °/h/√h 95 %: 38 .. 71',
+                 '95 %: 2.642 – 2.652 0.0007700 rad/s/√Hz',
+                 'K rate random walk, worst axis: y 54 °/h/√h 95 %: 38 – 71',
                  'tuned for corrections every 0.1 s and up to 60 s without',
                  'Left alone for 60 s, this gyroscope is off by 0.53° .',
                  '2,160,000 samples at 200 Hz, 3 h', 'frame imu_link'):
@@ -125,6 +127,28 @@ def test_a_constant_sensor_says_so_instead_of_blank_charts(result, make_axis):
     html = report_html(replace(result, axes=axes, warnings=()))
     assert 'Constant: gyro x, y and z. Every sample is the same' in Outline(html).text
     assert '<svg' not in html
+    # No rows that say five times that nothing shows.
+    assert '<small>not observable</small>' not in html
+    assert 'no term of the noise can show' in Outline(html).text
+
+
+def test_the_temperature_stands_under_the_signal(filtered):
+    assert '>°C<' not in report_html(filtered)
+    warm = replace(filtered, temperature=Signal(
+        100.0, *((low,) * 40 + (low + 9.0,) * 40 for low in (20.0, 20.1, 20.2))))
+    page = report_html(warm)
+    # A strip under each sensor, at the desk and on the phone.
+    assert page.count('>°C<') == 4
+    assert 'of the thermometer beside the sensor' in page
+
+
+@pytest.mark.parametrize(('low', 'high'), [
+    (-0.49, 0.49), (-10.4, -9.6), (-1.9, 1.4), (131.0, 131.5), (0.0, 1.0), (-3e-7, 4e-7)])
+def test_a_strip_has_two_or_three_numbers_beside_it(low, high):
+    ticks = Scale(low, high, False, 0.0, 1.0).ticks(3)
+    assert 2 <= len(ticks) <= 3
+    assert len({text for _, text in ticks}) == len(ticks)
+    assert all(low - 1e-9 <= value <= high + 1e-9 for value, _ in ticks)
 
 
 def test_every_filter_config_can_be_copied_from_the_report(result):

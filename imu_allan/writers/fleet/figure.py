@@ -38,6 +38,8 @@ _MOST_CURVES = 200
 """Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
 _MOST_NAMED = 7
 """Colours there are; what sticks out beyond them is named in the table alone."""
+_WIDTH = 11.0
+"""Inches; as wide as the page, text of 8 points is 11 pixels high."""
 _SHOWN = ('noise_density', 'bias_instability', 'rate_random_walk')
 
 
@@ -60,10 +62,10 @@ def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
     colours = _odd_colours(fleet, theme)
     sensors = _sensors(fleet)
     with plot_style(theme):
-        figure = empty_figure(15.0, 0.9 + 4.6 * max(1, len(sensors)))
+        figure = empty_figure(_WIDTH, 0.9 + 3.7 * max(1, len(sensors)))
         grid = figure.add_gridspec(
-            max(1, len(sensors)), 3, left=0.062, right=0.938, wspace=0.09, hspace=0.3,
-            bottom=0.55 / figure.get_figheight(), top=1 - 0.8 / figure.get_figheight())
+            max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
+            bottom=0.55 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
         _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme)
         for row, sensor in enumerate(sensors):
             names = [axis for axis in AXES if axis.startswith(sensor) and _axes(fleet, axis)]
@@ -102,7 +104,7 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
                    markersize=3.6, zorder=5)
         panel.annotate(_short(unit), (curve.tau_s[-1], curve.adev[-1]), xytext=(-3, 5),
-                       textcoords='offset points', color=colour, fontsize=7.5, ha='right',
+                       textcoords='offset points', color=colour, fontsize=8, ha='right',
                        zorder=6)
 
 
@@ -136,16 +138,17 @@ def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
     keys = [key for key in _SHOWN
             if any(trait.key == key for trait in fleet.population.traits)] or list(_SHOWN[:1])
     with plot_style(theme):
-        figure = empty_figure(15.0, 0.9 + 2.3 * len(keys))
+        rows = [(sensor, key) for sensor in _sensors(fleet) for key in keys]
+        figure = empty_figure(_WIDTH, 0.9 + 2.1 * max(1, len(rows)))
         grid = figure.add_gridspec(
-            len(keys), max(1, len(names)), left=0.062, right=0.985, wspace=0.42, hspace=0.34,
-            bottom=0.5 / figure.get_figheight(), top=1 - 0.8 / figure.get_figheight())
+            max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.42,
+            bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
         _heading(figure, 'Coefficients of every unit', theme)
-        for row, key in enumerate(keys):
-            for column, name in enumerate(names):
+        for row, (sensor, key) in enumerate(rows):
+            for column, name in enumerate(n for n in names if n.startswith(sensor)):
                 panel = figure.add_subplot(grid[row, column])
                 _draw_units(panel, fleet, name, key, colours, theme)
-                if row == len(keys) - 1:
+                if row == len(rows) - 1:
                     panel.set_xlabel('unit, by name')
         return figure
 
@@ -155,8 +158,7 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
     unit = TERMS[key].unit(AXES[name])
     shown_unit = engineering(1.0, unit)[1]
     panel.set_title(f'{TERMS[key].symbol} {name.replace("_", " ")}', loc='left')
-    panel.set_ylabel(typeset(shown_unit), fontsize=7.5)
-    panel.tick_params(labelsize=7)
+    panel.set_ylabel(typeset(shown_unit))
     panel.grid(True, axis='y')
     axes = _axes(fleet, name)
     trait = next((t for t in fleet.population.traits if (t.axis, t.key) == (name, key)), None)
@@ -189,7 +191,7 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                rasterized=rasterized)
     if colour:
         panel.annotate(name, (place, value), xytext=(4, 4), textcoords='offset points',
-                       fontsize=6.5, color=colour)
+                       fontsize=8, color=colour)
 
 
 def _heading(figure: 'Figure', title: str, theme: Theme) -> None:
