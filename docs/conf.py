@@ -22,6 +22,8 @@ exclude_patterns = ['_build']
 
 html_theme = 'furo'
 html_title = 'imu_allan'
+html_static_path = ['_static']
+html_css_files = ['tables.css']
 
 autodoc_typehints = 'none'
 napoleon_google_docstring = False
