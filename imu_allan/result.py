@@ -288,7 +288,12 @@ class Signal:
 
 @dataclass(frozen=True)
 class AxisResult:
-    """Everything known about one axis."""
+    """
+    Everything known about one axis.
+
+    `band_limit_s` is the effective window of a low-pass, where one was found, and `band_edge_hz`
+    the highest frequency that was fitted, where what lies above was left out.
+    """
 
     quantity: str
     unit: str
@@ -306,6 +311,7 @@ class AxisResult:
     backtest: Backtest | None = None
     signal: Signal | None = None
     sample_rate_hz: float | None = None
+    band_edge_hz: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""

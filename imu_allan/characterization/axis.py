@@ -177,6 +177,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         found.append((replace(
             base,
             band_limit_s=fitted.window_s,
+            band_edge_hz=fitted.edge_hz,
             tones=tuple(Tone(line.frequency_hz, line.amplitude) for line in lines),
             coefficients={key: coefficients[key] for key in TERMS},
             goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,

@@ -33,6 +33,15 @@ def test_model_follows_the_curve_of_low_passed_noise_at_every_averaging_time(wid
     np.testing.assert_allclose(model_over_curve(axis), 1, atol=0.15)
 
 
+def test_the_band_that_was_fitted_ends_below_what_was_left_out():
+    whole = characterize(WHITE, RATE)
+    assert (whole.band_limit_s, whole.band_edge_hz) == (None, None)
+    bent = characterize(lfilter(np.ones(40) / 40, [1.0], WHITE)[40:], RATE)
+    assert bent.band_edge_hz <= RATE / 80
+    assert bent.band_edge_hz == pytest.approx(
+        RATE / 2**round(np.log2(RATE / bent.band_edge_hz)), rel=1e-3)
+
+
 def test_model_is_that_of_the_drift_model_and_describes_the_curve():
     model = {'noise_density': 1e-3, 'bias_instability': 3e-3, 'rate_random_walk': 3e-3}
     axis = characterize(simulate(model, 300_000, RATE, seed=3), RATE)
