@@ -22,11 +22,11 @@ from imu_allan.writers.answer import is_constant
 from imu_allan.writers.panels import (
     coefficients_of,
     density_limits,
-    describe,
     few_degrees,
     in_bands,
     limits_of,
     model_curve,
+    model_density,
     reading_point,
     time_unit,
     wander,
@@ -197,8 +197,9 @@ def _shade(panel: Panel, timeline: Timeline, scale: float,
     for spans, kind, what in ((timeline.motion, 'motion', 'motion, left out'),
                               (timeline.gaps, 'gap', 'gap')):
         for span in spans[:_SHOWN_SPANS]:
-            panel.span(span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
-                       _told(what, span))
+            panel.parts.append(panel.span(
+                span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
+                _told(what, span)))
     steady = next((axis.stationarity for axis in axes.values()
                    if axis.stationarity is not None), None)
     for segment in steady.segments[1:] if steady else ():
@@ -262,8 +263,9 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
     name = f'{sensor}-allan'
     return Chart(name, f'{SENSORS[sensor]}: Allan deviation',
                  'Points: measured, hollow where fewer than 3 degrees of freedom stand behind '
-                 'one. Line: fitted model. Shaded: where 95 % of the points should fall if it '
-                 'is right. Ring: where the coefficient is read.',
+                 'one. Line: fitted model, over the times of which it was fitted. Shaded: where '
+                 '95 % of the points should fall if it is right. Ring: where the coefficient is '
+                 'read.',
                  _both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
                        draw, 330), _groups(known), worst_axis(known))
 
@@ -354,6 +356,10 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
         panel = drawing.panel(_box(drawing, narrow), (lowest / 1.2, rate / 2 * 1.2, True),
                               (low * factor**2, high * factor**2, True))
         for name, axis in known.items():
+            if axis.band_edge_hz is not None:
+                panel.parts.append(group(name[-1], 'detail', [panel.span(
+                    axis.band_edge_hz, rate / 2, 'beyond-band',
+                    f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')]))
             for tone in axis.tones[:_SHOWN_TONES]:
                 amount = number(tone.amplitude * factor, 3)
                 panel.parts.append(group(name[-1], 'detail', [panel.upright(
@@ -370,7 +376,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
                 inside.append(group(name[-1], f'axis-{name[-1]}', [
                     panel.line(at, power * factor**2, 'measured')]))
         for name, axis in known.items():
-            model = describe(axis).density(frequency, 1 / rate) * factor**2
+            model = model_density(axis, frequency, rate) * factor**2
             inside.append(group(name[-1], f'axis-{name[-1]}', [
                 panel.line(frequency, np.where(model > 0, model, np.nan), 'curve')]))
         drawing.add(panel, inside)
@@ -379,7 +385,9 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
     return Chart(name, f'{SENSORS[sensor]}: power spectral density',
                  'Thin: measured, in bands of a quarter of an octave. Thick: fitted model, '
                  'low-pass included; white noise of density N stands at N². Upright: lines that '
-                 'were left out of the fit.',
+                 'were left out of the fit.'
+                 + (' Shaded: frequencies that were left out.' if any(
+                     axis.band_edge_hz is not None for axis in known.values()) else ''),
                  _both(name, f'{SENSORS[sensor]}: power spectral density against frequency', 400,
                        draw, 320), _groups(known), worst_axis(known))
 

@@ -227,6 +227,11 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
     rate = timeline.sample_rate_hz
     if rate is None or timeline.duration_s <= 0:
         return
+    if axis.band_edge_hz is not None:
+        panel.axvspan(axis.band_edge_hz, rate / 2, color=COLOURS[theme]['good'], linewidth=0,
+                      zorder=0)
+        panel.text(0.99, 0.02, 'shaded: not fitted', transform=panel.transAxes, ha='right',
+                   va='bottom', fontsize=7, color=COLOURS[theme]['soft'])
     if axis.spectrum is not None:
         frequency, power = in_bands(axis.spectrum)
         seen = power > 0
@@ -276,11 +281,14 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
     Returns
     -------
     ndarray, shape (n,)
-        In squared sample units per Hz. The ramp is deterministic and has no spectrum.
+        In squared sample units per Hz; NaN above the band that was fitted, of which the model
+        says nothing. The ramp is deterministic and has no spectrum.
 
     """
-    model = describe(axis) if coefficients is None else FittedModel(coefficients)
-    return model.density(frequency_hz, 1 / sample_rate_hz)
+    if coefficients is not None:
+        return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
+    density = describe(axis).density(frequency_hz, 1 / sample_rate_hz)
+    return np.where(frequency_hz > (axis.band_edge_hz or inf), np.nan, density)
 
 
 def describe(axis: AxisResult) -> FittedModel:
@@ -313,7 +321,8 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
     Returns
     -------
     tau, adev : ndarray, shape (n,)
-        In seconds, and in the unit of a sample.
+        In seconds, from the shortest time of which the model was fitted, and in the unit of a
+        sample.
 
     """
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
@@ -331,6 +340,8 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
         avar = np.where(size > size[0] * 64, smooth, avar)
         avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
     keep = np.unique(np.linspace(0, len(size) - 1, _FINE).astype(int))
+    # What an average over less than a period of the band's edge scatters by lies beyond the edge.
+    keep = keep[size[keep] / rate >= 1 / (axis.band_edge_hz or inf)]
     return size[keep] / rate, np.sqrt(avar[keep])
 
 
@@ -525,7 +536,8 @@ def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[floa
         if rate is not None and timeline.duration_s > 0:
             frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 60)
             model = model_density(axis, frequency, rate)
-            if (model > 0).all():
+            model = model[model > 0]
+            if len(model):
                 low, high = min(low, float(model.min())), max(high, float(model.max()))
         if axis.spectrum is not None:
             measured = np.array([value for value in axis.spectrum.psd if value > 0])

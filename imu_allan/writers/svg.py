@@ -207,14 +207,12 @@ class Panel:
                              f'<title>{escape(title)}</title></path>')
         return ''.join(marks)
 
-    def span(self, x0: float, x1: float, kind: str, title: str) -> None:
-        """Shade a stretch of x, one pixel wide at least."""
+    def span(self, x0: float, x1: float, kind: str, title: str) -> str:
+        """Return the shade of a stretch of x, one pixel wide at least."""
         left, right = sorted((self.x.start, self.x.end))
         top, bottom = sorted((self.y.start, self.y.end))
         begin, end = np.clip(self.x([x0, x1]), left, right)
-        if end >= left and begin <= right:
-            self.parts.append(
-                f'<rect class="{kind}" x="{begin:.1f}" y="{top:g}" '
+        return (f'<rect class="{kind}" x="{begin:.1f}" y="{top:g}" '
                 f'width="{max(1.0, end - begin):.1f}" height="{bottom - top:g}">'
                 f'<title>{escape(title)}</title></rect>')
 

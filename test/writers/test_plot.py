@@ -101,6 +101,21 @@ def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):
     assert density == pytest.approx([9e-6] * 3)
 
 
+def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
+    axis = replace(result.axes['gyro_x'], band_edge_hz=5.0)
+    density = panels.model_density(axis, np.array([0.1, 5.0, 5.1, 50.0]), 200.0)
+    assert np.isfinite(density).tolist() == [True, True, False, False]
+    tau, adev = panels.model_curve(axis, result.timeline)
+    whole, _ = panels.model_curve(result.axes['gyro_x'], result.timeline)
+    # Shorter averages than a period of the edge scatter by what lies beyond it.
+    assert tau[0] == pytest.approx(0.2, rel=0.1)
+    assert tau[0] >= 0.2 > whole[0]
+    assert len(tau) == len(adev)
+    figure = plot.sensor_figure(replace(result, axes={'gyro_x': axis}), 'gyro')
+    assert 'shaded: not fitted' in texts_of(figure)
+    assert 'shaded: not fitted' not in texts_of(plot.sensor_figure(result, 'gyro'))
+
+
 def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):
     axis = make_axis('gyro_x', {'bias_instability': 2e-4, 'rate_random_walk': 1e-5})
     frequency = np.array([1e-3, 1e-2])

@@ -142,6 +142,16 @@ def test_the_temperature_stands_under_the_signal(filtered):
     assert 'of the thermometer beside the sensor' in page
 
 
+def test_frequencies_that_were_left_out_of_the_fit_are_shaded(filtered):
+    assert '"beyond-band"' not in report_html(filtered)
+    cut = replace(filtered, axes={name: replace(axis, band_edge_hz=12.5)
+                                  for name, axis in filtered.axes.items()})
+    page = report_html(cut)
+    # Each axis in both drawings of both sensors.
+    assert page.count('class="beyond-band"') == 2 * len(cut.axes)
+    assert 'not fitted above 12.5 Hz' in page
+
+
 @pytest.mark.parametrize(('low', 'high'), [
     (-0.49, 0.49), (-10.4, -9.6), (-1.9, 1.4), (131.0, 131.5), (0.0, 1.0), (-3e-7, 4e-7)])
 def test_a_strip_has_two_or_three_numbers_beside_it(low, high):
