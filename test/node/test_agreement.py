@@ -59,7 +59,7 @@ def test_node_and_recording_agree_to_1e_9_on_what_was_published(ros: Ros) -> Non
         receive_ns.append(batch.receive_ns)
         return len(messages) == SAMPLES
 
-    ros.until(all_recorded, 60)
+    ros.until(all_recorded)
     assert simulator.wait() == 0
     live = ros.until(lambda: saved(ros))
     path = write_recording(ros.folder / 'recording',

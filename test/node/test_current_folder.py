@@ -27,11 +27,11 @@ def test_the_node_imports_nothing_from_the_current_folder(tmp_path):
             [sys.executable, str(script), '--ros-args', '-p', 'topic:=/planted/imu',
              '-p', f'state_file:={tmp_path / "state"}'],
             cwd=current, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 300
         while not (tmp_path / 'state.lock').exists() and process.poll() is None:
             assert time.monotonic() < deadline
             time.sleep(.1)
         process.send_signal(signal.SIGINT)
-        shown = process.communicate(timeout=60)[0]
+        shown = process.communicate(timeout=300)[0]
     assert not trace.exists(), trace.read_text()
     assert 'Traceback' not in shown

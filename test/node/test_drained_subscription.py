@@ -80,18 +80,19 @@ def test_what_the_queue_could_not_hold_is_counted_as_lost(ros: Ros) -> None:
     talker = publisher(ros, subscription)
     talker.publish(message(0))
     take_all(ros, subscription, 1)
-    for number in range(1, 26):
+    last = 1000
+    for number in range(1, last + 1):
         talker.publish(message(number))
     batches = []
 
     def last_has_come() -> bool:
         batches.append(subscription.take())
-        return 25 in numbers(batches)
+        return last in numbers(batches)
 
     ros.until(last_has_come)
     found = numbers(batches)
-    assert len(found) < 25
-    assert sum(batch.lost for batch in batches) == 25 - len(found)
+    assert len(found) < last
+    assert sum(batch.lost for batch in batches) == last - len(found)
 
 
 def test_a_publisher_that_starts_anew_has_lost_nothing(

@@ -11,7 +11,7 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
-from ros_harness import Process, Ros
+from ros_harness import assert_kept_up, PATIENCE_S, Process, Ros
 from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import Trigger
 
@@ -92,8 +92,7 @@ def receive_everything(ros: Ros, rate_hz: float, seconds: float,
         assert simulator.wait() == 0
         # Best effort begins when both sides have found each other: the first may be missed.
         ros.until(lambda: reception['received'] + reception['lost'] >= count - 200)
-    assert reception['lost'] == 0
-    assert longest * rate_hz < reception['queue'] / 2
+    assert_kept_up(node, reception['lost'], longest, reception['queue'], rate_hz)
     assert node.stop() == 0
 
 
@@ -107,13 +106,12 @@ def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
               shared_memory=True)
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
     reception = Reception(ros, node)
-    reception.wait_for(3000, 30)
+    reception.wait_for(3000, PATIENCE_S)
     longest = 0.0
     while len(images) < 3:
         assert ros.call(Trigger, 'imu_allan/save').success
         longest = max(longest, reception['longest_hold_s'])
-    assert longest < 2.0
-    assert reception['lost'] == 0
+    assert_kept_up(node, reception['lost'], longest, reception['queue'], 1000.0)
 
 
 @pytest.mark.slow
@@ -144,7 +142,7 @@ def run_accelerated(ros: Ros, hours: float, speed: float, best_effort: bool
         most = reception.wait_for(total * part / 8 - unseen, 7200)
         marks.append((reception['received'], most, cpu_seconds(node)))
         print('{:12.0f} samples {:6.1f} MB {:8.1f} s of CPU'.format(*marks[-1]), flush=True)
-    assert simulator.wait(120) == 0
+    assert simulator.wait() == 0
     # Every message is received or counted. How many are lost at 25 times the rate depends on
     # what else the computer does: it needs one that has nothing else to do.
     assert reception['lost'] <= (0.001 * total if best_effort else 0)

@@ -198,7 +198,7 @@ def survive(ros: Ros, seconds: float, seed: int) -> None:
         document = json.loads(Path(response.message.splitlines()[0]).read_text())
         return document if set(document['axes']) == set(AXES) else None
 
-    document = ros.until(saved, 120)
+    document = ros.until(saved)
     for name in AXES:
         low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
         # Three intervals wide, so that chance has no say.

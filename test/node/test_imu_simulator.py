@@ -87,10 +87,11 @@ def test_samples_leave_at_their_own_time_in_real_time_and_twice_as_fast(ros: Ros
         ros.until(lambda recording=recording, count=count: len(recording) == count)
         header_s, receive_s = recording.header_ns * 1e-9, recording.receive_ns * 1e-9
         assert header_s[-1] - header_s[0] == pytest.approx((count - 1) / 100.0)
-        assert receive_s[-1] - receive_s[0] == pytest.approx(2.0, abs=0.5)
         late_s = receive_s - header_s / speed
-        # A busy computer may hold single samples up, but not let them drift.
-        assert np.quantile(np.abs(late_s - np.median(late_s)), 0.8) < 0.05
+        # A busy computer holds samples up, but not all of them, and no clock runs faster or
+        # slower for it: some of each half are as early as the earliest.
+        assert np.ptp([half.min() for half in np.array_split(late_s, 2)]) < 0.1
+        assert np.quantile(late_s - late_s.min(), 0.2) < 0.05
 
 
 def test_samples_are_dropped_and_the_imu_knocked_on_request(

@@ -87,15 +87,14 @@ def test_another_imu_begins_a_new_run_with_its_first_sample(ros: Ros, checkpoint
     before = checkpoint.read_bytes()
     node, driver = start(ros), Driver(ros)
     driver.wait_for_node()
-    driver.publish(200, frame_id='other')
-    time.sleep(PERIOD_S)
-    driver.publish(200, frame_id='other')
-    ros.until(lambda: 'kept as state.frame_id.' in node.log)
+    # Those of a single moment show nothing: it looks for a while.
+    ros.until(lambda: driver.publish(20, frame_id='other') or (
+        'kept as state.frame_id.' in node.log))
     assert 'it is of frame_id imu, the messages now have other' in node.log
     [aside] = kept_aside(ros)
     assert aside.read_bytes() == before
     assert driver.publisher.wait_for_all_acked()
-    assert samples_at_the_end(ros, node) == 400
+    assert samples_at_the_end(ros, node) == driver.next
 
 
 def test_a_few_samples_at_the_end_of_a_trial_do_not_harm_the_run(
@@ -236,7 +235,8 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
         while time.monotonic() - began < lives:
             driver.publish(round(RATE_HZ * (time.monotonic() - began)) - driver.next + before)
             ros.executor.spin_once(timeout_sec=0.02)
-        killed = time.monotonic()
+        # For what the computer kept it waiting the node is not to blame.
+        killed, late_s = time.monotonic(), LATE_S + node.starved_s
         assert node.running, node.log
         assert 'Traceback' not in node.log, node.log
         kill(driver, node)
@@ -249,7 +249,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
             now = Characterization.from_state(state).summary().messages
         assert now >= kept, turn
         # What had been received one period before, and if it came late, not all at once.
-        due = [count for when, count in received if when < killed - PERIOD_S - LATE_S]
+        due = [count for when, count in received if when < killed - PERIOD_S - late_s]
         assert now - kept >= max(due, default=0), turn
         at_stake += max(due, default=0)
         kept = now

@@ -3,7 +3,6 @@
 """Services and parameters in any order and at any pace, while samples come in."""
 
 from collections import Counter
-from itertools import count
 import json
 from pathlib import Path
 import random
@@ -14,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
-from ros_harness import Driver, Process, Ros, too_early
+from ros_harness import assert_kept_up, Driver, Process, Ros, too_early
 from std_srvs.srv import SetBool, Trigger
 
 NAMES = ('publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion', 'clock',
@@ -86,7 +85,7 @@ class Client:
                 parameters=[Parameter(name=name, value=any_value(draw)) for name in names]))
 
     def wait(self) -> None:
-        self._ros.until(lambda: len(self.answers) == self.asked, 20)
+        self._ros.until(lambda: len(self.answers) == self.asked)
 
 
 def assert_well(node: Process) -> None:
@@ -151,18 +150,20 @@ def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) ->
     driver.publish(3000)
     # None may come after the reset.
     ros.until(lambda: samples_of(saved(ros)) == 3000)
+    # Once the first is answered, both sides know of the client: no request is sent twice.
+    client.ask(Trigger, 'save')
+    client.wait()
     # The first keeps the worker busy, the second waits behind it. Nothing orders requests to
-    # different services: these two are given time to arrive before the reset is called.
+    # different services, but what was asked several requests ago has been taken.
     for _ in range(2):
         client.ask(Trigger, 'save')
-    taken = time.monotonic() + 0.5
-    while time.monotonic() < taken:
+    for _ in range(10):
         ros.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request())
     assert ros.call(Trigger, 'imu_allan/reset').success
     client.ask(Trigger, 'save')
     client.wait()
     answers = [answer for service, answer in client.answers if service == 'save']
-    assert sorted(answer.success for answer in answers) == [False, True, True], answers
+    assert sorted(answer.success for answer in answers) == [False, True, True, True], answers
     assert_well(node)
 
 
@@ -186,12 +187,10 @@ def call_at_100_hz(ros: Ros, seconds: float) -> None:
     ros.listen(DiagnosticArray, '/diagnostics', 10, hear)
     client = Client(ros)
     simulator = ros.start('imu_simulator', {
-        'rate': 1000.0, 'duration': seconds, 'wait_for_subscriptions': 1}, shared_memory=True)
+        'rate': 1000.0, 'wait_for_subscriptions': 1}, shared_memory=True)
     ros.until(lambda: 'publishing' in simulator.log)
     began, longest = time.monotonic(), 0.0
-    for number in count():
-        if not simulator.running:
-            break
+    for number in range(round(100 * seconds)):
         if number % 3 or not client.has_room('save'):
             client.ask(*((SetBool, 'pause'), (GetParameters, 'get_parameters'))[number % 2])
         else:
@@ -199,12 +198,11 @@ def call_at_100_hz(ros: Ros, seconds: float) -> None:
         while time.monotonic() < began + number / 100:
             ros.executor.spin_once(timeout_sec=0.002)
         longest = max(longest, facts.get('longest_hold_s', 0.0))
-    assert simulator.wait() == 0
-    assert client.asked > 50 * seconds
     client.wait()
-    ros.until(lambda: facts.get('received', 0) >= seconds * 1000 - 200)
-    assert facts['lost'] == 0
-    assert longest * 1000 < facts['queue'] / 2
+    ros.until(lambda: facts.get('received', 0) >= seconds * 1000)
+    assert simulator.running
+    assert_kept_up(node, facts['lost'], max(longest, facts['longest_hold_s']), facts['queue'],
+                   1000.0)
     assert [answer.message for service, answer in client.answers if service == 'save'
             and not answer.success and not too_early(answer)] == []
     assert_well(node)
