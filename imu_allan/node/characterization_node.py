@@ -29,7 +29,7 @@ from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
-from imu_allan.node.resuming import Setup
+from imu_allan.node.resuming import new_run, Setup
 from imu_allan.node.same_imu import Trial
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
@@ -83,9 +83,10 @@ class CharacterizationNode(Node):
         self._worker = Worker(self._log)
         self._results = Results(name, self._publications, self._worker, self._facts,
                                 self._announcements, values)
-        self._storage = Storage(name, Setup(topic, TimelineOptions(
+        self._setup = Setup(topic, TimelineOptions(
             clock=values['clock'], gap_tolerance=values['gap_tolerance'],
-            motion=values['motion'])), self._worker, self._facts, self._log, values)
+            motion=values['motion']))
+        self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(self, TOPIC, self._subscription, self._publications, self._facts,
                                 self._announcements, self._log)
         self._run = self._storage.first_run()
@@ -224,7 +225,7 @@ class CharacterizationNode(Node):
 
     def _begin_anew(self) -> None:
         self._run.over = True
-        self._run = self._storage.new_run()
+        self._run = new_run(self._setup)
         self._facts.on_trial = self._facts.looping = False
         self._results.begin_run()
         self._announcements.begin_run()

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.findings import live_text
-from imu_allan.result import AxisResult, Coefficient, Remark, Result
+from imu_allan.result import AxisResult, Coefficient, Remark, Result, TurnOnBias
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
@@ -95,7 +95,8 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
                    if remark.message.startswith(f'{name}: ')]
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message,
-            hardware_id=result.source.topic or '', values=_axis_values(axis, remarks)))
+            hardware_id=result.source.topic or '',
+            values=_axis_values(axis, remarks, result.turn_on_bias.get(name))))
     return array
 
 
@@ -176,7 +177,8 @@ def _not_observable(key: str, coefficient: Coefficient) -> str:
     return text
 
 
-def _axis_values(axis: AxisResult, remarks: Sequence[Remark]) -> list[KeyValue]:
+def _axis_values(axis: AxisResult, remarks: Sequence[Remark],
+                 spread: TurnOnBias | None) -> list[KeyValue]:
     entries: dict[str, object] = {'unit': axis.unit, 'mean': axis.mean,
                                   'band_limit_s': axis.band_limit_s}
     for key, coefficient in axis.coefficients.items():
@@ -186,6 +188,9 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Remark]) -> list[KeyValue]:
                     f'{key}/observable': coefficient.observable,
                     f'{key}/observable_in_s': coefficient.observable_in_s,
                     f'{key}/unit': coefficient.unit}
+    if spread is not None:
+        entries |= {'turn_on_bias/value': spread.sigma, 'turn_on_bias/ci95_low': spread.ci95[0],
+                    'turn_on_bias/ci95_high': spread.ci95[1], 'turn_on_bias/unit': axis.unit}
     fit = axis.goodness_of_fit
     entries |= {'goodness_of_fit/acceptable': fit.acceptable,
                 'goodness_of_fit/p_value': fit.p_value,

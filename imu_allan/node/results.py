@@ -121,12 +121,12 @@ class Results:
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
         run.fitted = run.fed
-        snapshot, name = run.characterization.snapshot(), self._node_name
+        fitting, name = run.fitting(), self._node_name
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fitted:
             started = time.monotonic()
-            result = snapshot.result()
+            result = fitting()
             messages = result_messages(result, name, _time(stamp), filter_of)
             return _Fitted(result, messages, standards.judge(result),
                            time.monotonic() - started)

@@ -9,6 +9,8 @@ from typing import Any
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import State, UnusableState
+from imu_allan.node.power_ons import PowerOns
+from imu_allan.node.run import Run
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +26,14 @@ class Setup:
     options: TimelineOptions
 
 
-def pack(characterization: Characterization, setup: Setup) -> dict[str, NDArray[Any]]:
+def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
     """Give the arrays to save of a run."""
-    about = json.dumps({'topic': setup.topic, 'options': asdict(setup.options)})
-    return {**characterization.to_state(), _KEY: np.array(about)}
+    about = json.dumps({'topic': setup.topic, 'options': asdict(setup.options),
+                        'power_ons': run.power_ons.to_dict()})
+    return {**run.characterization.to_state(), _KEY: np.array(about)}
 
 
-def unpack(state: State, setup: Setup) -> Characterization:
+def unpack(state: State, setup: Setup) -> Run:
     """
     Give the run that was saved, ready to go on: the next sample is not related to the last.
 
@@ -48,16 +51,22 @@ def unpack(state: State, setup: Setup) -> Characterization:
         if options != setup.options:
             raise UnusableState('settings', 'it was made with other parameters '
                                 f'({_difference(options, setup.options)})')
-        run = Characterization.from_state({key: array for key, array in state.items()
+        power_ons = PowerOns.from_dict(about['power_ons'])
+        saved = Characterization.from_state({key: array for key, array in state.items()
                                            if key != _KEY})
     except (ImuAllanError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
     try:
-        run.break_run()
+        saved.break_run()
     except ImuAllanError:
         # All that had come was of no use.
-        return Characterization(kind='topic', topic=setup.topic, options=setup.options)
-    return run
+        return new_run(setup)
+    return Run(saved, power_ons=power_ons.resumed(saved))
+
+
+def new_run(setup: Setup) -> Run:
+    """Give a run that has nothing yet."""
+    return Run(Characterization(kind='topic', topic=setup.topic, options=setup.options))
 
 
 def _difference(saved: TimelineOptions, now: TimelineOptions) -> str:

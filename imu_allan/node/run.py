@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run: what belongs to it, and is left behind when another begins."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import UnusableState
+from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
 from imu_allan.node.same_imu import ChangeWatch, Signature, Trial
 from imu_allan.result import Result
@@ -23,6 +24,8 @@ class Run:
         New, or resumed.
     trial : Trial, optional
         Of a resumed one: messages are held back until it has passed.
+    power_ons : PowerOns, optional
+        Of a resumed one.
 
     Attributes
     ----------
@@ -39,8 +42,10 @@ class Run:
 
     """
 
-    def __init__(self, characterization: Characterization, trial: Trial | None = None) -> None:
+    def __init__(self, characterization: Characterization, trial: Trial | None = None,
+                 power_ons: PowerOns | None = None) -> None:
         self.characterization = characterization
+        self.power_ons = PowerOns(boot_id()) if power_ons is None else power_ons
         self.trial = trial
         self.fed = self.fitted = self.checkpointed = 0
         self.stamp_ns = 0
@@ -54,6 +59,11 @@ class Run:
     def looping(self) -> bool:
         """Whether the messages that come now have come before."""
         return self._loop.looping
+
+    def fitting(self) -> Callable[[], Result]:
+        """Return what fits all that has come until now, for another thread to call."""
+        snapshot, power_ons = self.characterization.snapshot(), self.power_ons
+        return lambda: power_ons.entered(snapshot.result(), snapshot)
 
     def learn(self, result: Result) -> None:
         """Remember what a fit has told about the messages."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stays of a run: its state over a crash or a reboot, its files for whoever wants them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,12 +10,11 @@ from pathlib import Path
 import time
 from typing import Any
 
-from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.resuming import pack, Setup, unpack
+from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Run
 from imu_allan.node.same_imu import Signature, Trial, TRIAL_S
 from imu_allan.node.saving import (
@@ -28,15 +27,16 @@ from imu_allan.node.saving import (
     try_folder,
 )
 from imu_allan.node.worker import Worker
+from imu_allan.result import Result
 from imu_allan.wording import duration
 
 
 @dataclass
 class _NextSave:
-    """The save asked for last; `snapshot` is empty once the worker has begun with it."""
+    """The save asked for last; `fitting` is empty once the worker has begun with it."""
 
     of: tuple[Run, str, list[str]]
-    snapshot: list[Characterization]
+    fitting: list[Callable[[], Result]]
     future: 'Future[list[Path]]'
 
 
@@ -101,35 +101,30 @@ class Storage:
     def first_run(self) -> Run:
         """Begin with the run of the state file, or with a new one."""
         if self._state_file is None:
-            return self.new_run()
+            return new_run(self._setup)
         try:
             state = self._state_file.load()
             if state is None:
-                return self.new_run()
-            characterization = unpack(state, self._setup)
+                return new_run(self._setup)
+            run = unpack(state, self._setup)
         except UnusableState as error:
             self._note_aside(error, self._state_file.keep_aside(error.reason))
-            return self.new_run()
-        summary = characterization.summary()
+            return new_run(self._setup)
+        summary = run.characterization.summary()
         self._facts.resumed = (f'resumed {duration(summary.timeline.duration_s)} of data from '
                                f'{self._state_file.path}')
         self._facts.on_trial = True
         self._log.info(self._facts.resumed)
         # Held back means lost in a crash: no more than half of what may be lost.
-        return Run(characterization, Trial(
-            Signature.of(summary), min(TRIAL_S, self.checkpoint_period / 2)))
-
-    def new_run(self) -> Run:
-        """Begin with nothing."""
-        return Run(Characterization(kind='topic', topic=self._setup.topic,
-                                    options=self._setup.options))
+        run.trial = Trial(Signature.of(summary), min(TRIAL_S, self.checkpoint_period / 2))
+        return run
 
     def keep_aside(self, run: Run, verdict: UnusableState) -> None:
         """Give the state of the run another name, so that the next one cannot overwrite it."""
         state_file = self._state_file
         if state_file is None:
             return
-        state = (pack(run.characterization, self._setup) if run.fed != run.checkpointed else None)
+        state = (pack(run, self._setup) if run.fed != run.checkpointed else None)
 
         def keep() -> Path:
             if state is not None:
@@ -167,7 +162,7 @@ class Storage:
         state_file = self._state_file
         began = self._last_checkpoint = time.monotonic()
         fed = run.fed
-        state = pack(run.characterization, self._setup)
+        state = pack(run, self._setup)
 
         def note(future: 'Future[int]') -> None:
             self._facts.checkpoint_error = self._worker.failure(future)
@@ -201,18 +196,18 @@ class Storage:
     def save(self, run: Run, folder: str = '') -> 'Future[list[Path]]':
         """Have result, curves, plot and configurations written, into the output folder if none."""
         folder = folder or self._output_dir
-        snapshot, name = run.characterization.snapshot(), self._node_name
+        fitting, name = run.fitting(), self._node_name
         consumers = [consumer for consumer in self.export_for if consumer]
         of = run, folder, consumers
         if self._next_save is not None and self._next_save.of == of:
             # Whoever asks while a save of the same waits for the worker is served by that one.
             with suppress(IndexError):
-                self._next_save.snapshot[0] = snapshot
+                self._next_save.fitting[0] = fitting
                 return self._next_save.future
-        waiting = [snapshot]
+        waiting = [fitting]
 
         def work() -> list[Path]:
-            result = waiting.pop().result()
+            result = waiting.pop()()
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topic} yet')

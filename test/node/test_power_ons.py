@@ -1,0 +1,134 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A run over several power-ons of the robot knows the turn-on bias."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.characterization.joint import turn_on_bias
+from imu_allan.node import power_ons
+from imu_allan.node.checkpoint import decode_state, encode_state
+from imu_allan.node.power_ons import PowerOns
+from imu_allan.node.resuming import new_run, pack, Setup, unpack
+from imu_allan.node.run import Run
+from imu_allan.timeline import TimelineOptions
+import numpy as np
+import pytest
+from ros_harness import Driver, RATE_HZ, Ros
+from std_srvs.srv import Trigger
+
+SETUP = Setup('/imu', TimelineOptions())
+SIGMA = 0.01
+SAMPLES = 4000
+
+
+@pytest.fixture
+def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    path = tmp_path / 'boot_id'
+    path.write_text('first\n')
+    monkeypatch.setattr(power_ons, '_BOOT_ID', path)
+    return path
+
+
+def feed(run: Run, mean: float, seed: int) -> float:
+    """Give samples of one power-on; return their own mean of the first axis."""
+    samples = np.random.default_rng(seed).normal(0, SIGMA, (SAMPLES, 6))
+    samples[:, :3] += mean
+    stamps = np.rint((seed * 10**5 + np.arange(SAMPLES) / RATE_HZ) * 1e9).astype(np.int64)
+    run.characterization.update(ImuBlock(stamps, stamps, samples,
+                                         np.zeros((SAMPLES, 2), bool), 'imu'))
+    return float(samples[:, 0].mean())
+
+
+def resumed(run: Run) -> Run:
+    """Go through the state file, as a node that is started again does."""
+    return unpack(decode_state(encode_state(pack(run, SETUP))), SETUP)
+
+
+def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
+    biases = np.random.default_rng(1).normal(0, 0.1, 6)
+    run = new_run(SETUP)
+    means = []
+    for number, bias in enumerate(biases):
+        if number:
+            boot.write_text(f'boot {number}')
+            run = resumed(run)
+        means.append(feed(run, bias, number))
+    result = run.fitting()()
+    found = result.turn_on_bias['gyro_x']
+    expected = turn_on_bias(means, [SIGMA / np.sqrt(SAMPLES)] * len(means))
+    assert found.sigma == pytest.approx(expected.sigma, rel=1e-3)
+    assert found.ci95 == pytest.approx(expected.ci95, rel=1e-2)
+    assert found.ci95[0] < np.std(biases, ddof=1) < found.ci95[1]
+    assert result.turn_on_bias['accel_x'].sigma < 3 * SIGMA / np.sqrt(SAMPLES)
+    # What differs from one power-on to the next is no drift of the sensor.
+    walk = result.axes['gyro_x'].coefficients['rate_random_walk']
+    assert not walk.observable
+    low, high = result.axes['gyro_x'].coefficients['noise_density'].ci95 or (0, 0)
+    assert low < SIGMA / RATE_HZ**0.5 * 1.02
+    assert high > SIGMA / RATE_HZ**0.5 * 0.98
+
+
+def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on(
+        boot: Path) -> None:
+    run = new_run(SETUP)
+    feed(run, 0.0, 0)
+    run = resumed(run)
+    feed(run, 0.1, 1)
+    assert run.fitting()().turn_on_bias == {}
+    # A computer that cannot tell its boots counts every start.
+    boot.unlink()
+    for _ in range(2):
+        run = resumed(run)
+    assert len(run.power_ons.ended) == 2
+
+
+def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
+    run = new_run(SETUP)
+    for number in range(4):
+        feed(run, 0.05 * number, number)
+        for pause in 'ab':
+            boot.write_text(f'{number} {pause}')
+            run = resumed(run)
+    assert len(run.power_ons.ended) == 8
+    assert run.fitting()().turn_on_bias['gyro_x'].sigma == pytest.approx(
+        np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
+
+
+@pytest.mark.parametrize('document', [
+    {}, {'boot': 'a', 'ended': 3}, {'boot': 'a', 'ended': [{}]},
+    {'boot': 'a', 'ended': [{'samples': 'many', 'means': {}, 'first': 0}]},
+    {'boot': 'a', 'ended': [{'samples': 3, 'means': [], 'first': 0}]}])
+def test_what_is_no_list_of_power_ons_is_refused(document: Any) -> None:
+    with pytest.raises((KeyError, TypeError, ValueError, AttributeError)):
+        PowerOns.from_dict(document)
+
+
+def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
+    topic, state = ros.name('imu/data_raw'), ros.folder / 'state'
+    setup = Setup(topic, TimelineOptions())
+    run = Run(Characterization(kind='topic', topic=topic), power_ons=PowerOns('an earlier boot'))
+    feed(run, 0.2, 1)
+    state.write_bytes(encode_state(pack(run, setup)))
+    ros.start('imu_allan_node', {'state_file': str(state), 'checkpoint_period': 1.0,
+                                 'publish_period': 0.5})
+    arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
+    driver = Driver(ros)
+    driver.wait_for_node()
+
+    def told() -> list[float]:
+        driver.publish(200)
+        return [float(entry.value) for array in arrays[-1:] for status in array.status
+                if status.name.endswith('gyro_x') for entry in status.values
+                if entry.key == 'turn_on_bias/value']
+
+    # Between 0.2 rad/s and none.
+    [sigma] = ros.until(told)
+    assert sigma == pytest.approx(0.2 / 2**0.5, rel=0.01)
+    response = ros.call(Trigger, 'imu_allan/save')
+    document = json.loads(Path(response.message.splitlines()[0]).read_text())
+    assert document['turn_on_bias']['gyro_x']['sigma'] == pytest.approx(sigma, rel=0.01)
