@@ -22,6 +22,7 @@ from imu_allan.node.announcements import Announcements
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.imu_type import decoder, message_class
 from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
@@ -33,6 +34,7 @@ from imu_allan.node.resuming import new_run, Setup
 from imu_allan.node.same_imu import Trial
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
+from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -41,7 +43,6 @@ from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
-from sensor_msgs.msg import Imu
 from std_srvs.srv import SetBool, Trigger
 
 TOPIC = 'imu/data_raw'
@@ -74,10 +75,16 @@ class CharacterizationNode(Node):
                                 f'longer than coast, {values["coast"]:g} s')
 
         queue = queue_messages(values['expected_rate'])
-        self._subscription = self._subscribe(queue)
+        fields = [values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')]
+        try:
+            decode = decoder(values['imu_type'], *fields)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'parameter imu_type: {error}') from error
+        self._subscription = self._subscribe(values['imu_type'], queue)
         topic, name = self._subscription.topic, self.get_fully_qualified_name()
         self._facts = Facts(topic, queue, values['expected_rate'], values['state_file'])
-        self._reception = Reception(self._subscription, self._facts, self._on_malformed)
+        self._reception = Reception(self._subscription, self._facts, decode,
+                                    self._on_malformed)
         self._announcements = Announcements(self._log, topic)
         self._publications = Publications(self)
         self._worker = Worker(self._log)
@@ -85,10 +92,12 @@ class CharacterizationNode(Node):
                                 self._announcements, values)
         self._setup = Setup(topic, TimelineOptions(
             clock=values['clock'], gap_tolerance=values['gap_tolerance'],
-            motion=values['motion']))
+            motion=values['motion']), ' '.join(filter(None, [values['imu_type'], *fields])))
+        self._thermometer = (Thermometer(self, values['temperature_topic'], self._facts)
+                             if values['temperature_topic'] else None)
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
-        self._reports = Reports(self, TOPIC, self._subscription, self._publications, self._facts,
-                                self._announcements, self._log)
+        self._reports = Reports(self, TOPIC, values['imu_type'], self._subscription,
+                                self._publications, self._facts, self._announcements, self._log)
         self._run = self._storage.first_run()
 
         # Services wait for the worker while samples come in: they have a group of their own.
@@ -133,9 +142,9 @@ class CharacterizationNode(Node):
             executor.shutdown()
         return 0 if self._finish() and well else 1
 
-    def _subscribe(self, queue: int) -> DrainedSubscription:
+    def _subscribe(self, type_name: str, queue: int) -> DrainedSubscription:
         try:
-            return DrainedSubscription(self, Imu, TOPIC, queue)
+            return DrainedSubscription(self, message_class(type_name), TOPIC, queue)
         except (InvalidQosOverridesError, RuntimeError) as error:
             raise ImuAllanError(f'qos_overrides of {TOPIC}: {error}') from error
 
@@ -176,6 +185,9 @@ class CharacterizationNode(Node):
 
     def _feed(self, now: float) -> None:
         self._last_feed = now
+        if self._thermometer is not None:
+            self._thermometer.take()
+            self._thermometer.feed(self._run.characterization)
         blocks = self._reception.blocks(now)
         run = self._run
         if not blocks:

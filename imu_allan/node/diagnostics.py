@@ -77,6 +77,12 @@ class Facts:
         What became of the state file when the node started.
     moved_s : float
         Time that was left out as motion.
+    temperature_topic : str
+        Empty where there is none.
+    thermometers : int
+        Publishers of it.
+    temperature_c : float or None
+        Latest reading, in degrees Celsius.
     findings : list of Finding
         How the last result stands to datasheet and reference.
 
@@ -111,6 +117,9 @@ class Facts:
     checkpoint_age_s: float | None = None
     resumed: str = ''
     moved_s: float = 0.0
+    temperature_topic: str = ''
+    thermometers: int = 0
+    temperature_c: float | None = None
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -184,6 +193,8 @@ def _reception_verdict(facts: Facts) -> Verdict:
         return WARN, f'{facts.lost} messages were lost on the way'
     if facts.paused:
         return WARN, 'paused: samples are passed over'
+    if facts.temperature_topic and not facts.thermometers:
+        return WARN, f'nothing publishes {facts.temperature_topic}'
     return OK, f'receiving {facts.received_hz:.4g} messages per second'
 
 
@@ -193,7 +204,7 @@ def _reception_values(facts: Facts) -> Mapping[str, object]:
             'publishers': facts.publishers,
             'rate_hz': facts.received_hz, 'cpu_per_message_s': facts.cpu_s,
             'longest_hold_s': facts.longest_hold_s, 'queue': facts.queue,
-            'paused': facts.paused}
+            'paused': facts.paused, 'temperature_c': facts.temperature_c}
 
 
 def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from math import inf
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import blocks_from_messages, MalformedImu
+from imu_allan.cdr import MalformedImu
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
+from imu_allan.node.imu_type import Decode
 import numpy as np
 
 MIXED_STEPS = 2
@@ -33,15 +34,18 @@ class Reception:
         Where messages wait.
     facts : Facts
         Where they are counted.
+    decode : Decode
+        For the type of the messages.
     on_malformed : callable
         Called with the error of messages that cannot be decoded.
 
     """
 
-    def __init__(self, subscription: DrainedSubscription, facts: Facts,
+    def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode,
                  on_malformed: Callable[[MalformedImu], None]) -> None:
         self._subscription = subscription
         self._facts = facts
+        self._decode = decode
         self._on_malformed = on_malformed
         self._waiting: list[Batch] = []
         self._falls: list[float] = []
@@ -71,7 +75,7 @@ class Reception:
             return []
         messages = [message for batch in batches for message in batch.messages]
         receive_ns = np.concatenate([batch.receive_ns for batch in batches])
-        blocks = blocks_from_messages(messages, receive_ns, on_malformed=self._count_malformed)
+        blocks = self._decode(messages, receive_ns, self._count_malformed)
         self._facts.mixed = now < self._mixed_until
         # Of publishers with frame_ids of their own the timeline keeps to the first.
         if self._facts.mixed and len({block.frame_id for block in blocks}) == 1:

@@ -29,8 +29,8 @@ class Reports:
     ----------
     node : rclpy.node.Node
         Asked who else is there.
-    topic : str
-        Of the IMU, as the node names it before remapping.
+    topic, type_name : str
+        Of the IMU; the topic as the node names it before remapping.
     subscription : DrainedSubscription
     publications : Publications
     facts : Facts
@@ -41,11 +41,11 @@ class Reports:
 
     """
 
-    def __init__(self, node: Node, topic: str, subscription: DrainedSubscription,
-                 publications: Publications, facts: Facts, announcements: Announcements,
-                 log: Log) -> None:
+    def __init__(self, node: Node, topic: str, type_name: str,
+                 subscription: DrainedSubscription, publications: Publications, facts: Facts,
+                 announcements: Announcements, log: Log) -> None:
         self._node = node
-        self._topic = topic
+        self._topic, self._type_name = topic, type_name
         self._subscription = subscription
         self._publications = publications
         self._facts = facts
@@ -54,6 +54,10 @@ class Reports:
         self._last = self._last_look = time.monotonic()
         self._last_complaint = self._last - 6 * SILENCE_S
         self._last_cpu, self._last_received = time.process_time(), 0
+
+    @property
+    def _kind(self) -> str:
+        return self._type_name.rpartition('/')[2]
 
     def due(self, now: float) -> bool:
         """Whether it is time for the next report."""
@@ -113,7 +117,7 @@ class Reports:
     def _complain_of_silence(self) -> None:
         topic, facts = self._subscription.topic, self._facts
         others = [name for name, types in self._node.get_topic_names_and_types()
-                  if 'sensor_msgs/msg/Imu' in types and name != topic
+                  if self._type_name in types and name != topic
                   and self._node.count_publishers(name)]
         text = f'no message on {topic} for {facts.silent_s:.0f} s'
         if facts.publishers:
@@ -121,8 +125,8 @@ class Reports:
         elif facts.refused:
             text += f'; {"; ".join(facts.refused)}'
         elif others:
-            text += (f'; Imu topics here: {", ".join(sorted(others))}; choose one with '
+            text += (f'; {self._kind} topics here: {", ".join(sorted(others))}; choose one with '
                      f'--ros-args -r {self._topic}:=TOPIC')
         else:
-            text += '; no node publishes Imu messages'
+            text += f'; no node publishes {self._kind} messages'
         self._log.warning(text)

@@ -9,6 +9,7 @@ from typing import Any
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import State, UnusableState
+from imu_allan.node.imu_type import IMU
 from imu_allan.node.power_ons import PowerOns
 from imu_allan.node.run import Run
 from imu_allan.timeline import TimelineOptions
@@ -24,11 +25,14 @@ class Setup:
 
     topic: str
     options: TimelineOptions
+    messages: str = IMU
+    """How the messages are read: their type, and fields that the user names."""
 
 
 def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
     """Give the arrays to save of a run."""
     about = json.dumps({'topic': setup.topic, 'options': asdict(setup.options),
+                        'messages': setup.messages,
                         'power_ons': run.power_ons.to_dict()})
     return {**run.characterization.to_state(), _KEY: np.array(about)}
 
@@ -48,6 +52,9 @@ def unpack(state: State, setup: Setup) -> Run:
         topic, options = about['topic'], TimelineOptions(**about['options'])
         if topic != setup.topic:
             raise UnusableState('topic', f'it is of the topic {topic}')
+        if about['messages'] != setup.messages:
+            raise UnusableState('settings', f'its messages were read as {about["messages"]}, now '
+                                f'as {setup.messages}')
         if options != setup.options:
             raise UnusableState('settings', 'it was made with other parameters '
                                 f'({_difference(options, setup.options)})')

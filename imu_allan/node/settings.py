@@ -100,6 +100,17 @@ SETTINGS = (
             '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
     Setting('coast', 60.0, 'The longest that the filter must do without, in seconds', 0.01,
             86_400.0),
+    Setting('temperature_topic', '', 'Topic (sensor_msgs/Temperature) of the thermometer '
+            'beside the IMU; empty is none', read_only=True),
+    Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that holds an Imu, or '
+            'that of a driver, such as px4_msgs/msg/SensorCombined', may_be_empty=False,
+            read_only=True),
+    Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
+            'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it', read_only=True),
+    Setting('accel_field', '', 'Field of the messages that holds the acceleration and its unit; '
+            'empty finds it', read_only=True),
+    Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if it is '
+            'a number (t us); empty finds it', read_only=True),
     Setting('spec_file', '', 'Datasheet (YAML) that the IMU is held against all the time; empty '
             'is none', read_only=True),
     Setting('reference', '', 'Result file of the same IMU from before; a departure from it is '

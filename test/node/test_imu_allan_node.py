@@ -301,7 +301,8 @@ def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None
     names = live.call(ListParameters, 'imu_allan/list_parameters').result.names
     own = {'publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion',
            'expected_rate', 'gap_tolerance', 'export_for', 'clock', 'spec_file', 'reference',
-           'aiding_interval', 'coast'}
+           'aiding_interval', 'coast', 'temperature_topic', 'imu_type', 'gyro_field',
+           'accel_field', 'stamp_field'}
     assert own <= set(names)
     response = live.call(DescribeParameters, 'imu_allan/describe_parameters',
                          DescribeParameters.Request(names=sorted(own)))
@@ -313,7 +314,8 @@ def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None
             assert descriptor.integer_range, descriptor.name
     read_only = {d.name for d in response.descriptors if d.read_only}
     assert read_only == {'state_file', 'motion', 'clock', 'expected_rate', 'gap_tolerance',
-                         'spec_file', 'reference'}
+                         'spec_file', 'reference', 'temperature_topic', 'imu_type',
+                         'gyro_field', 'accel_field', 'stamp_field'}
     assert f'qos_overrides.{live.name("imu/data_raw")}.subscription.depth' in names
 
 

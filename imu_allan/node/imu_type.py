@@ -1,0 +1,153 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages of the IMU's topic that are not sensor_msgs/Imu, or hold it within.
+
+Read as a recording of them is: `imu_allan.recordings.messages` knows the types of drivers, finds
+an Imu inside of others, and takes fields that the user names. The definition is that of the
+Python class, which the subscription needs all the same.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from itertools import groupby
+import re
+from typing import Any
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import blocks_from_messages, MalformedImu
+from imu_allan.errors import ImuAllanError, printable, shorten
+import numpy as np
+from numpy.typing import NDArray
+
+IMU = 'sensor_msgs/msg/Imu'
+OnMalformed = Callable[[int, MalformedImu], None]
+Decode = Callable[[Sequence[bytes], NDArray[np.int64], OnMalformed], list[ImuBlock]]
+
+_NAME = re.compile(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)')
+_SEQUENCE = re.compile(r'sequence<(?P<kind>[^,]+)(?:, (?P<most>\d+))?>')
+_BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool', 'octet': 'byte'}
+"""Names that Python has for types whose name in a ``.msg`` file is another."""
+_OPTIONS = {'--gyro': 'gyro_field', '--accel': 'accel_field', '--stamp': 'stamp_field'}
+_SEPARATOR = '=' * 80
+
+
+def message_class(type_name: str) -> Any:
+    """
+    Return the Python class of a message type.
+
+    Parameters
+    ----------
+    type_name : str
+        ``package/msg/Name`` or ``package/Name``.
+
+    Raises
+    ------
+    ImuAllanError
+        If it is no such name, or the package is not there.
+
+    """
+    found = _NAME.fullmatch(type_name)
+    shown = printable(shorten(type_name, 80))
+    if found is None:
+        raise ImuAllanError(f'{shown}: not the name of a message type, such as {IMU}')
+    try:
+        return getattr(import_module(f'{found["package"]}.msg'), found['name'])
+    except AttributeError:
+        raise ImuAllanError(f'{shown}: the package {found["package"]} has no such message'
+                            ) from None
+    except ImportError as error:
+        raise ImuAllanError(f'{shown}: its Python package cannot be imported '
+                            f'({printable(error)}); source the workspace that it was built in'
+                            ) from error
+
+
+def definition_of(type_name: str) -> str:
+    """
+    Write the definition of a message type from its Python class.
+
+    Parameters
+    ----------
+    type_name : str
+
+    Returns
+    -------
+    str
+        As recordings carry it: fields, then the types in them.
+
+    Raises
+    ------
+    ImuAllanError
+        As `message_class`.
+
+    """
+    texts: dict[str, str] = {}
+    waiting = [type_name]
+    while waiting:
+        name = waiting.pop(0)
+        if name in texts:
+            continue
+        lines = []
+        for field, kind in message_class(name).get_fields_and_field_types().items():
+            sequence = _SEQUENCE.fullmatch(kind)
+            if sequence is not None:
+                most = f'<={sequence["most"]}' if sequence['most'] else ''
+                element, size = sequence['kind'], f'[{most}]'
+            else:
+                element, bracket, rest = kind.partition('[')
+                size = bracket + rest
+            if '/' in element:
+                waiting.append(element)
+            element = element.replace('string<', 'string<=').rstrip('>')
+            lines.append(f'{_BASE.get(element, element)}{size} {field}')
+        texts[name] = '\n'.join(lines)
+    first = texts.pop(type_name)
+    return first + ''.join(f'\n{_SEPARATOR}\nMSG: {name}\n{text}' for name, text in texts.items())
+
+
+def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '') -> Decode:
+    """
+    Return what decodes the messages of a type.
+
+    Parameters
+    ----------
+    type_name : str
+    gyro, accel, stamp : str, optional
+        Fields that hold the samples and their time, with units.
+
+    Raises
+    ------
+    ImuAllanError
+        If the type is not there, holds no IMU, or the fields are none of it.
+
+    """
+    if type_name == IMU and not (gyro or accel or stamp):
+        return lambda messages, receive_ns, on_malformed: blocks_from_messages(
+            messages, receive_ns, on_malformed=on_malformed)
+    # Most nodes read sensor_msgs/Imu and have no use for these.
+    from imu_allan.recordings.messages.imus_in import decoder_of
+    from imu_allan.recordings.messages.piece import Piece
+    from imu_allan.recordings.options import RecordingOptions
+    try:
+        decode = decoder_of(type_name, definition_of(type_name), options=RecordingOptions(
+            gyro=gyro or None, accel=accel or None, stamp=stamp or None))
+    except ImportError as error:
+        raise ImuAllanError(f'{type_name}: needs the Python package {error.name}: '
+                            f'pip install {error.name}') from error
+    except ImuAllanError as error:
+        text = str(error)
+        for option, parameter in _OPTIONS.items():
+            text = text.replace(option, parameter)
+        raise ImuAllanError(text) from error
+
+    def decoded(messages: Sequence[bytes], receive_ns: NDArray[np.int64],
+                on_malformed: OnMalformed) -> list[ImuBlock]:
+        pieces, start = [], 0
+        for size, group in groupby(messages, len):
+            equal = list(group)
+            rows = np.frombuffer(b''.join(equal), np.uint8).reshape(len(equal), size)
+            pieces.append(Piece(rows, receive_ns[start:start + len(equal)]))
+            start += len(equal)
+        return decode(pieces, on_malformed)
+
+    return decoded

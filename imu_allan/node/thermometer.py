@@ -1,0 +1,80 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The thermometer beside the IMU, on a topic of its own."""
+
+from imu_allan.characterization import Characterization
+from imu_allan.errors import ImuAllanError
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.drained_subscription import DrainedSubscription
+import numpy as np
+from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Temperature
+
+QUEUE = 1000
+_MOST_WAITING = 100_000
+"""Readings that wait until it is known which stamps the samples have: hours of most sensors."""
+
+
+class Thermometer:
+    """
+    Takes readings and hands them to a run.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topic : str
+        Of sensor_msgs/Temperature.
+    facts : Facts
+        Where the latest reading is reported.
+
+    Raises
+    ------
+    ImuAllanError
+        If the topic has no valid name.
+
+    """
+
+    def __init__(self, node: Node, topic: str, facts: Facts) -> None:
+        try:
+            self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE)
+        except (NameValidationException, RuntimeError) as error:
+            raise ImuAllanError(f'parameter temperature_topic: {" ".join(str(error).split())}'
+                                ) from error
+        self._facts = facts
+        self._waiting = np.empty((0, 2), np.int64)
+        self._celsius = np.empty(0)
+        facts.temperature_topic = self._subscription.topic
+
+    def take(self) -> None:
+        """Take what has come; what is no Temperature is counted and passed over."""
+        batch = self._subscription.take()
+        self._facts.thermometers = self._subscription.publishers
+        stamps, celsius = [], []
+        for content, receive_ns in zip(batch.messages, batch.receive_ns.tolist(), strict=True):
+            try:
+                message = deserialize_message(content, Temperature)
+            except Exception:
+                # The middleware raises what it likes for bytes that are no message.
+                self._facts.malformed += 1
+                continue
+            stamp = message.header.stamp
+            header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            stamps.append((header_ns or receive_ns, receive_ns))
+            celsius.append(message.temperature)
+        if celsius:
+            self._facts.temperature_c = celsius[-1]
+            self._waiting = np.concatenate([self._waiting, stamps])[-_MOST_WAITING:]
+            self._celsius = np.concatenate([self._celsius, celsius])[-_MOST_WAITING:]
+
+    def feed(self, characterization: Characterization) -> None:
+        """Give the readings to a run, once it is known by which stamps its samples are placed."""
+        if not len(self._celsius):
+            return
+        clock = characterization.summary().clock
+        if clock is None:
+            return
+        characterization.take_temperature(
+            self._waiting[:, 0 if clock == 'header' else 1], self._celsius)
+        self._waiting, self._celsius = self._waiting[:0], self._celsius[:0]
