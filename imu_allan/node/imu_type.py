@@ -69,6 +69,7 @@ def definition_of(type_name: str) -> str:
     Parameters
     ----------
     type_name : str
+        As for `message_class`.
 
     Returns
     -------
@@ -112,6 +113,7 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '') ->
     Parameters
     ----------
     type_name : str
+        As for `message_class`.
     gyro, accel, stamp : str, optional
         Fields that hold the samples and their time, with units.
 

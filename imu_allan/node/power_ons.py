@@ -24,6 +24,8 @@ MOST = 1000
 """Power-ons that are remembered, the latest ones: three years of a robot switched on daily."""
 _SHORTEST_S = 10.0
 """Where the robot rests for less after a power-on, its mean is the noise's."""
+_ABSURD = 2.0**62
+"""More samples do not come in a life time, and no sensor's mean is so large."""
 _BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 
@@ -119,11 +121,14 @@ class PowerOns:
             If the document is none.
 
         """
-        marks = (Mark(int(mark['samples']),
+        marks = [Mark(int(mark['samples']),
                       {str(name): float(mean) for name, mean in mark['means'].items()},
                       float(mark['first']))
-                 for mark in document['ended'])
-        return cls(str(document['boot']), tuple(marks)[-MOST:])
+                 for mark in document['ended'][-MOST:]]
+        if not all(0 <= mark.samples < _ABSURD and abs(mean) < _ABSURD
+                   for mark in marks for mean in mark.means.values()):
+            raise ValueError('a mean of a power-on is none')
+        return cls(str(document['boot']), tuple(marks))
 
 
 def boot_id() -> str:

@@ -60,15 +60,19 @@ def unpack(state: State, setup: Setup) -> Run:
                                 f'({_difference(options, setup.options)})')
         power_ons = PowerOns.from_dict(about['power_ons'])
         saved = Characterization.from_state({key: array for key, array in state.items()
-                                           if key != _KEY})
-    except (ImuAllanError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+                                             if key != _KEY})
+    except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
+            AttributeError) as error:
         raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
     try:
         saved.break_run()
     except ImuAllanError:
         # All that had come was of no use.
         return new_run(setup)
-    return Run(saved, power_ons=power_ons.resumed(saved))
+    try:
+        return Run(saved, power_ons=power_ons.resumed(saved))
+    except (ImuAllanError, ValueError, TypeError, IndexError, ArithmeticError) as error:
+        raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
 
 
 def new_run(setup: Setup) -> Run:

@@ -18,6 +18,8 @@ import pytest
 checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
 same_imu = pytest.importorskip('imu_allan.node.same_imu')
 resuming = pytest.importorskip('imu_allan.node.resuming')
+Run = pytest.importorskip('imu_allan.node.run').Run
+power_ons = pytest.importorskip('imu_allan.node.power_ons')
 
 MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
                     'accel: {noise_density: 150 ug/sqrt(Hz)}')
@@ -29,9 +31,11 @@ def blocks(count: int, start_ns: int) -> list[ImuBlock]:
 
 
 def saved_state() -> dict[str, NDArray[Any]]:
-    run = Characterization(kind='topic', path=None, topic='/imu', options=SETUP.options)
+    run = Run(Characterization(kind='topic', path=None, topic='/imu', options=SETUP.options),
+              power_ons=power_ons.PowerOns('an earlier boot', (
+                  power_ons.Mark(1000, {'gyro_x': 0.0}, 0.0),)))
     for block in blocks(4000, 10**18):
-        run.update(block)
+        run.characterization.update(block)
     state: dict[str, NDArray[Any]] = resuming.pack(run, SETUP)
     return state
 
@@ -78,13 +82,13 @@ def resumed(content: bytes) -> bool:
     """Go on with a state as the node does; False if it is refused."""
     try:
         run = resuming.unpack(checkpoint.decode_state(content), SETUP)
-        same_imu.Trial(same_imu.Signature.of(run.summary()))
+        same_imu.Trial(same_imu.Signature.of(run.characterization.summary()))
     except checkpoint.UnusableState as error:
         assert error.reason in ('damaged', 'foreign', 'newer', 'topic', 'settings')
         return False
     for block in MORE:
-        run.update(block)
-    run.snapshot().result().to_json()
+        run.characterization.update(block)
+    run.fitting()().to_json()
     checkpoint.encode_state(resuming.pack(run, SETUP))
     return True
 

@@ -84,7 +84,7 @@ def test_a_type_that_is_not_there_or_holds_no_imu_is_one_line_at_the_start(ros: 
         return [word for part in (f'imu_type:={kind}', *fields) for word in ('-p', part)]
 
     cases = [
-        (chosen('no_such_msgs/msg/Imu'), "imu_type: no_such_msgs/msg/Imu: its Python package "
+        (chosen('no_such_msgs/msg/Imu'), 'imu_type: no_such_msgs/msg/Imu: its Python package '
          "cannot be imported (No module named 'no_such_msgs'); source the workspace that it was "
          'built in'),
         (chosen('sensor_msgs/msg/Nothing'), 'imu_type: sensor_msgs/msg/Nothing: the package '
