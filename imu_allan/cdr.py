@@ -33,10 +33,10 @@ from numpy.typing import NDArray
 
 Serialization = Literal['cdr', 'ros1']
 
-_TEXT_LENGTH_AT = 12
-_TEXT_AT = 16
-_DOUBLES = 37
-_NANOSECONDS = 1_000_000_000
+_TEXT_LENGTH_AT = 12  # behind encapsulation, sec and nanosec, of 4 bytes each
+_TEXT_AT = 16         # behind its length, a uint32
+_DOUBLES = 37         # 4 + 9 + 3 + 9 + 3 + 9: a quaternion, two vectors, three covariances
+_NANOSECONDS = 1_000_000_000  # in a second
 
 
 class MalformedImu(ImuAllanError):

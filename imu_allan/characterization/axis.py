@@ -14,6 +14,7 @@ from imu_allan.characterization.findings import (
     step_remarks,
 )
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
@@ -223,7 +224,7 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
         own, interval = None, None
         if ratio is not None:
             own = float(density.value * ratio[0][number])
-            error = 1.96 * float(ratio[1][number])
+            error = NORMAL95 * float(ratio[1][number])
             interval = own * (1 - error), own * (1 + error)
         # What white noise leaves in the means of a part is no drift.
         white = density.value**2 / (powers.drift_samples[number] * dt)

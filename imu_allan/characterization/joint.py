@@ -19,6 +19,7 @@ from imu_allan.characterization.mean import error_of_mean
 from imu_allan.characterization.stream import Characterization, Record
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.random_effects import q_statistic, random_effects
@@ -45,7 +46,6 @@ _SAME_BAND = 0.2
 _CONTRADICTION = 1e-3
 """Probability below which the spread of a coefficient is no chance, over all that are compared."""
 _COMPARED = ('noise_density', 'bias_instability', 'rate_random_walk')
-_Z95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -323,7 +323,7 @@ def _logarithms(name: str, key: str, parts: Sequence[_Part]
             low, high = found.ci95
             values[part.path] = log(found.value)
             half = log(high / low) / 2 if low > 0 else log(high / found.value)
-            errors[part.path] = half / _Z95
+            errors[part.path] = half / NORMAL95
     return values, errors
 
 

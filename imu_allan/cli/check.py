@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from imu_allan.writers.datasheet import Verdict
 
 EXIT_FAILED = 3
+"""Beside 0, 1 and 2 of every verb, so that a script tells a bad sensor from a bad command."""
 EXIT_CANNOT_TELL = 4
+"""With --strict alone: a longer recording may turn it into 0 or 3."""
 
 
 def register(verbs: Any) -> None:

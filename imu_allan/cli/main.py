@@ -18,10 +18,12 @@ from imu_allan.cli import analyze, check, export, info, report, simulate, tune
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.version import __version__
 
-EXIT_DONE = 0
 EXIT_KNOWN_ERROR = 1
+"""argparse takes 2 for wrong usage."""
 EXIT_INTERRUPTED = 130
+"""As a shell reports the signal: 128 + SIGINT."""
 EXIT_BROKEN_PIPE = 141
+"""128 + SIGPIPE, what `imu_allan ... | head` ends other programs with."""
 _INSTALLED_AS = {name: name for name in (
     'isal', 'lz4', 'markupsafe', 'mcap', 'plotly', 'rich', 'rosbags', 'scipy', 'zstandard')}
 """Packages that an installation by rosdep may lack, as pip calls them."""

@@ -8,23 +8,24 @@ from math import exp, log
 
 from imu_allan.characterization.mean import error_of_mean, recorded_s
 from imu_allan.fleet.names import natural
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Result
 
 PERCENTILES = (5, 25, 50, 75, 95)
-TOLERANCE_SHARE = 0.95
+TOLERANCE_SHARE = 0.95         # of the units ...
 TOLERANCE_CONFIDENCE = 0.95
 """The usual 95/95 limit: 95 % of all units keep it, with 95 % confidence."""
 MEAN = 'mean'
 """Key of the zero bias of a gyroscope, which stands among the coefficients of a population."""
 
 _FEWEST_UNITS = 3
+"""Of two, the 95 % interval of a spread reaches up to 32 times of it, of three to 6."""
 _SIGNED = ('rate_ramp', MEAN)
 """Signed quantities are normal about their mean; the others spread by factors."""
 _CHANCE = 0.01
 """Probability with which a fleet without a bad unit names one."""
-_Z95 = 1.96
 _LARGEST = log(1e60)
 """Three units that differ by orders of magnitude have a limit beyond all numbers."""
 
@@ -197,12 +198,12 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
             continue
         low, high = found.ci95
         if key in _SIGNED:
-            sample.values[name], sample.errors[name] = found.value, (high - low) / (2 * _Z95)
+            sample.values[name], sample.errors[name] = found.value, (high - low) / (2 * NORMAL95)
         elif found.value > 0:
             sample.values[name] = log(found.value)
             # An interval down to zero has only its upper half on this scale.
             half = log(high / low) / 2 if low > 0 else log(high / found.value)
-            sample.errors[name] = half / _Z95
+            sample.errors[name] = half / NORMAL95
     return sample
 
 

@@ -15,12 +15,15 @@ from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, listed, measured, spoken
 
 SILENCE_S = 5.0
+"""Longer than a hiccup of Wi-Fi; any longer and a dead sensor is news late. A judgment."""
 REPEAT_S = 30.0
 """A warning about something that flickers comes at most so often."""
 PROGRESS_S = 60.0
+"""As often as somebody who waits looks again."""
 EARLY_S = 600.0
 """In the first ten minutes somebody watches: a line a minute; after that one an hour."""
 LATER_S = 3600.0
+"""A night makes ten lines."""
 _TOLD_ELSEWHERE = frozenset({'short_recording', 'motion', 'mostly_motion', 'unknown_rate',
                              'clock_jumps'})
 """Codes of remarks that progress lines or transitions of their own tell."""

@@ -28,9 +28,12 @@ from numpy.typing import NDArray
 State = Mapping[str, NDArray[Any]]
 
 VERSION = 1
+"""Of the layout: raised where another program would misread the file."""
 _NAME = b'imu_allan.state/'
 _DIGEST_BYTES = 32
+"""Of SHA-256."""
 _LARGEST_BYTES = 64_000_000
+"""A state has some megabytes; what is larger is another file, and not read into memory."""
 _KINDS = 'biufU'
 _PLAIN = getattr(os, 'O_NOFOLLOW', 0) | getattr(os, 'O_NONBLOCK', 0)
 

@@ -20,6 +20,7 @@ import numpy as np
 MIXED_STEPS = 2
 """So many falling numbers within `MIXED_WITHIN_S` mean two publishers; a restart makes one."""
 MIXED_WITHIN_S = 2.0
+"""Two publishers of 1 Hz and more make two falls in it; a driver restarts more slowly."""
 MIXED_FOR_S = 5.0
 """Samples count as mixed for so long after the last falling number."""
 

@@ -20,6 +20,7 @@ from imu_allan.writers.result_file import save_curves, save_result
 _CLAIMS: dict[Path, int] = {}
 """Folders of this process, and the handles that hold their locks."""
 _MOST_OF_ONE_NAME = 100
+"""Nodes of one name that start in one second: one is a slip, a hundred a loop without end."""
 
 
 class NothingToSave(ImuAllanError):

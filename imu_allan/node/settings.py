@@ -16,6 +16,7 @@ DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
 _LONGEST_TEXT = 1000
 """Characters; a path or a topic has fewer, and whoever is on the network may set parameters."""
 _MOST_TEXTS = 100
+"""Far more consumers or topics than anybody names; with `_LONGEST_TEXT`, 100 KB at most."""
 
 
 @dataclass(frozen=True)

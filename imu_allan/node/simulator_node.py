@@ -30,9 +30,13 @@ TOPIC = 'imu/data_raw'
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVICE_PERIOD_S = 0.05
+"""A service is answered, and a sleep ends, within this: no human notices."""
 _BURST = 256
+"""Most messages between two looks at services and clock: some milliseconds of publishing."""
 _KNOCK_HZ = 17.0
+"""Several cycles in a window of the motion detector, and below half of any usual rate."""
 _KNOCK_DECAY_S = 0.15
+"""Down to a thousandth after a second, two windows of the motion detector."""
 
 
 class SimulatorNode(Node):

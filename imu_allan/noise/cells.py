@@ -21,6 +21,7 @@ RUN_SHIFT = 44
 MOST_RUNS = 1 << (62 - RUN_SHIFT)
 """Runs that fit into the rest of a signed 64-bit key; before that they are numbered anew."""
 _PLACE = (1 << RUN_SHIFT) - 1
+"""Masks the place out of a key."""
 
 
 @dataclass(frozen=True)

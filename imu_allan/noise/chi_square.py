@@ -12,6 +12,11 @@ from scipy.special import gammaincc, gammainccinv, gammaincinv
 
 Array = NDArray[np.float64]
 
+NORMAL95 = 1.96
+"""Standard errors about a normal estimate that hold 95 %: the root of `upper(0.05, 1)`."""
+NORMAL90 = 1.645
+"""The same of 90 %, or of 95 % on one side."""
+
 
 def survival(x: ArrayLike, dof: ArrayLike) -> Array:
     """Return the probability that a chi-square variable of `dof` degrees exceeds `x`."""

@@ -36,6 +36,7 @@ records of a clear random walk none reached it, of 300 of a weak one with flicke
 _TIMES = 12
 """Correlation times that are tried first, over all decades ..."""
 _SLOW_TIMES = 6
+"""A factor of 2.5 apart; the best is refined, and half the threshold is enough to be refined."""
 _SLOW = 0.01
 """... and over the slowest two, where a walk asks whether it levels off."""
 _LOG_TIME_ERROR = 0.2

@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 State = dict[str, NDArray[np.generic]]
 
 CHUNK = 4 * BLOCK
+"""Whole blocks of the spectrum, which numpy takes at once: 0.8 MB for six axes."""
 _RESOLUTION_SAMPLES = 65_536
-_MAX_LEVELS = 4096
+"""The least step of a coarse output shows in so many; to look on takes a tenth of the time."""
 
 
 @dataclass

@@ -28,6 +28,7 @@ _SHORT_ISLAND = 8
 _EXACT = 64
 """Coefficients that are worked out one by one; above, a few to an octave, over all phases."""
 _PER_OCTAVE = 12
+"""Octave means err by 0.05 % at most; by 0.12 % with 6, 0.03 % with 24 (periodic gaps)."""
 
 
 @dataclass(frozen=True)

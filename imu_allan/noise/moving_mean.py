@@ -38,6 +38,7 @@ _UNKNOWN_FLOOR = 0.05
 _TIME_CONSTANTS = 9
 """A factor of 1.5 apart: the best of them is told as it is. A judgment, for each costs time."""
 _SHORTEST_WARMING = 1 / 60
+"""Over (three of it) within a twentieth of the record: what is over sooner is like no walk."""
 _LONGEST_WARMING = 1 / 2
 """Time constants that are tried, in lengths of the record: a longer one looks like a ramp."""
 _CYCLES = np.arange(1.0, 16.1, 0.25)

@@ -22,9 +22,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 OVERLAP_OCTAVE = 3
-OVERLAP = 2**OVERLAP_OCTAVE
+"""8-fold overlap keeps 98 % of the degrees of freedom of white noise, 4-fold 93, 16-fold 99.5."""
+OVERLAP = 2**OVERLAP_OCTAVE    # places of a cluster within its length
 _TAIL = 2 * OVERLAP - 1
+"""Values of a stage that the next differences reach back to."""
 _MAX_STAGES = 48
+"""2**48 samples: 8,900 years at 1 kHz. Bounds what a state file may claim."""
 
 
 class Pyramid:

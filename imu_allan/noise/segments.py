@@ -28,12 +28,15 @@ SHORTEST_SEGMENT = 16_384
 OCTAVES = 12
 """The slowest band begins at 2**-12 cycles per sample: the means of the series lie below it."""
 PER_OCTAVE = 8
+"""A line costs three of them: coarser ones lose more beside it, finer ones hold fewer degrees."""
 MEANS = 64
 """Samples in a mean of the slower of two transforms, as in the first stage of the spectrum."""
 _BANDS = PER_OCTAVE * (OCTAVES - 1)
+"""The fastest octave ends at half the sample rate."""
 _BORDER = 1 / 256
 """Cycles per sample up to which the slower transform is used: a quarter of its sample rate."""
 _SHORTEST_BLOCK = 256
+"""A shorter one, the rest of a stretch, has under five octaves above `_LOWEST_INDEX`."""
 _LOWEST_INDEX = 8
 """Below, the ends of a block leak into its coefficients."""
 

@@ -27,7 +27,9 @@ from scipy.signal import lfilter
 Array = NDArray[np.float64]
 
 _STREAM_RATIO = 4.0
+"""Of correlation times: the Allan deviation ripples by 0.03 %; by 0.01 % with 2, 0.5 % with 8."""
 _STREAM_LONGEST_S = 3e8
+"""Ten years: as long as any stream runs, its noise is flicker."""
 
 
 def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,

@@ -36,6 +36,7 @@ _LEAST_SPREAD = 0.05
 _SPLITS_HZ = (0.03, 0.3, 3.0)
 """Borders of the broad bands that findings speak of."""
 _DEPTH = 40
+"""Octaves below the sample rate that bands are counted from: 30 years at 1 kHz."""
 _FIRST_INDEX = 3
 """Coefficients 1 and 2 of a segment hold its trend, which is no change of the noise."""
 _FEWEST = 4.0

@@ -40,10 +40,13 @@ _SCALES = (1, 32, 8)
 _LOWEST_INDEX = 32
 """Coefficients below belong to the slow terms, whose steep rise would pass for a line."""
 _MOST = 32
+"""A result names the strongest; all of them are left out of the fit."""
 _MANY = 8
 """Blocks from which on an average is smooth enough for broad lines and few neighbours."""
 _BROAD = 64
+"""Bins from which a rise is a hump with its centre of mass, not a line with a highest bin."""
 _LOWEST_FLOOR = 1e-9
+"""Of the mean level: 90 dB below is no noise, and a ratio to it is still a number."""
 _LEAST_LEFT = 0.5
 """With less of the spectrum left than that, no line is left out and the fit says what is wrong."""
 _LOBE_MARGIN = 2.0

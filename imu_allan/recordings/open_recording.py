@@ -15,6 +15,7 @@ SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _WHOLE = ('.bag', '.ulg', '.bin')
 """How the names of files end that are a recording each, whatever lies beside them."""
 _HEAD = 64
+"""Bytes: the longest mark, that of git-LFS, has 40."""
 
 
 def open_recording(

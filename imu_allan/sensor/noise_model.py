@@ -50,6 +50,7 @@ one power-on to the next.
 _OF_THE_SENSOR = 'gravity_error'
 _SENSORS = ('gyro', 'accel')
 _LONGEST_FILE = 1_000_000
+"""Bytes: a model has one KB, and a YAML parser takes seconds for a thousand."""
 
 
 @dataclass(frozen=True)

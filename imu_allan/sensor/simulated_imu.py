@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DRAWN_AT_ONCE = 1024
+"""Calls of numpy cost more than the noise in smaller blocks. Part of what a seed means."""
 
 
 class SimulatedImu:

@@ -73,6 +73,7 @@ _TOKEN = re.compile(r'\s*(?:([A-Za-z]+)|(1)(?=\s*/)|([*/()](?!\*))'
                     r'|(?:\^|\*\*)\s?(-?\d(?:\.5)?)(?![\d.]|\s*(?:\^|\*\*)))')
 _ROOT = re.compile(r'\b(?:sqrt|rt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))')
 _LONGEST = 80
+"""Characters: twice as long as any unit in use; the rest of a text is neither parsed nor shown."""
 
 
 def parse(text: str, to: str) -> float:

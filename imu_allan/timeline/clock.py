@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Stamps = NDArray[np.int64]
 
-SECOND = 1_000_000_000
+SECOND = 1_000_000_000  # in the nanoseconds of all stamps
 LOOK_AHEAD = 64
 """Messages that must follow before the fate of a message is decided."""
 

@@ -9,6 +9,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _BLOCK = 64
+"""Samples of a transform: drift stays out of its upper half, where neighbours are compared."""
 _FEWEST_BLOCKS = 8
 _IN_TURN = 0.35
 """Correlation of steps two apart: white noise has 0, its second difference 0.3."""
@@ -17,6 +18,7 @@ _ALTERNATING = 3.0
 _ALTERNATING_AXES = 3
 """Two sensors differ in most axes; mains hum at half the sample rate shows in one or two."""
 _LARGEST = 1e9
+"""In SI units, as in `intake`: its square stays far from overflow."""
 _SPIKE_SIGMAS = 10.0
 """Of the noise of a sample: far beyond chance, and what the remark says. A judgment."""
 _LEAST_SPIKES = 1e-3
@@ -25,6 +27,7 @@ _MOST_SPIKES = 0.05
 """More are the sensor's own: no errors on a bus are so many. A judgment."""
 _ISOLATED, _KNOCK = 3, 2.5
 _SECTIONS = 16
+"""A knock lies in one or two of them, errors on a bus in more than four."""
 
 
 def alternates(samples: Floats) -> bool:

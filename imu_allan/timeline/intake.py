@@ -48,6 +48,7 @@ _LARGEST = 1e9
 _RATE_TOLERANCE = 0.02
 """A stated rate may be rounded, and a clock off; more is another rate."""
 _FEWEST_FOR_SPIKES = 8
+"""Steps whose median is the noise that a wild value is held against."""
 _FEWEST_TIES, _TIED_SHARE = 2, 1e-3
 """Different messages with one stamp: more than a slip of the driver now and then."""
 _EVEN_SPREAD = 0.2

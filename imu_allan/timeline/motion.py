@@ -50,9 +50,11 @@ _LONGEST_LAG_S = 6.0
 _MOST_RECENT = 64
 """Windows of stretches before a gap that those behind it are held against."""
 _CONTEXT = _MARGIN + max(_LAGS) + 1
+"""Windows before the ones to be judged that these are held against."""
 _REMEMBERED = 512
 """Windows at rest that make the baseline: four minutes. Of fewer the threshold scatters."""
 _REFRESH = 256
+"""New windows, two minutes: half of the next baseline. It follows temperature, not a slow turn."""
 _PERSISTENT = 128
 """Windows after which a new level may be the sensor's own: a minute. A judgment."""
 _PERSISTENT_SHARE = 0.25
@@ -74,6 +76,7 @@ _FEW_SPREAD = 0.1
 _TOLD_RATIO = 3.0
 """Noise that has become so many times louder or quieter is told. A judgment."""
 _LATELY_S = 5.0
+"""The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
 _QUIETER = 3.0 ** (2 / 3)
 """Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
 _REST_WINDOWS = 6

@@ -49,12 +49,15 @@ _STRAIGHT = 0.75
 _SAME_PACE = 0.2
 """Share of the losses by which two paces may differ and still be the same."""
 _GROUP = 16
+"""Messages to a median: with 8, ticks as long as the interval pass for losses (a test)."""
 _GROUPS = 8
 """A jump lasts if 8 medians of 16 messages lie above the 8 before: a stall is over by then."""
 _LASTING = 0.5
 """In intervals: half of one is the least that rounds to a lost sample."""
 _MOST_JUMPS = 64
+"""In one batch of messages: each costs a pass over the levels, and the largest come first."""
 _LEAP = 16
+"""Missing samples: before random losses add up to so many, one of them is seen."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _RATE_PARTS = 0.12

@@ -35,6 +35,7 @@ _SHORTEST_REST_S = 5.0
 _LEAST_CONTRAST = 0.999 * log(3.0) * 2 / 3
 """A third of the noise: what shakes as much where it does not turn is no rest, but a straight."""
 _NAMED_RESTS = 5
+"""As many as fit on two lines of a terminal."""
 _LITTLE_HIDDEN = 0.005
 """Losses up to here move the noise density by less than a tenth of a usual interval."""
 _MANY_ABSENT = 0.01
@@ -43,6 +44,7 @@ _CLEAR_RATE = 1e-3
 _UNEVEN_RATE = 0.005
 """Moves the noise density by half of it: a tenth of a usual interval."""
 _FEWEST_FOR_SPEED = 256
+"""Messages, 2.5 s at 100 Hz: in less the lag of the receive stamps hides any difference."""
 _OTHER_SPEED = 0.05
 """A crystal is off by millionths; a replay or a simulation by more than this. A judgment."""
 _LONGEST_LAG_S = 0.3

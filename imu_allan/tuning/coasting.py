@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _DOUBLINGS = 40
+"""So many are not reached: 8 to 17 settle for steps of 0.01 to 100 s."""
 
 
 def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _UNKNOWN_START = 1e6
+"""In variances of a measurement: one of them forgets it, and a double keeps ten digits."""
 
 
 @dataclass(frozen=True, eq=False)

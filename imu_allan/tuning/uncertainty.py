@@ -18,7 +18,6 @@ where a result does not tell its own: half of that of the variance of the mean o
 """
 _FEWEST = 3
 """Segments: of two the spread is off by any factor, and the usual one is nearer."""
-_NORMAL90 = 1.645
 _LEAST_DOF = 0.5
 """A horizon as long as the record: half a degree of freedom, so that an interval stays finite."""
 
@@ -111,7 +110,7 @@ def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:
     """
     dof = np.maximum(_degrees_of_freedom(axis, horizons), _LEAST_DOF)
     sampling = np.log(dof / chi_square.lower(0.05, dof))
-    drift = np.hypot(sampling, 2 * _NORMAL90 * unsteadiness(axis))
+    drift = np.hypot(sampling, 2 * chi_square.NORMAL90 * unsteadiness(axis))
     # White noise is known from the whole band, whatever the horizon.
     best = float(np.max(axis.curve.edf))
     noise = best / float(chi_square.lower(0.05, np.array([best]))[0])

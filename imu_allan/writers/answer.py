@@ -18,8 +18,11 @@ from imu_allan.tuning.tune import FilterTuning, tune
 from imu_allan.wording import bounded, measured, number, SENSORS
 
 AIDING_S = 0.1
+"""A camera or a wheel of 10 Hz corrects the filter."""
 COAST_S = 60.0
+"""As where nobody says anything to an exporter: an outage in a tunnel."""
 CALIBRATION_S = 60.0
+"""What a robot is left standing for before a run."""
 
 STEADY, UNSTEADY, WARMING = 'steady', 'not steady', 'still warming up'
 MISFIT, UNKNOWN, CONSTANT = 'does not fit', 'cannot tell', 'constant'

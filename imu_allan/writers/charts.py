@@ -41,7 +41,9 @@ Array = NDArray[np.float64]
 WIDE, NARROW = 1080.0, 380.0
 """Widths of the two drawings: the page at a desk and in print, and on a phone."""
 _SHOWN_SPANS = 400
+"""Of more, each has less than three of the 1080 points, and the page only grows."""
 _SHOWN_TONES = 12
+"""The strongest: of more the labels hide each other."""
 
 
 @dataclass(frozen=True)

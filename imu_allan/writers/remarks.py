@@ -36,6 +36,7 @@ _AXIS = re.compile(r'(\w+): (.*)', re.DOTALL)
 # A number that stands by itself: "0.0148", "-3", "12.5 %", "44," but not the 3 of "m/s^3".
 _NUMBER = re.compile(r'(?<![\w.^/-])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w^/])')
 MANY_TONES = 4
+"""As many as a line of the terminal holds; the result file has all."""
 
 
 @dataclass(frozen=True)

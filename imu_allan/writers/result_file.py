@@ -31,6 +31,7 @@ from imu_allan.result import (
 from imu_allan.writers.atomic import write_atomically
 
 _LARGEST_BYTES = 200_000_000
+"""A result has some megabytes at most; what is larger is not read into memory."""
 # Nothing that is measured comes near; squares and sums of what is smaller stay finite.
 _LARGEST = 1e60
 _CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',

@@ -20,7 +20,9 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 
 _PIECE = 1 << 22
+"""So much is held at a time, and written before a bound is seen to be overrun."""
 _LONGEST_FRAME_HEAD = 18
+"""Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
 _PLAIN_BYTES, _MOST_RATIO = 1 << 28, 1000
 """Bytes that any file may expand to, and times its size beyond that: real recordings reach 20."""
 _SPARED_DISK = 1 << 28

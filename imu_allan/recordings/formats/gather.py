@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 RECORD_HEAD = 9
 """Bytes of opcode and length before each record."""
 
-_MESSAGE_HEAD = RECORD_HEAD + 22
-_LOG_TIME_AT = RECORD_HEAD + 6
+_MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
+_LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
 _STEPS_AT_LEAST = 100_000

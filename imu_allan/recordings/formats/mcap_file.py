@@ -55,14 +55,16 @@ Record = TypeVar('Record')
 _FRAME = Struct('<BQ')
 _CHUNK_HEAD = Struct('<QQQII')
 _CHUNK_INDEX_HEAD = Struct('<QQQ')
-_FOOTER_SIZE = _FRAME.size + 20
+_FOOTER_SIZE = _FRAME.size + 20    # two places and a checksum: 8 + 8 + 4 (MCAP, op 0x02)
 _LOOSE = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 _LONGEST_NAME = 4096
+"""DDS allows 255 characters; a much longer name is damage, and not kept in memory."""
 _LARGEST_DESCRIPTION = 1 << 22
 """Bytes of a Channel or Schema record that are still taken for one."""
 _MOST_DESCRIPTIONS = 1 << 18
 """Channel and Schema records that are read; there are 65,536 numbers of each."""
 _LARGEST_SUMMARY = 1 << 28
+"""Two million indexes of 100 bytes; a larger one is not held, the file is scanned instead."""
 _LARGEST_CHUNK = 1 << 26
 """Bytes of a chunk, before and after decompression, that are held whole."""
 _WINDOW = 1 << 22

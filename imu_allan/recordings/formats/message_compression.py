@@ -12,6 +12,7 @@ import numpy as np
 _ZSTD = b'\x28\xb5\x2f\xfd'
 """No message begins like this: CDR begins with a zero."""
 _LARGEST_MESSAGE = 1 << 16
+"""An Imu has 324 bytes and its frame_id: 200 times as much; a bomb expands to no more."""
 
 
 def is_compressed(message: bytes) -> bool:

@@ -39,10 +39,15 @@ MAGIC = b'#ROSBAG V2.0\n'
 
 _UINT = Struct('<I')
 _LARGEST_HEADER = 1 << 20
+"""It holds a topic and a few numbers; more is damage, and not allocated."""
 _LARGEST_DEFINITION = 1 << 22
+"""As in MCAP, far more than any definition has."""
 _MOST_CONNECTIONS = 1 << 16
+"""One to each publisher of each topic; a hostile bag may have one to each 50 bytes."""
 _LARGEST_CHUNK = 1 << 28
+"""rosbag writes 768 kB unless told otherwise; one number shall not fill the memory."""
 _REMEMBERED_HEADS = 16
+"""Connections whose messages are known by a comparison; they are tried in turn."""
 _STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
 """Records of a chunk that are stepped through whatever its size, and bytes for one more.
 

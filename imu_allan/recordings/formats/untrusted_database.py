@@ -38,6 +38,7 @@ _SCHEMA_STEPS = 50_000
 _STEPS_AT_LEAST, _STEPS_PER_BYTE = 20_000_000, 2
 """For the rest: a row takes 7 to 25 steps of SQLite's machine, and 14 bytes at least."""
 _STEPS_AT_A_TIME = 1000
+"""Between two calls into Python, which cost nothing beside so many; the budget ends as exactly."""
 _MAY_STAND = ('create table ', 'create index ', 'create unique index ')
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 OnMalformed = Callable[[int, MalformedImu], None]
 
-_NANOSECONDS = 1_000_000_000
+_NANOSECONDS = 1_000_000_000  # in a second
 _ENOUGH = 16
 """Messages from which on it is decided which of several stamps is used."""
 _REMEMBERED = 64

@@ -24,6 +24,7 @@ FORMS: Mapping[str, Form] = {
 """What containers call the two languages."""
 
 _SEPARATOR = '=' * 80 + '\n'
+"""As rosbag and rosbag2 put it between the definitions of the parts of a message."""
 _DIRECTIVE = re.compile(r'^[ \t]*#.*$', re.MULTILINE)
 """A line for the preprocessor, such as an include; the parser knows none."""
 _LARGEST = 1 << 20

@@ -16,7 +16,9 @@ from imu_allan.recordings.messages.definitions import Field, Types
 _MOST_IMUS = 16
 """Imus that are looked for in one message."""
 _DEEPEST = 8
+"""Messages in messages: nobody nests as deep, and a hostile definition may without end."""
 _LONGEST_PATH = 1000
+"""Characters: eight levels of names of 100, and room."""
 _TIME = ('sec', 'nanosec')
 _PATH = re.compile(r'[A-Za-z_]\w*(\[\d{1,6}\])?(\.[A-Za-z_]\w*(\[\d{1,6}\])?)*')
 _SLICE = re.compile(r'(.*)\[(\d{1,6}):(\d{1,6})\]')

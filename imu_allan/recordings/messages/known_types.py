@@ -12,7 +12,7 @@ import re
 
 from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Stamp, Vector
 
-_US = 1000
+_US = 1000  # nanoseconds in the microseconds of PX4 and SBG
 _SBG_SHORT_ACCEL, _SBG_SHORT_GYRO = 1 / 1048576, 1 / 67108864
 """sbgECom, SBG_ECOM_LOG_IMU_SHORT: 1048576 LSB for 1 m/s^2, 67108864 LSB for 1 rad/s."""
 

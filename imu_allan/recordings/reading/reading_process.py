@@ -40,13 +40,16 @@ WORTHWHILE_BYTES = 1 << 26
 SLOT_MESSAGES = 1 << 13
 """Messages that fit into a slot."""
 SLOTS = 8
+"""So far may the reader be ahead, 65,536 messages in 4.3 MB of shared memory."""
 
 _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
     ('samples', np.float64, (SLOT_MESSAGES, 6)), ('absent', np.bool_, (SLOT_MESSAGES, 2))])
 _FIELDS = ('header_ns', 'receive_ns', 'samples', 'absent')
 _PATIENCE_S = 10.0
+"""It removes what it unpacked first, which a slow disk takes seconds for; then it is killed."""
 _LARGER_THAN_BLOCKS = 1 << 24
+"""Above any block, below glibc's largest threshold of 32 MiB (M_MMAP_THRESHOLD, mallopt(3))."""
 
 
 class ReadingProcess:

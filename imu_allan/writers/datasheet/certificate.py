@@ -22,7 +22,9 @@ _MARKS: dict[Outcome, tuple[str, str]] = {
 _MOST_SENTENCES = 8
 """More would push the signature off the sheet; the table holds every verdict anyway."""
 _LONGEST = 110
+"""Characters that fit on a line of the sheet."""
 _LONGEST_LIMIT = 40
+"""Characters of its column of the table."""
 
 
 def certificate_html(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from imu_allan.characterization.mean import error_of_mean, recorded_s
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
@@ -18,7 +19,6 @@ Share of the limit of its noise density below which an axis is dead: no sensor i
 better than its datasheet, while rounding in a driver makes a stuck value vary by that little. The
 same share of the noise of the other segments tells an axis that died during the record.
 """
-_Z95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def zero_bias(result: Result, axis: str, expected: float) -> Measured:
     mean = result.axes[axis].mean
     if mean is None:
         return Measured(doubt='there is no mean')
-    error = _Z95 * error_of_mean(result.axes[axis], recorded_s(result))
+    error = NORMAL95 * error_of_mean(result.axes[axis], recorded_s(result))
     distance = mean - expected
     return Measured(abs(distance), _magnitude((distance - error, distance + error)))
 
@@ -117,8 +117,8 @@ def gravity_error(result: Result) -> Measured:
     length = hypot(*means)
     time = recorded_s(result)
     # To first order an error counts as much as its axis takes part in the whole.
-    error = _Z95 * hypot(*(mean / length * error_of_mean(result.axes[axis], time)
-                           for axis, mean in zip(names, means, strict=True))) if length else 0.0
+    error = NORMAL95 * hypot(*(mean / length * error_of_mean(result.axes[axis], time)
+                              for axis, mean in zip(names, means, strict=True))) if length else 0.0
     distance = length - STANDARD_GRAVITY
     return Measured(abs(distance), _magnitude((distance - error, distance + error)))
 

@@ -23,7 +23,9 @@ from imu_allan.writers.filters.layout import (
 )
 
 PX4_HZ = 100.0
+"""EKF2_PREDICT_US is 10000 by default."""
 ARDUPILOT_HZ = 83.0
+"""EKF_TARGET_DT in AP_NavEKF3_core.h is 0.012 s."""
 
 _Parameters = dict[Pair, tuple[str, float, float]]
 

@@ -36,7 +36,7 @@ COAST_S = 60.0
 _COEFFICIENTS = {N: 'noise_density', K: 'rate_random_walk'}
 _PEAK = 1.89            # a Gauss-Markov process is highest at 1.89 correlation times
 _SIGMA_OF_FLAT = 1.08   # Farrell et al., IEEE Control Systems 42(6), 2022
-_TIME_OF_NOTHING = 100.0
+_TIME_OF_NOTHING = 100.0   # s, of a process without size: filters refuse zero
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from imu_allan.writers.filters.layout import (
     triples,
 )
 
-_DEGREE = pi / 180
+_DEGREE = pi / 180              # rad
 _ARW = _DEGREE / 60             # rad/s/sqrt(Hz) in 1 deg/sqrt(h)
 _VRW = 1 / 60                   # m/s^2/sqrt(Hz) in 1 m/s/sqrt(h)
-_DEG_PER_HOUR = _DEGREE / 3600
-_MILLIGAL = 1e-5
-_UG = STANDARD_GRAVITY * 1e-6
+_DEG_PER_HOUR = _DEGREE / 3600    # rad/s in 1 deg/h
+_MILLIGAL = 1e-5                # m/s^2
+_UG = STANDARD_GRAVITY * 1e-6   # m/s^2
 
 _Rows = tuple[tuple[Pair, str, float, str], ...]
 _GINS: _Rows = ((('gyro', N), 'arw', _ARW, 'deg/sqrt(h)'),

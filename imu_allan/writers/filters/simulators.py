@@ -20,7 +20,7 @@ from imu_allan.writers.filters.layout import (
     worst,
 )
 
-_DEGREE = pi / 180
+_DEGREE = pi / 180  # rad
 _AIRSIM_TIMES = {'gyro': 500.0, 'accel': 800.0}
 
 
