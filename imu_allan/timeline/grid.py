@@ -33,11 +33,11 @@ EVEN_JITTER = 0.25
 _LONG_STEP = 10.0
 """Intervals: uneven beyond is a gap, over which a clock drifts by a part of one."""
 _SMOOTHING = 31
-"""Messages: late ones, up to 15 in a row, are no loss."""
+"""Messages: late ones, up to 15 in a row, are no loss. 15 and 61 do as well."""
 _FEW = 5
 """Messages whose median is the level at an end: one or two of them may be late."""
 _BURST_WINDOW = 128
-"""Messages on each side of a jump: several bursts of a FIFO, some of them shifted."""
+"""Messages on each side of a jump, several bursts of a FIFO; 64 and 256 do as well."""
 _MOST_JUMPS = 64
 RATE_BLOCKS = (256, 64)
 """Messages of which a rate is told: the longer are surer, the shorter see a short stretch."""

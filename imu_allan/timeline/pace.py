@@ -57,7 +57,7 @@ _LASTING = 0.5
 _MOST_JUMPS = 64
 """In one batch of messages: each costs a pass over the levels, and the largest come first."""
 _LEAP = 16
-"""Missing samples: before random losses add up to so many, one of them is seen."""
+"""Missing samples: with 8, jumps that losses add up to are no doubt any more; 32 does as well."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _RATE_PARTS = 0.12

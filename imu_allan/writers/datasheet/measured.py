@@ -117,8 +117,9 @@ def gravity_error(result: Result) -> Measured:
     length = hypot(*means)
     time = recorded_s(result)
     # To first order an error counts as much as its axis takes part in the whole.
-    error = NORMAL95 * hypot(*(mean / length * error_of_mean(result.axes[axis], time)
-                              for axis, mean in zip(names, means, strict=True))) if length else 0.0
+    error = NORMAL95 * hypot(*(
+        mean / length * error_of_mean(result.axes[axis], time)
+        for axis, mean in zip(names, means, strict=True))) if length else 0.0
     distance = length - STANDARD_GRAVITY
     return Measured(abs(distance), _magnitude((distance - error, distance + error)))
 
