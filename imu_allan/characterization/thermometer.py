@@ -28,12 +28,12 @@ _CELLS = 4096
 """Of readings: half as many as the record itself has, and temperatures are slower."""
 _RUNS = 256
 """Runs whose place on the clock is kept; with more of them the temperature of the oldest goes."""
-_SECOND = 1_000_000_000
+_SECOND = 1_000_000_000  # in ns
 _SCALE = 1_000_000
 """Readings are kept in millionths of a degree: sums of integers do not depend on their order."""
 _BEYOND = 1e6
 """In degrees: no temperature, and far from what the integers hold."""
-_TYPICAL_GAPS = 10
+_TYPICAL_GAPS = 10         # of usual intervals ...
 _LONGEST_GAP_S = 300.0
 """A gap of so many usual intervals, or so long, is bridged by a line: a sensor's temperature
 settles in several minutes."""

@@ -39,9 +39,11 @@ _FEW = 5
 _BURST_WINDOW = 128
 """Messages on each side of a jump, several bursts of a FIFO; 64 and 256 do as well."""
 _MOST_JUMPS = 64
+"""In one batch of messages: each costs a median, and the largest come first."""
 RATE_BLOCKS = (256, 64)
 """Messages of which a rate is told: the longer are surer, the shorter see a short stretch."""
 _RATE_NEAR = 256
+"""Messages on each side within which a change of rate is placed: a block of the longer kind."""
 _BATCHES = 16
 """Of which a rate is told: one more or less is 6 %."""
 

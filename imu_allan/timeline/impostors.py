@@ -11,6 +11,7 @@ Bools = NDArray[np.bool_]
 _BLOCK = 64
 """Samples of a transform: drift stays out of its upper half, where neighbours are compared."""
 _FEWEST_BLOCKS = 8
+"""White noise passes on one axis in 0.2 %, on three in 1e-8; of 4 blocks in 2 % and 5e-6."""
 _IN_TURN = 0.35
 """Correlation of steps two apart: white noise has 0, its second difference 0.3."""
 _ALTERNATING = 3.0

@@ -48,6 +48,7 @@ _FOLLOW = 0.2
 _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
 _BESIDE_GAP = 3
+"""Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 _SPARSE = 16
 """Every so many samples go into the mean acceleration, which needs no more."""
 

@@ -39,6 +39,7 @@ _NAMED_RESTS = 5
 _LITTLE_HIDDEN = 0.005
 """Losses up to here move the noise density by less than a tenth of a usual interval."""
 _MANY_ABSENT = 0.01
+"""Share of the messages; fewer are slips of a driver. A judgment."""
 _CLEAR_RATE = 1e-3
 """Less than this the ends of a record do not matter. A judgment."""
 _UNEVEN_RATE = 0.005

@@ -49,6 +49,7 @@ FEWEST_DEGREES = 3.0
 _FINE, _BETWEEN = 161, 8
 _LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
 _BAND = 0.25
+"""Octaves: 80 points in all; half as wide scatters 1.4 times as much, twice hides a hump."""
 _SHORT_RANGE = 100.0
 """From here on there are two powers of ten inside a range, wherever it begins."""
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}

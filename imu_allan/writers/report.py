@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _LONGEST_LIST = 500
+"""Rows: more nobody reads, and the page only grows; the result file has a thousand."""
 _UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
 """What follows a number in a sentence: a unit, or a word that `typeset` leaves as it is."""
 
