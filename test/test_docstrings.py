@@ -5,6 +5,7 @@
 import doctest
 from importlib import import_module
 from pathlib import Path
+import re
 
 import pytest
 
@@ -19,3 +20,30 @@ def test_examples_give_what_they_say(module):
     failed, _ = doctest.testmod(import_module(module),
                                 optionflags=doctest.NORMALIZE_WHITESPACE)
     assert not failed
+
+
+EQUATIONS = [int(number) for number in re.findall(
+    r'\\tag\{(\d+)\}', (PACKAGE.parent / 'docs' / 'statistics.md').read_text())]
+NUMERICS = [
+    (name, getattr(import_module(f'imu_allan.{module}'), name)) for module, name in (
+        ('characterization.axis', 'characterize'), ('noise.curve', 'edf'),
+        ('noise.curve', 'octaves'), ('noise.drift_model', 'fit_drift_model'),
+        ('noise.estimator', 'Estimator'), ('noise.joint', 'joint_fits'),
+        ('noise.likelihood', 'maximise'), ('noise.sequential', 'decide'),
+        ('noise.simulate', 'simulate'), ('noise.spectrum', 'flicker'),
+        ('noise.spectrum', 'quantization'), ('noise.spectrum', 'random_walk'),
+        ('noise.spectrum', 'white'), ('tuning.forecast', 'predicted_drift'),
+        ('tuning.tune', 'tune'))]
+
+
+def test_the_equations_of_the_statistics_are_numbered_in_turn():
+    assert list(range(1, len(EQUATIONS) + 1)) == EQUATIONS
+    assert len(EQUATIONS) >= 10
+
+
+@pytest.mark.parametrize(('name', 'public'), NUMERICS)
+def test_public_numerics_name_an_equation_that_there_is_and_show_an_example(name, public):
+    numbers = {int(number) for number in re.findall(r'(?<!\w)\((\d\d?)\)', public.__doc__)}
+    assert numbers, f'{name} names no equation'
+    assert numbers <= set(EQUATIONS), name
+    assert '>>>' in public.__doc__, f'{name} has no example'

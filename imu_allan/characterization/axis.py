@@ -65,6 +65,8 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     """
     Characterize one axis from evenly spaced samples.
 
+    The coefficients of equation (1) of docs/statistics.md, by (7); the curve is (4).
+
     Parameters
     ----------
     samples : array_like, shape (n,)

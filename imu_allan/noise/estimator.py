@@ -37,7 +37,7 @@ class Estimator:
     Samples go in, in blocks of any size; the state holds the octave pyramid of the Allan variance,
     the spectrum, and the signal's mean and extremes over time. How the samples were cut into
     blocks makes no difference, to the last bit: internally they are always processed in the same
-    chunks.
+    chunks. The curve is equation (4) of docs/statistics.md, the spectrum P of (6).
 
     Parameters
     ----------

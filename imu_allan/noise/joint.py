@@ -37,7 +37,7 @@ _SAME_LINE = 2e-3
 
 def joint_fits(records: Sequence[Estimator], dt: float) -> list[AxisFit | None]:
     """
-    Fit every axis to all records at once.
+    Fit every axis to all records at once: equation (7) of docs/statistics.md, summed over them.
 
     Parameters
     ----------
@@ -51,6 +51,19 @@ def joint_fits(records: Sequence[Estimator], dt: float) -> list[AxisFit | None]:
     list of AxisFit or None
         None for an axis that is constant in every record, or records that are all too short. There
         is no joint ramp.
+
+    Examples
+    --------
+    >>> from imu_allan.noise.simulate import simulate
+    >>> records = []
+    >>> for seed in range(2):
+    ...     estimator = Estimator()
+    ...     estimator.update(simulate({'noise_density': 1e-3}, 20_000, 100.0, seed))
+    ...     records.append(estimator.finished())
+    >>> [axis] = joint_fits(records, 0.01)
+    >>> density = axis.fit.trial.solution.theta[1] ** 0.5
+    >>> bool(0.98e-3 < density < 1.02e-3)
+    True
 
     """
     usable = [record for record in records if record.samples >= SHORTEST_RECORD]

@@ -307,7 +307,7 @@ def maximise(groups: Groups, start: Solution | None = None, *,
              trend: Literal['restricted', 'likely'] | None = None,
              tolerance: float = 1e-7) -> Solution:
     """
-    Find the most likely squared coefficients.
+    Find the most likely squared coefficients: equation (6) of docs/statistics.md, or (7).
 
     Parameters
     ----------
@@ -328,6 +328,22 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     Returns
     -------
     Solution
+
+    References
+    ----------
+    P. Whittle, Ark. Mat. 2 (1953): the likelihood of a spectrum. H. D. Patterson and R. Thompson,
+    Biometrika 58 (1971): the restricted one.
+
+    Examples
+    --------
+    White noise alone, in 24 bands of 100 coefficients each:
+
+    >>> nu = np.geomspace(0.001, 0.5, 24)
+    >>> design = np.stack([4 * np.sin(np.pi * nu) ** 2, np.ones(24), 1 / nu, 1 / nu**2], axis=1)
+    >>> zero = np.zeros(24)
+    >>> groups = Groups(nu, np.full(24, 100.0), np.full(24, 9.0), design, zero, zero)
+    >>> float(maximise(groups).theta[WHITE].round(6))
+    9.0
 
     """
     if groups.along is None:

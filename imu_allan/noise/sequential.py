@@ -59,6 +59,22 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     'below', 'above', 'near' or 'open'
         The last as long as the record decides nothing.
 
+    References
+    ----------
+    Equation (7) of docs/statistics.md, for each of the values. Wald, 1947: the bounds 1/error.
+
+    Examples
+    --------
+    >>> from imu_allan.noise.axis_fit import fit_axes
+    >>> from imu_allan.noise.estimator import Estimator
+    >>> from imu_allan.noise.simulate import simulate
+    >>> estimator = Estimator()
+    >>> estimator.update(simulate({'noise_density': 1e-3}, 2_000, 100.0))
+    >>> [axis] = fit_axes(estimator.finished(), 0.01)
+    >>> [decide(axis.fit.trial, 1, limit, margin=0.1, pass_error=0.05, fail_error=0.05)
+    ...  for limit in (1.3e-3, 0.7e-3)]
+    ['below', 'above']
+
     """
     below = log_ratio(trial, column, limit / (1 + margin), limit)
     if below >= -log(pass_error):

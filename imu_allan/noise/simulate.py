@@ -35,7 +35,7 @@ _STREAM_LONGEST_S = 3e8
 def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: float,
              seed: int = 0) -> Array:
     """
-    Draw one axis.
+    Draw one axis, exactly with the spectra (3) of docs/statistics.md.
 
     Parameters
     ----------

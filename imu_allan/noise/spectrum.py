@@ -29,23 +29,59 @@ _NEIGHBOURS = 8  # on each side, as the timeline bridges gaps; a test holds the 
 
 
 def white(nu: ArrayLike, dt: float) -> Array:
-    """Spectrum of noise density 1, shape of `nu`."""
+    """
+    Spectrum of noise density 1, shape of `nu`: S_N of equation (3) of docs/statistics.md.
+
+    Examples
+    --------
+    >>> white([0.1, 0.5], 0.01)
+    array([100., 100.])
+
+    """
     return np.full(np.shape(nu), 1.0 / dt)
 
 
 def quantization(nu: ArrayLike, dt: float) -> Array:
-    """Spectrum of quantization noise 1, shape of `nu`."""
+    """
+    Spectrum of quantization noise 1, shape of `nu`: S_Q of equation (3).
+
+    Examples
+    --------
+    >>> quantization([0.25, 0.5], 1.0)
+    array([2., 4.])
+
+    """
     return np.asarray((2 * np.sin(np.pi * np.asarray(nu)) / dt) ** 2)
 
 
 def random_walk(nu: ArrayLike, dt: float) -> Array:
-    """Spectrum of rate random walk 1, shape of `nu`."""
+    """
+    Spectrum of rate random walk 1, shape of `nu`: S_K of equation (3).
+
+    Examples
+    --------
+    Far below the sample rate it is dt/(2 pi nu)^2:
+
+    >>> float((random_walk(1e-3, 0.01) * (2 * np.pi * 1e-3) ** 2 / 0.01).round(4))
+    1.0
+
+    """
     s2 = np.sin(np.pi * np.asarray(nu)) ** 2
     return np.asarray(dt * (1 - s2 / 1.5) / (4 * s2))
 
 
 def flicker(nu: ArrayLike, dt: float) -> Array:
-    """Spectrum of bias instability 1, shape of `nu`; the same for every `dt`."""
+    """
+    Spectrum of bias instability 1, shape of `nu`, the same for every `dt`: S_B of equation (3).
+
+    Examples
+    --------
+    Far below the sample rate it is 1/(2 pi nu):
+
+    >>> float((flicker(1e-3, 0.01) * 2 * np.pi * 1e-3).round(4))
+    1.0
+
+    """
     del dt
     nu = np.asarray(nu, dtype=np.float64)
     s2 = np.sin(np.pi * nu) ** 2

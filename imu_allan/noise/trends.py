@@ -109,7 +109,7 @@ class RecordSpectrum:
 def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
                slowest: int | None = None) -> Array:
     """
-    Transform courses of the mean as the record was transformed.
+    Transform courses of the mean as the record was transformed: X of (7) in docs/statistics.md.
 
     Parameters
     ----------

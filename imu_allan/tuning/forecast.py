@@ -62,7 +62,7 @@ class DriftForecast:
 def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 60.0, 600.0),
                     calibration_s: float = 60.0) -> DriftForecast:
     """
-    Predict what integrating an axis without correction comes to.
+    Predict what integrating an axis without correction comes to: (9) of docs/statistics.md.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
          bias: Bias = 'random_walk', conservative: bool = False,
          correlation_time_s: float | None = None) -> FilterTuning:
     """
-    Choose the numbers for a filter with one bias state.
+    Choose the numbers for a filter with one bias state: equation (10) of docs/statistics.md.
 
     Parameters
     ----------
