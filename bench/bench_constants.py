@@ -179,8 +179,8 @@ CONSTANTS: dict[str, Sequence[tuple[str, Measure]]] = {
         ('N off behind a low-pass of 20 Hz', _fitted(_low_passed, 100.0, _off))),
     '_FALSE_ALARM': (
         ('lines of white noise', _fitted(_white, 100.0, lambda found: bool(found.lines))),
-        ('line of 0.03 sigma', _fitted(_humming(0.03), 100.0,
-                                        lambda found: bool(found.lines)))),
+        ('line of 0.03 sigma',
+         _fitted(_humming(0.03), 100.0, lambda found: bool(found.lines)))),
     '_SIGMAS': (('cut at rest', _cut(np.zeros_like)),
                 *((f'cut of 20 % that ring with {size:g} sigma', _cut(_shaken(size)))
                   for size in (2, 4, 8))),

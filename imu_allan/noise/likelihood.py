@@ -128,14 +128,6 @@ class Groups:
                       None if self.along is None else self.along[which],
                       None if self.among is None else self.among[which])
 
-    def with_regressors(self, which: Sequence[int]) -> 'Groups':
-        """Return the same power with some of the regressors."""
-        if self.along is None or self.among is None:
-            return self
-        chosen = list(which)
-        return replace(self, along=self.along[:, chosen],
-                       among=self.among[:, chosen][:, :, chosen])
-
     def with_design(self, design: Array) -> 'Groups':
         """Return the same power under another set of columns."""
         return replace(self, design=design)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import json
 
 from imu_allan.errors import printable
-from imu_allan.writers.filters.chosen_numbers import Key, N, Number, Numbers, Sensor
+from imu_allan.writers.filters.chosen_numbers import Key, Number, Numbers, Sensor
 
 Scale = Callable[[float], float]
 Pair = tuple[Sensor, Key]
@@ -171,9 +171,3 @@ def quoted(text: str) -> str:
 def joined(lines: Sequence[str]) -> str:
     """Return the text of a file."""
     return '\n'.join(line.rstrip(' ') for line in lines) + '\n'
-
-
-def sensors_with(numbers: Numbers, key: Key = N) -> list[Sensor]:
-    """Return the sensors of which an axis has a number."""
-    both: tuple[Sensor, ...] = ('accel', 'gyro')
-    return [sensor for sensor in both if numbers.known(sensor, key)]
