@@ -190,6 +190,28 @@ class Recording(ABC):
         self.close()
 
 
+class FileRecording(Recording):
+    """
+    A recording in one file, which each reading opens and closes itself.
+
+    Parameters
+    ----------
+    path, stored : Path
+        The recording as the user knows it, and where its bytes are.
+    options : RecordingOptions
+        What the user says about it.
+
+    """
+
+    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
+        super().__init__(path, options)
+        self._stored = stored
+        self.size_bytes = stored.stat().st_size
+
+    def close(self) -> None:
+        """Release nothing: no file stays open."""
+
+
 class MalformedMessages:
     """Counts what is not an Imu message on an Imu topic, and keeps the first reason."""
 

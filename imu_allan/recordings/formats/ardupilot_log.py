@@ -28,7 +28,7 @@ from imu_allan.recordings.formats.table import fastest, Table, table_block, tabl
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,16 +68,11 @@ class _Kind:
     layout: np.dtype[Any]
 
 
-class ArduPilotRecording(Recording):
+class ArduPilotRecording(FileRecording):
     """
     An ArduPilot dataflash log.
 
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        What the user says about it.
+    As any `FileRecording`.
 
     Raises
     ------
@@ -87,9 +82,7 @@ class ArduPilotRecording(Recording):
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, options)
-        self._stored = stored
-        self.size_bytes = stored.stat().st_size
+        super().__init__(path, stored, options)
         times: dict[str, list[NDArray[np.int64]]] = {}
         kinds = self._kinds()
         for base in _FIELDS:
@@ -115,9 +108,6 @@ class ArduPilotRecording(Recording):
                     if not topic.name.startswith('ISBD')}
         self.preferred = fastest(unbroken, _PARTNER) or fastest(
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
-
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""

@@ -19,7 +19,7 @@ from imu_allan.recordings.formats.csv_header import (
     seconds_in,
 )
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +35,7 @@ _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
 
 
-class CsvRecording(Recording):
+class CsvRecording(FileRecording):
     """
     A CSV file.
 
@@ -54,9 +54,7 @@ class CsvRecording(Recording):
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, options)
-        self._stored = stored
-        self.size_bytes = stored.stat().st_size
+        super().__init__(path, stored, options)
         with stored.open('rb') as file:
             header = file.readline(_LONGEST_LINE)
             self._data_at = file.tell()
@@ -71,9 +69,6 @@ class CsvRecording(Recording):
         if self._columns.temperature is not None:
             self.thermometers = [
                 ImuTopic(f'{TOPIC}:{options.temperature or "temperature"}', None)]
-
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""

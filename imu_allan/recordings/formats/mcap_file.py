@@ -40,7 +40,7 @@ from imu_allan.recordings.messages.definitions import Definition, FORMS, normal_
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, MalformedMessages, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -84,16 +84,11 @@ class _Channel:
                 and normal_name(self.type_name) == imu.messages.type_name)
 
 
-class McapRecording(Recording):
+class McapRecording(FileRecording):
     """
     An MCAP file.
 
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        What the user says about it.
+    As any `FileRecording`.
 
     Raises
     ------
@@ -103,8 +98,7 @@ class McapRecording(Recording):
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, options)
-        self._stored = stored
+        super().__init__(path, stored, options)
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
         self._channels: dict[int, _Channel] = {}
         self._counts: dict[int, int] = {}
@@ -112,16 +106,11 @@ class McapRecording(Recording):
         self._chunk_starts: list[int] = []
         self._descriptions = 0
         with stored.open('rb') as file:
-            self.size_bytes = file.seek(0, 2)
-            file.seek(0)
             if file.read(len(MAGIC)) != MAGIC:
                 raise ImuAllanError(f'{printable(path)}: not an MCAP file')
             if not self._read_summary(file):
                 self._scan(file)
         self._list_topics()
-
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks chunk by chunk, each with the bytes consumed so far."""

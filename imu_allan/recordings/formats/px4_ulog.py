@@ -17,7 +17,7 @@ from imu_allan.recordings.formats.table import fastest, Table, table_block, tabl
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic
 import numpy as np
 
 MAGIC = b'ULog\x01\x12\x35'
@@ -33,16 +33,11 @@ _BLOCK = 1 << 14
 """Rows at a time, 1 MB: 16 s at 1 kHz."""
 
 
-class UlogRecording(Recording):
+class UlogRecording(FileRecording):
     """
     A PX4 log.
 
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        What the user says about it.
+    As any `FileRecording`.
 
     Raises
     ------
@@ -52,9 +47,7 @@ class UlogRecording(Recording):
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, options)
-        self._stored = stored
-        self.size_bytes = stored.stat().st_size
+        super().__init__(path, stored, options)
         rates: dict[str, float] = {}
         for name, kind, table in self._tables(list(_TYPES)):
             times = table_times(table, KNOWN[kind])
@@ -75,9 +68,6 @@ class UlogRecording(Recording):
         self.topics = [topic for topic in self.topics if topic.name not in thin]
         self.preferred = fastest(
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
-
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with its share of the bytes."""

@@ -31,7 +31,7 @@ from imu_allan.recordings.formats.ros1_header import DamagedHeader, Operation, R
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import MalformedMessages, Recording
+from imu_allan.recordings.recording import FileRecording, MalformedMessages
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,16 +56,11 @@ A step takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000
 _TIME = np.dtype([('sec', '<u4'), ('nsec', '<u4')])
 
 
-class Ros1Recording(Recording):
+class Ros1Recording(FileRecording):
     """
     A ROS 1 bag.
 
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        What the user says about it.
+    As any `FileRecording`.
 
     Raises
     ------
@@ -75,14 +70,11 @@ class Ros1Recording(Recording):
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, options)
-        self._stored = stored
+        super().__init__(path, stored, options)
         self._connections: dict[int, _Connection] = {}
         self._counts: dict[int, int] = {}
         self._chunk_starts: list[int] = []
         with stored.open('rb') as file:
-            self.size_bytes = file.seek(0, 2)
-            file.seek(0)
             magic = file.read(len(MAGIC))
             if magic != MAGIC:
                 version = magic[9:12].decode('ascii', 'replace').strip()
@@ -95,9 +87,6 @@ class Ros1Recording(Recording):
             if record is None or not self._read_index(file, record):
                 self._scan(file)
         self._list_topics()
-
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks chunk by chunk, each with the bytes consumed so far."""
