@@ -59,7 +59,8 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         with progress_bar(printable(recording.path), total,
                           wanted=not args.no_progress) as progress:
             reports = [
-                _report(recording, topic.name, args.rate, _after(progress, i, recording))
+                _report(recording, topic.name, _rate_of(recording, topic.name, args),
+                        _after(progress, i, recording))
                 for i, topic in enumerate(read)]
         for report in reports:
             print()
@@ -75,6 +76,16 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         _list('of them might hold an IMU and are not read', sorted(recording.reasons.items()))
         for remark in recording.remarks:
             print(f'warning: {printable(remark.message)}')
+
+
+def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> float | None:
+    """Return the rate that is stated for a topic."""
+    from imu_allan.recordings.halves import half_of
+
+    if args.rate is None and args.accel_rate is None:
+        return None
+    rate: float | None = (args.accel_rate if half_of(recording, topic) == 'accel' else args.rate)
+    return rate
 
 
 def _choice(recording: 'Recording') -> str:

@@ -74,6 +74,11 @@ def test_info_says_what_is_joined(tmp_path, capsys):
     assert main(['info', str(write(tmp_path / 'a.mcap', topics))]) == 0
     assert ('\none IMU in two halves: the gyroscope from /a/gyro, the accelerometer from '
             '/a/accel\n') in capsys.readouterr().out
+    assert main(['info', str(tmp_path / 'a.mcap'), '--rate', '401']) == 0
+    shown = capsys.readouterr().out
+    assert 'unusable' not in shown
+    assert [line.split()[1] for line in shown.splitlines() if line.startswith('  rate')] == [
+        '250', '401']
     topics['/b/gyro'] = block(400, 800, True, False)
     assert main(['info', str(write(tmp_path / 'b.mcap', topics))]) == 0
     assert '\nnot one IMU: choose a topic with --topic' in capsys.readouterr().out

@@ -119,7 +119,8 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
     if not axes:
         raise ImuAllanError(
             f'the first line names none of the axes {", ".join(AXES)}; a CSV recording begins '
-            f'with a line such as {EXAMPLE}')
+            f'with a line such as {EXAMPLE}, and --columns gyro_x=NAME,accel_z=NAME,time=NAME '
+            'tells what others are')
     return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
                    temperature=temperature)
 

@@ -130,7 +130,8 @@ def test_other_columns_are_left_out_and_named(path):
     ('1,2,3\n4,5,6\n',
      'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z; a '
      'CSV recording begins with a line such as '
-     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
+     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, and '
+     '--columns gyro_x=NAME,accel_z=NAME,time=NAME tells what others are'),
     ('time_s,gyro_x\n', 'topic csv holds no readable message'),
     ('time_s,gyro_x\n0,5;1\n', 'line 2: 0,5;1 is not a line of 2 numbers like the header says'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
