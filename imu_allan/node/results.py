@@ -121,15 +121,15 @@ class Results:
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
         run.fitted = run.fed
-        fitting, name = run.fitting(), self._node_name
+        snapshot, name, looks = run.snapshot(), self._node_name, run.looks
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fitted:
             started = time.monotonic()
-            result = fitting()
+            result = snapshot.result()
             messages = result_messages(result, name, _time(stamp), filter_of)
-            return _Fitted(result, messages, standards.judge(result),
-                           time.monotonic() - started)
+            return _Fitted(result, messages, standards.judge(
+                result, snapshot.characterization, looks), time.monotonic() - started)
 
         def publish(future: 'Future[_Fitted]') -> None:
             if run.over:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run: what belongs to it, and is left behind when another begins."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
@@ -11,7 +12,20 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
 from imu_allan.node.same_imu import ChangeWatch, Signature, Trial
+from imu_allan.node.standards import Looks
 from imu_allan.result import Result
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """All that a run had taken in at a moment."""
+
+    characterization: Characterization
+    power_ons: PowerOns
+
+    def result(self) -> Result:
+        """Fit it."""
+        return self.power_ons.entered(self.characterization.result(), self.characterization)
 
 
 class Run:
@@ -39,6 +53,8 @@ class Run:
         Why the latest messages are of no use; empty while they are.
     over : bool
         Whether another has begun since.
+    looks : Looks
+        At how it stands to a datasheet, kept by the thread that fits.
 
     """
 
@@ -52,6 +68,7 @@ class Run:
         self.duration_s = 0.0
         self.error = ''
         self.over = False
+        self.looks = Looks()
         self._loop = LoopWatch()
         self._change = ChangeWatch(Signature())
 
@@ -60,10 +77,9 @@ class Run:
         """Whether the messages that come now have come before."""
         return self._loop.looping
 
-    def fitting(self) -> Callable[[], Result]:
-        """Return what fits all that has come until now, for another thread to call."""
-        snapshot, power_ons = self.characterization.snapshot(), self.power_ons
-        return lambda: power_ons.entered(snapshot.result(), snapshot)
+    def snapshot(self) -> Snapshot:
+        """Return an independent copy, which can be fitted in another thread."""
+        return Snapshot(self.characterization.snapshot(), self.power_ons)
 
     def learn(self, result: Result) -> None:
         """Remember what a fit has told about the messages."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stays of a run: its state over a crash or a reboot, its files for whoever wants them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
-from imu_allan.node.run import Run
+from imu_allan.node.run import Run, Snapshot
 from imu_allan.node.same_imu import Signature, Trial, TRIAL_S
 from imu_allan.node.saving import (
     claimed,
@@ -27,16 +27,15 @@ from imu_allan.node.saving import (
     try_folder,
 )
 from imu_allan.node.worker import Worker
-from imu_allan.result import Result
 from imu_allan.wording import duration
 
 
 @dataclass
 class _NextSave:
-    """The save asked for last; `fitting` is empty once the worker has begun with it."""
+    """The save asked for last; `snapshot` is empty once the worker has begun with it."""
 
     of: tuple[Run, str, list[str]]
-    fitting: list[Callable[[], Result]]
+    snapshot: list[Snapshot]
     future: 'Future[list[Path]]'
 
 
@@ -196,18 +195,18 @@ class Storage:
     def save(self, run: Run, folder: str = '') -> 'Future[list[Path]]':
         """Have result, curves, plot and configurations written, into the output folder if none."""
         folder = folder or self._output_dir
-        fitting, name = run.fitting(), self._node_name
+        snapshot, name = run.snapshot(), self._node_name
         consumers = [consumer for consumer in self.export_for if consumer]
         of = run, folder, consumers
         if self._next_save is not None and self._next_save.of == of:
             # Whoever asks while a save of the same waits for the worker is served by that one.
             with suppress(IndexError):
-                self._next_save.fitting[0] = fitting
+                self._next_save.snapshot[0] = snapshot
                 return self._next_save.future
-        waiting = [fitting]
+        waiting = [snapshot]
 
         def work() -> list[Path]:
-            result = waiting.pop()()
+            result = waiting.pop().result()
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topic} yet')

@@ -88,7 +88,7 @@ def resumed(content: bytes) -> bool:
         return False
     for block in MORE:
         run.characterization.update(block)
-    run.fitting()().to_json()
+    run.snapshot().result().to_json()
     checkpoint.encode_state(resuming.pack(run, SETUP))
     return True
 

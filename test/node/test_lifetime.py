@@ -13,6 +13,8 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.cdr import encode_imu
+from imu_allan.node.characterization_node import TICK_S
+from imu_allan.node.results import Results
 import numpy as np
 import pytest
 from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly, too_early
@@ -149,6 +151,36 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         [own] = [text for text in text.splitlines() if text.startswith('imu_allan_node: ')]
         assert line in own
         assert 'Traceback' not in text
+
+
+def test_no_filter_to_export_for_is_no_error_in_either_form(ros: Ros) -> None:
+    for status, text in start_repeatedly(ros, [['-p', 'export_for:=[]'],
+                                               ['-p', "export_for:=['']"]]):
+        assert status == 0, text
+        assert 'characterizing the IMU' in text
+        assert 'Traceback' not in text
+
+
+def test_a_save_before_there_is_data_leaves_the_storage_well(
+        ros: Ros, reports: list[DiagnosticArray]) -> None:
+    ros.start('imu_allan_node')
+    response = ros.call(Trigger, 'imu_allan/save')
+    assert not response.success
+    assert 'nothing to save' in response.message
+    reports.clear()
+    found = ros.until(lambda: status(reports, ros, 'storage'))
+    assert found.level == b'\0', found.message
+
+
+@pytest.mark.parametrize('period_s', [0.5, 0.9, 1.0, 10.0])
+def test_a_period_that_is_no_multiple_of_the_tick_is_kept_on_average(period_s: float) -> None:
+    nobody: Any = None
+    results = Results('/imu_allan', nobody, nobody, nobody, nobody, {
+        'spec_file': '', 'reference': '', 'aiding_interval': 0.1, 'coast': 60.0,
+        'publish_period': period_s})
+    began = time.monotonic()
+    ticks = [began + TICK_S * number for number in range(1, 1001)]
+    assert sum(map(results.due, ticks)) == pytest.approx(1000 * TICK_S / period_s, abs=1)
 
 
 def test_the_shipped_parameter_file_is_accepted_and_a_misspelt_name_told(ros: Ros) -> None:

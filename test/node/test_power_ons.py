@@ -58,7 +58,7 @@ def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path
             boot.write_text(f'boot {number}')
             run = resumed(run)
         means.append(feed(run, bias, number))
-    result = run.fitting()()
+    result = run.snapshot().result()
     found = result.turn_on_bias['gyro_x']
     expected = turn_on_bias(means, [SIGMA / np.sqrt(SAMPLES)] * len(means))
     assert found.sigma == pytest.approx(expected.sigma, rel=1e-3)
@@ -79,7 +79,7 @@ def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on
     feed(run, 0.0, 0)
     run = resumed(run)
     feed(run, 0.1, 1)
-    assert run.fitting()().turn_on_bias == {}
+    assert run.snapshot().result().turn_on_bias == {}
     # A computer that cannot tell its boots counts every start.
     boot.unlink()
     for _ in range(2):
@@ -95,7 +95,7 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
             boot.write_text(f'{number} {pause}')
             run = resumed(run)
     assert len(run.power_ons.ended) == 8
-    assert run.fitting()().turn_on_bias['gyro_x'].sigma == pytest.approx(
+    assert run.snapshot().result().turn_on_bias['gyro_x'].sigma == pytest.approx(
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
 
