@@ -52,18 +52,20 @@ def test_ranges_are_documented() -> None:
                 ) == setting.read_only
 
 
-def test_the_python_example_reads_a_coefficient(ros: Ros) -> None:
-    [code] = re.findall(r'^```python\n(.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
-    names: dict[str, Any] = {}
-    exec(compile(code, 'ros_interface.md', 'exec'), names)
+def test_the_python_examples_read_a_coefficient_and_the_result(ros: Ros) -> None:
     from rclpy.node import Node
 
     class InThisDomain(Node):
         def __init__(self, name: str) -> None:
             super().__init__(name, context=ros.node.context, namespace=ros.namespace)
 
-    example = type('Example', (names['Filter'], InThisDomain), {})()
+    names: dict[str, Any] = {}
+    for code in re.findall(r'^```python\n(.*?)^```', PAGE, re.MULTILINE | re.DOTALL):
+        exec(compile(code, 'ros_interface.md', 'exec'), names)
+    example, reader = (type(name, (names[name], InThisDomain), {})()
+                       for name in ('Filter', 'Reader'))
     ros.executor.add_node(example)
+    ros.executor.add_node(reader)
     try:
         ros.start('imu_allan_node', {'publish_period': 0.5})
         driver = Driver(ros)
@@ -73,5 +75,10 @@ def test_the_python_example_reads_a_coefficient(ros: Ros) -> None:
         expected = 0.01 / 200**0.5
         ros.until(lambda: all(value == pytest.approx(expected, rel=0.1)
                               for value in example.gyro_noise_density))
+        ros.until(lambda: len(reader.noise_density) == 6)
+        low, value, high = reader.noise_density['gyro_x']
+        assert low < value < high
+        assert reader.remarks
     finally:
         example.destroy_node()
+        reader.destroy_node()
