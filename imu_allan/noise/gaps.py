@@ -1,20 +1,23 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What gaps do to the spectrum of white noise, exactly, for the pattern of gaps at hand.
+What gaps do to the spectrum of noise, for the pattern of gaps at hand.
 
 Means over cells that are half full vary more, and what fills a gap repeats the noise about it.
 Both are linear in the samples, so the expected power of every DCT coefficient follows from the
-pattern alone.
+pattern alone: exactly for white noise, and for flicker and random walk as if the cells that are
+there were full.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from imu_allan.noise.cells import Cells
+from imu_allan.noise.spectrum import flicker, random_walk
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
+from scipy.fft import dct, next_fast_len, rfft
+from scipy.ndimage import uniform_filter1d
 
 Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
@@ -29,24 +32,30 @@ _EXACT = 64
 """Coefficients that are worked out one by one; above, a few to an octave, over all phases."""
 _PER_OCTAVE = 12
 """Octave means err by 0.05 % at most; by 0.12 % with 6, 0.03 % with 24 (periodic gaps)."""
+_EVENED = 5
+"""Of these are averaged for the slow terms."""
+_RESOLUTION = 4
+"""Frequencies to a coefficient at which the spectrum of its weights is summed up."""
 
 
 @dataclass(frozen=True)
 class Gaps:
     """
-    What gaps do to white noise.
+    What gaps do to noise.
 
     Attributes
     ----------
     filled : float
         Share of the points that stand in for missing ones: the others are independent.
-    white : ndarray, shape (length,), or None
-        Expected power by index over that of full cells, None where all are full.
+    white, flicker, walk : ndarray, shape (length,), or None
+        Expected power by index over that of full cells, None where it is the same.
 
     """
 
     filled: float = 0.0
     white: Array | None = None
+    flicker: Array | None = None
+    walk: Array | None = None
 
 
 NO_GAPS = Gaps()
@@ -103,9 +112,9 @@ def filled(cells: Cells) -> Array:
     return grid
 
 
-def white_through_gaps(cells: Cells, size: int) -> Gaps:
+def noise_through_gaps(cells: Cells, size: int) -> Gaps:
     """
-    Work out what the gaps of cells do to white noise once they are `filled`.
+    Work out what the gaps of cells do to noise once they are `filled`.
 
     Parameters
     ----------
@@ -146,7 +155,37 @@ def white_through_gaps(cells: Cells, size: int) -> Gaps:
     power = (np.abs(weights) ** 2) @ variance / span
     single = index < _EXACT
     power[single] = 2 * (weights.real[single] ** 2) @ variance / span
-    return Gaps(1 - len(cells) / span, np.interp(np.arange(span), index, power))
+    every = np.arange(span)
+    there = np.zeros((len(index), span))
+    there[:, places] = weights.real
+    slow = _slow_power(there) / np.maximum(_slow_power(waves.real), 1e-300)
+    # A single index above meets the pattern of gaps in phase or not; about it they even out.
+    slow[:, ~single] = uniform_filter1d(slow[:, ~single], _EVENED, mode='nearest') \
+        if (~single).any() else slow[:, ~single]
+    slow[:, 0] = slow[:, 1]
+    return Gaps(1 - len(cells) / span, np.interp(every, index, power),
+                np.interp(every, index, slow[0]), np.interp(every, index, slow[1]))
+
+
+def _slow_power(weights: Array) -> Array:
+    """
+    Work out the power of weighted sums of flicker noise, and of a random walk.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (n, span)
+        Of consecutive means, each row adding up to zero.
+
+    Returns
+    -------
+    ndarray, shape (2, n)
+        Up to a constant.
+
+    """
+    length = next_fast_len(_RESOLUTION * weights.shape[1], real=True)
+    gain = np.abs(rfft(weights, length))[:, 1:]**2
+    nu = np.arange(1, gain.shape[1] + 1) / length
+    return np.stack((gain @ flicker(nu, 1.0), gain @ random_walk(nu, 1.0)))
 
 
 def without_islands(cells: Cells) -> Cells:

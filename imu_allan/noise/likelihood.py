@@ -220,6 +220,9 @@ def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> B
         white = np.full(len(s2), 1 / step)
         if piece.gaps.white is not None:
             white *= piece.gaps.white[piece.first:piece.last]
+        if piece.gaps.flicker is not None and piece.gaps.walk is not None:
+            flicker = flicker * piece.gaps.flicker[piece.first:piece.last]
+            walk = walk * piece.gaps.walk[piece.first:piece.last]
         if bridged_share:
             white *= spectrum.bridged_white(index / (2 * piece.length * piece.step),
                                             bridged_share)

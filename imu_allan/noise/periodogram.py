@@ -28,7 +28,7 @@ from imu_allan.noise.cells import (
     renumbered,
     RUN_SHIFT,
 )
-from imu_allan.noise.gaps import filled, Gaps, NO_GAPS, white_through_gaps, without_islands
+from imu_allan.noise.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
 from imu_allan.noise.segments import Segments
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class Piece:
     coefficients : ndarray or None, shape (axes, length)
         The coefficients themselves where the piece is one block.
     gaps : Gaps
-        What missing samples do to white noise.
+        What missing samples do to noise.
     start : int
         Of one block: samples from the beginning of the record to its first point; runs are laid
         end to end.
@@ -415,7 +415,7 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
     -------
     list of (ndarray, Gaps, int)
         Points, shape (axes, n), of each part of at least `SHORTEST` of them, what filling its gaps
-        did to white noise, and the samples before the first; runs are laid end to end.
+        did to noise, and the samples before the first; runs are laid end to end.
 
     """
     whole = cells.take(cells.counts >= size / 2)
@@ -430,7 +430,7 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
         span = int(part.keys[-1] - part.keys[0]) + 1
         if 1 - len(part) / span <= _MAX_FILLED_SHARE:
             start = int(place[np.searchsorted(whole.keys, part.keys[0])])
-            found.append((filled(part), white_through_gaps(part, size), start))
+            found.append((filled(part), noise_through_gaps(part, size), start))
         else:
             widest = int(np.argmax(np.diff(part.keys))) + 1
             parts[:0] = [part.take(slice(None, widest)), part.take(slice(widest, None))]

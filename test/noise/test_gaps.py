@@ -3,7 +3,8 @@
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.cells import Cells, RUN_SHIFT
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.gaps import filled, NO_GAPS, white_through_gaps, without_islands
+from imu_allan.noise.gaps import filled, NO_GAPS, noise_through_gaps, without_islands
+from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def test_white_noise_through_gaps_has_the_power_that_is_worked_out(name):
     else:
         counts[200:330] = 0
     counts[[0, -1]] = size
-    found = white_through_gaps(cells_with(counts, np.zeros((1, span))), size)
+    found = noise_through_gaps(cells_with(counts, np.zeros((1, span))), size)
     assert found.filled == pytest.approx(np.mean(counts == 0))
     power = np.zeros(span)
     draws = 0
@@ -48,9 +49,57 @@ def test_white_noise_through_gaps_has_the_power_that_is_worked_out(name):
         assert power[band].mean() == pytest.approx(found.white[band].mean(), rel=0.04)
 
 
+@pytest.mark.parametrize('name', ['periodic', 'random', 'stops'])
+def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(name):
+    rng = np.random.default_rng(1)
+    span = 400
+    there = np.ones(span, dtype=bool)
+    if name == 'periodic':
+        there[np.arange(span) % 20 < 9] = False
+    elif name == 'random':
+        there[rng.random(span) < 0.45] = False
+    else:
+        edges = np.cumsum(rng.integers(1, 8, span))
+        for begin, end in zip(edges[0::2], edges[1::2], strict=False):
+            there[begin:end] = False
+    there[[0, -1]] = True
+    keys = np.flatnonzero(there)
+    gaps = noise_through_gaps(Cells(keys, np.zeros((1, len(keys))), np.ones(len(keys), np.int64)),
+                              1)
+    for key, expected in (('bias_instability', gaps.flicker), ('rate_random_walk', gaps.walk)):
+        rows = np.stack([simulate({key: 1.0}, span, 1.0, seed) for seed in range(600)])
+        seen = filled(Cells(keys, rows[:, keys], np.ones(len(keys), np.int64)))
+        full, found = ((dct(some, norm='ortho')**2).mean(axis=0) for some in (rows, seen))
+        for band in (slice(1, 8), slice(8, 24), slice(24, 64), slice(64, 200), slice(200, 400)):
+            assert found[band].sum() == pytest.approx((full * expected)[band].sum(), rel=0.08)
+
+
+def test_a_week_of_short_stops_knows_flicker_and_random_walk():
+    rate, week = 2.0, 7 * 86400
+    true = {'noise_density': 1e-4, 'bias_instability': 2e-5, 'rate_random_walk': 2e-6}
+    rows = np.stack([simulate(true, round(week * rate), rate, seed) for seed in range(3)], axis=1)
+    rng = np.random.default_rng(4)
+    estimator, last = Estimator(3), 0
+    while True:
+        # Drives of 10 s to 10 min between stops of 5 s to 10 min.
+        begin = last + round(rng.uniform(10, 600) * rate)
+        end = begin + round(np.exp(rng.uniform(np.log(5), np.log(600))) * rate)
+        if end > len(rows):
+            break
+        estimator.skip(begin - last)
+        estimator.update(rows[begin:end])
+        last = end
+    for axis, _ in axis_results(estimator, rate, [AXES['gyro_x']] * 3):
+        assert axis.gauss_markov is None
+        for key, value in true.items():
+            low, high = axis.coefficients[key].ci95
+            assert low - (high - low) / 4 < value < high + (high - low) / 4
+            assert (high - low) / value < 0.6
+
+
 def test_full_cells_change_nothing():
     cells = cells_with(np.full(100, 4), np.zeros((1, 100)))
-    assert white_through_gaps(cells, 4) is NO_GAPS
+    assert noise_through_gaps(cells, 4) is NO_GAPS
 
 
 def test_a_few_cells_alone_beyond_a_gap_are_left_out():
