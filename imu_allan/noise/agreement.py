@@ -12,11 +12,13 @@ R. T. Birge, Phys. Rev. 40 (1932): intervals of measurements that disagree.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.intervals import spread
 from imu_allan.noise.likelihood import Groups, maximise
 from imu_allan.noise.trial import Trial
 import numpy as np
 
+_CHANCE = 0.05
 PARTS = 4
 """More parts are each too short to know flicker and walk, fewer cannot disagree much."""
 
@@ -32,11 +34,14 @@ class Agreement:
         By which likelihood ratios are to be divided; 1 where the parts agree.
     between : float
         Standard deviation between the parts beyond their errors.
+    disagrees : bool
+        Whether the parts differ by more than chance makes of equal ones in 5 of 100 records.
 
     """
 
     widening: float
     between: float
+    disagrees: bool
 
 
 def agreement(trial: Trial, parts: Sequence[Groups], column: int) -> Agreement:
@@ -71,4 +76,5 @@ def agreement(trial: Trial, parts: Sequence[Groups], column: int) -> Agreement:
     count = len(parts)
     excess = max(0.0, (total + 2) / (count + 1) - 1)
     beyond = float(np.var(values, ddof=1)) - float(np.mean(np.square(errors)))
-    return Agreement(1 + count * excess, float(np.sqrt(max(beyond, 0.0))))
+    return Agreement(1 + count * excess, float(np.sqrt(max(beyond, 0.0))),
+                     bool(chi_square.survival(total, count - 1) < _CHANCE))

@@ -47,6 +47,7 @@ import numpy as np
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
            'bias_instability': FLICKER, 'rate_random_walk': WALK}
 
+_SLOW = ('bias_instability', 'rate_random_walk')
 _BENT_P = 0.001
 """Chi-square probability of the residuals below which the band is cut."""
 _DEEP = 1 / 12
@@ -174,6 +175,11 @@ def _fit(groups: Groups, dt: float, start: Solution | None, record: RecordSpectr
         if parts is not None:
             said = _said_by_parts(trial, [steady.capped(part) for part in parts()], dt, process)
         walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
+    elif steady is not None and parts is not None and walk.observable:
+        # The level of the slow noise changes on real sensors while that above stays the same.
+        every = _said_by_parts(trial, parts(), dt, process, _SLOW)
+        said = {key: one for key, one in every.items() if one.disagrees}
+        walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
     unclear = walk.observable and not mean.walk
     if unclear:
         walk = replace(walk, observable=False)
@@ -201,8 +207,8 @@ def _capped(trial: Trial, steady: Steadiness) -> Trial:
         groups, trial.solution, fixed=trial.fixed, trend='restricted'))
 
 
-def _said_by_parts(trial: Trial, parts: Sequence[Groups], dt: float, process: Process | None
-                   ) -> dict[str, Agreement]:
+def _said_by_parts(trial: Trial, parts: Sequence[Groups], dt: float, process: Process | None,
+                   keys: Sequence[str] = ('noise_density', *_SLOW)) -> dict[str, Agreement]:
     """Ask the parts of a record for each coefficient, in the band and with the columns of all."""
     groups = [banded(part, trial.edge_hz, trial.rolling) for part in parts]
     if process is not None:
@@ -210,8 +216,7 @@ def _said_by_parts(trial: Trial, parts: Sequence[Groups], dt: float, process: Pr
                   for part in groups]
     if min((len(part.frequency) for part in groups), default=0) < FEWEST_GROUPS:
         return {}
-    return {key: agreement(trial, groups, COLUMNS[key])
-            for key in ('noise_density', 'bias_instability', 'rate_random_walk')}
+    return {key: agreement(trial, groups, COLUMNS[key]) for key in keys}
 
 
 def _widening(said: dict[str, Agreement], key: str) -> float:
