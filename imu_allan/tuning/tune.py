@@ -177,9 +177,10 @@ def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias
 
 
 def assess(axis: AxisResult, noise_density: float, random_walk: float,
-           aiding_interval_s: float = 0.1, coast_s: float = 60.0) -> FilterTuning:
+           aiding_interval_s: float = 0.1, coast_s: float = 60.0,
+           correlation_time_s: float | None = None) -> FilterTuning:
     """
-    Tell what given numbers would reach in a filter with a random walk.
+    Tell what given numbers would reach in a filter.
 
     Parameters
     ----------
@@ -189,6 +190,8 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
         What the filter is given.
     aiding_interval_s, coast_s : float, optional
         As for `tune`.
+    correlation_time_s : float, optional
+        Of a filter whose bias is a first-order Gauss-Markov process, driven by `random_walk`.
 
     Returns
     -------
@@ -213,16 +216,21 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
 
     """
     _check_times(aiding_interval_s, coast_s)
+    if correlation_time_s is not None and not 0 < correlation_time_s < np.inf:
+        raise ImuAllanError(f'correlation_time_s must be positive, not {correlation_time_s:g}')
     if not (noise_density > 0 and random_walk > 0 and np.isfinite(noise_density + random_walk)):
         raise ImuAllanError('noise_density and random_walk must be positive, '
                             f'not {noise_density:g} and {random_walk:g}')
     known = tunings_of(axis)
-    given = (noise_density, random_walk, aiding_interval_s, coast_s)
+    given = (noise_density, random_walk, aiding_interval_s, coast_s, correlation_time_s)
     if given not in known:
         truth = Truth(axis)
         horizons = _horizons(aiding_interval_s, coast_s)
-        filters = Filters.walking(np.array([noise_density**2]), np.array([random_walk**2]),
-                                  aiding_interval_s)
+        white, walk = np.array([noise_density**2]), np.array([random_walk**2])
+        filters = Filters.walking(white, walk, aiding_interval_s)
+        if correlation_time_s is not None:
+            filters = Filters.markov(white, np.sqrt(walk * correlation_time_s / 2),
+                                     np.array([correlation_time_s]), aiding_interval_s)
         expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
         known[given] = _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0],
                                coast_s)

@@ -94,6 +94,12 @@ def test_a_sensor_that_is_noise_and_a_process_keeps_its_triple():
 def test_a_drift_that_no_walk_describes_is_not_claimed_to_be_known():
     """The exported walk of a flicker-like sensor is near zero; the tuned one covers its drift."""
     axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
+    process = tune(axis, 1.0, 60.0, 'gauss_markov')
+    walk = process.sigma * (2 / process.correlation_time_s)**0.5
+    again = assess(axis, process.noise_density, walk, 1.0, 60.0, process.correlation_time_s)
+    np.testing.assert_allclose(again.consistency, process.consistency, rtol=1e-9)
+    with pytest.raises(ImuAllanError, match='correlation_time_s must be positive, not -1'):
+        assess(axis, 1e-3, 1e-5, 1.0, 60.0, -1.0)
     measured = assess(axis, 1e-3, 1e-7, 1.0, 60.0)
     tuning = tune(axis, 1.0, 60.0)
     assert measured.coast_ratio > 3

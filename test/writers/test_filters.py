@@ -623,6 +623,20 @@ def test_wishes_are_followed_and_written_down(drifting):
     assert inflated['gyroscope_random_walk'] == near(5 * plain['gyroscope_random_walk'])
 
 
+@pytest.mark.parametrize('consumer', ['kf_gins', 'psins'])
+def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
+    def expected(factor):
+        text = export_as_wished(drifting, consumer, None,
+                                Wishes(inflate={'K': factor} if factor > 1 else {})).text
+        nis, coast = re.search(r'gyro: expected NIS (\S+)(?: to \S+)?; squared error over \S+ '
+                               r's without correction (\S+)', text).groups()
+        return float(nis), float(coast)
+
+    (nis, coast), (inflated_nis, inflated_coast) = expected(1), expected(5)
+    assert inflated_nis < nis
+    assert inflated_coast < coast / 5
+
+
 def test_an_outage_beyond_what_the_recording_knows_is_said(drifting):
     text = export_as_wished(drifting, 'kalibr', None, Wishes(coast_s=7200.0)).text
     assert ('# This recording knows 1 h 0 min at most; beyond it the numbers are widened.' in text

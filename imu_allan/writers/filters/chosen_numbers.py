@@ -284,14 +284,23 @@ class Numbers:
         return lines
 
     def _own_consistency(self) -> list[str]:
-        if self.wishes.inflate:
-            return []
         lines = []
         for sensor in SENSORS:
-            found = [self.tunings[name] for name in self.axes(sensor) if name in self.tunings]
+            found = [self._met(name, axis) for name, axis in self.axes(sensor).items()
+                     if name in self.tunings]
             if found:
                 lines.append(_expectation(sensor, found))
         return lines
+
+
+    def _met(self, name: str, axis: AxisResult) -> FilterTuning:
+        """Tell what an axis's own numbers reach, as tuned or as inflated on request."""
+        numbers = self.of_axis[name]
+        if not self.wishes.inflate or self.aiding_s is None or not numbers.keys() >= {N, SIGMA}:
+            return self.tunings[name]
+        time = numbers[TIME].value
+        return assess(axis, numbers[N].value, numbers[SIGMA].value * sqrt(2 / time), self.aiding_s,
+                      self.coast_s, time)
 
 
 def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
