@@ -292,7 +292,6 @@ class Numbers:
                 lines.append(_expectation(sensor, found))
         return lines
 
-
     def _met(self, name: str, axis: AxisResult) -> FilterTuning:
         """Tell what an axis's own numbers reach, as tuned or as inflated on request."""
         numbers = self.of_axis[name]
