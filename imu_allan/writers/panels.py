@@ -100,7 +100,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         low, high = np.array(curve.ci95).T
         panel.fill_between(tau[seen], np.maximum(low, adev * 1e-3)[seen], high[seen],
                            color=colour, alpha=0.17, linewidth=0, zorder=2)
-    fitted = model > 0
+    fitted = (model > 0) & (fine >= shortest_fitted_s(axis))
     panel.plot(fine[fitted], model[fitted], color=colour, linewidth=1.3, zorder=3)
     few = np.array(few_degrees(axis))
     for chosen, face in ((seen & ~few, colour), (seen & few, panel.get_facecolor())):
@@ -341,9 +341,13 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
         avar = np.where(size > size[0] * 64, smooth, avar)
         avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
     keep = np.unique(np.linspace(0, len(size) - 1, _FINE).astype(int))
-    # What an average over less than a period of the band's edge scatters by lies beyond the edge.
-    keep = keep[size[keep] / rate >= 1 / (axis.band_edge_hz or inf)]
+    keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
     return size[keep] / rate, np.sqrt(avar[keep])
+
+
+def shortest_fitted_s(axis: AxisResult) -> float:
+    """Return a period of the band's edge: shorter averages scatter by what lies beyond it."""
+    return 1 / (axis.band_edge_hz or inf)
 
 
 def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:

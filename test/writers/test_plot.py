@@ -13,6 +13,7 @@ from imu_allan.result import Curve, Remark, Signal, Source, Span, Spectrum, Time
 from imu_allan.writers import panels, plot
 import matplotlib
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
 import numpy as np
@@ -111,6 +112,10 @@ def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
     assert tau[0] == pytest.approx(0.2, rel=0.1)
     assert tau[0] >= 0.2 > whole[0]
     assert len(tau) == len(adev)
+    # A comparison draws the model at the averaging times of the curve.
+    panel = Figure().add_subplot()
+    panels.draw_curve(panel, axis, 'black')
+    assert panel.lines[0].get_xdata()[0] >= 0.2
     figure = plot.sensor_figure(replace(result, axes={'gyro_x': axis}), 'gyro')
     assert 'shaded: not fitted' in texts_of(figure)
     assert 'shaded: not fitted' not in texts_of(plot.sensor_figure(result, 'gyro'))
