@@ -5,6 +5,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 import sqlite3
+import struct
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
@@ -122,6 +123,13 @@ def write_bag(path: Path, messages: ImuBlock, compression: str = 'none',
                 writer.write(chatter, stamp, b'\5\0\0\0hello')
             writer.write(imu, stamp, row.tobytes())
     return path
+
+
+def ros1_record(data: bytes = b'', **fields: bytes) -> bytes:
+    """Return a record of a bag with these fields in its header."""
+    header = b''.join(struct.pack('<I', len(name) + 1 + len(value)) + name.encode() + b'=' + value
+                      for name, value in fields.items())
+    return struct.pack('<I', len(header)) + header + struct.pack('<I', len(data)) + data
 
 
 def write_metadata(folder: Path, files: list[str], topics: Iterable[tuple[str, str, int]],

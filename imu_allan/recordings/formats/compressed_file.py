@@ -16,6 +16,7 @@ from imu_allan.recordings.formats.decompress import (
     declared_size,
     decompressing,
 )
+from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 
@@ -23,8 +24,6 @@ _PIECE = 1 << 22
 """So much is held at a time, and written before a bound is seen to be overrun."""
 _LONGEST_FRAME_HEAD = 18
 """Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
-_PLAIN_BYTES, _MOST_RATIO = 1 << 28, 1000
-"""Bytes that any file may expand to, and times its size beyond that: real recordings reach 20."""
 _SPARED_DISK = 1 << 28
 """Bytes of the temporary folder's disk that are never filled."""
 _TOLD_BYTES = 1 << 26
@@ -95,9 +94,9 @@ class CompressedRecording(Recording):
             try:
                 while data := plain.read(_PIECE):
                     written += len(data)
-                    if written > _PLAIN_BYTES + _MOST_RATIO * self.size_bytes:
+                    if written > PLAIN_BYTES + MOST_RATIO * self.size_bytes:
                         raise ImuAllanError(
-                            f'{printable(self.path)}: expands to more than {_MOST_RATIO} times '
+                            f'{printable(self.path)}: expands to more than {MOST_RATIO} times '
                             'its size, as no recording of an IMU does; if it is one, unpack it '
                             'with: zstd -d')
                     if written > room:

@@ -13,11 +13,12 @@ channel are what counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, pairwise
 from struct import Struct
 
 from imu_allan.recordings.formats.decompress import DamagedData
+from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.messages.piece import Piece
 from mcap.opcode import Opcode
 import numpy as np
@@ -30,39 +31,14 @@ _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8
 _LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
-_STEPS_AT_LEAST = 100_000
-"""Records of a chunk that are stepped through whatever its size; they take a fifth of a second."""
 _STEPS_WITHOUT_INDEX = 32
 """Records that are stepped through before the message index is asked for."""
+_BATCH_BYTES = 1 << 24
+_PIECE_BYTES = 1 << 10
+"""Bytes of a piece beside those of its messages, about."""
 _OPCODE_LENGTH = Struct('<BQ')
 _MESSAGE = int(Opcode.MESSAGE)
 _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
-
-
-class Effort:
-    """
-    How many records of a chunk may be stepped through one by one.
-
-    Six kilobytes of zstd can hold two million records without a byte in them, each of which costs
-    as much as one with an image. Honest ones take bytes of the file.
-
-    Parameters
-    ----------
-    stored : int
-        Bytes of the chunk in the file, each of which allows a step.
-    at_least : int, optional
-        Steps that are allowed whatever its size.
-
-    """
-
-    def __init__(self, stored: int, at_least: int = _STEPS_AT_LEAST) -> None:
-        self._left = at_least + stored
-
-    def step(self) -> None:
-        """Count a record."""
-        self._left -= 1
-        if self._left < 0:
-            raise DamagedData('more records than its bytes can hold')
 
 
 def gather(
@@ -71,7 +47,7 @@ def gather(
     describe: Callable[[int, bytes], object] | None = None,
     index: Callable[[], NDArray[np.int64]] | None = None,
     effort: Effort | None = None,
-) -> tuple[list[Piece], int]:
+) -> tuple[Iterator[Piece], int]:
     """
     Gather the messages of the channels `wanted`.
 
@@ -91,8 +67,8 @@ def gather(
 
     Returns
     -------
-    pieces : list of Piece
-        The messages.
+    pieces : iterator of Piece
+        The messages; those that are copied are copied when they are asked for.
     consumed : int
         Bytes of whole records. Less than ``len(buffer)`` where the last record is incomplete, or
         where a record follows that cannot stand among messages.
@@ -103,7 +79,7 @@ def gather(
         If there are more records than `effort` allows.
 
     """
-    pieces: list[Piece] = []
+    pieces: list[Iterable[Piece]] = []
     scattered: list[int] = []
     at, end = 0, len(buffer)
     steps_left = _STEPS_WITHOUT_INDEX
@@ -127,15 +103,16 @@ def gather(
                 if steps_left == 0:
                     places = _verified(buffer, at, index(), describe)
                     if places is not None:
-                        pieces += _collected(buffer, scattered)
-                        pieces += _collected(buffer, _of_channels(buffer, places, wanted))
-                        return pieces, end
+                        pieces += [_collected(buffer, scattered), _collected(
+                            buffer, _of_channels(buffer, places, wanted))]
+                        return chain.from_iterable(pieces), end
             if int.from_bytes(key[RECORD_HEAD:], 'little') in wanted:
                 if run:
-                    pieces += _collected(buffer, scattered)
-                    scattered = []
-                    pieces.append(_piece(np.ndarray(
-                        (count, stride), np.uint8, buffer, at, (stride, 1))))
+                    if scattered:
+                        pieces.append(_collected(buffer, scattered))
+                        scattered = []
+                    pieces.append([_piece(np.ndarray(
+                        (count, stride), np.uint8, buffer, at, (stride, 1)))])
                 else:
                     scattered.append(at)
             at += count * stride
@@ -145,8 +122,35 @@ def gather(
             at += stride
         else:
             break
-    pieces += _collected(buffer, scattered)
-    return pieces, at
+    pieces.append(_collected(buffer, scattered))
+    return chain.from_iterable(pieces), at
+
+
+def in_batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
+    """
+    Hand pieces on in lists of a few MiB: each may be of one message, in millions.
+
+    Raises
+    ------
+    DamagedData
+        As `pieces` does, after those before it.
+
+    """
+    held: list[Piece] = []
+    left = _BATCH_BYTES
+    failure: DamagedData | None = None
+    try:
+        for piece in pieces:
+            held.append(piece)
+            left -= piece.rows.nbytes + _PIECE_BYTES
+            if left < 0:
+                yield held
+                held, left = [], _BATCH_BYTES
+    except DamagedData as error:
+        failure = error
+    yield held
+    if failure is not None:
+        raise failure
 
 
 def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:

@@ -16,7 +16,7 @@ MCAP format specification, https://mcap.dev/spec
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -34,7 +34,8 @@ from imu_allan.recordings.formats.decompress import (
     decompressing,
     Readable,
 )
-from imu_allan.recordings.formats.gather import Effort, gather
+from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.gather import gather, in_batches
 from imu_allan.recordings.formats.message_compression import unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
@@ -69,6 +70,8 @@ _LARGEST_CHUNK = 1 << 26
 """Bytes of a chunk, before and after decompression, that are held whole."""
 _WINDOW = 1 << 22
 """Bytes taken at a time from what is larger."""
+_STEPS_AT_LEAST = 100_000
+"""Records of a chunk that are stepped through whatever its size; they take a fifth of a second."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ class McapRecording(FileRecording):
         imu = self.imu(topic)
         decoder = imu.messages.decoder()
         wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
+        effort = Effort(self.path, _STEPS_AT_LEAST)
         malformed = MalformedMessages()
         damage = Damage()
         messages = 0
@@ -127,15 +131,16 @@ class McapRecording(FileRecording):
             if number is not None and self._channels[number].is_of(imu):
                 wanted.add(number)
 
-        def decode(pieces: list[Piece]) -> list[ImuBlock]:
-            return decoder(unpacked(pieces), malformed)
+        def decode(pieces: Iterable[Piece]) -> list[ImuBlock]:
+            return [block for held in in_batches(unpacked(pieces, effort))
+                    for block in decoder(held, malformed)]
 
         with self._stored.open('rb') as file:
             for part in self._walk(file, damage):
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
-                    for blocks in _decoded(file, part, wanted, describe, decode):
+                    for blocks in _decoded(file, part, wanted, describe, decode, effort):
                         for block in blocks:
                             messages += len(block)
                             yield block, part.start
@@ -195,12 +200,14 @@ class McapRecording(FileRecording):
         are decompressed that hold a channel not described yet.
         """
         counts: Counter[int] = Counter()
+        effort = Effort(self.path, _STEPS_AT_LEAST)
         damage = Damage()
         for part in self._walk(file, damage):
             counts.update(part.counts)
             if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
                 try:
-                    for _ in _decoded(file, part, frozenset(), self._describe, lambda _: []):
+                    for _ in _decoded(
+                            file, part, frozenset(), self._describe, lambda _: [], effort):
                         pass
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
@@ -303,7 +310,7 @@ class McapRecording(FileRecording):
 def _decoded(
     file: BinaryIO, part: Part, wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[list[Piece]], list[ImuBlock]],
+    decode: Callable[[Iterable[Piece]], list[ImuBlock]], effort: Effort,
 ) -> Iterator[list[ImuBlock]]:
     """
     Decode a part of the file, whole where it is small, else a few MiB at a time.
@@ -312,9 +319,10 @@ def _decoded(
     for is used again, which spares a quarter of the time that decompression takes.
     """
     file.seek(part.start)
+    effort.begin(part.length)
     if not part.is_chunk:
-        yield from _stream(Bounded(file, part.length), part.length, wanted, describe, decode,
-                           Effort(part.length))
+        yield from _stream(
+            Bounded(file, part.length), part.length, wanted, describe, decode, effort)
         return
     head = file.read(min(_CHUNK_HEAD.size, part.length))
     if len(head) < _CHUNK_HEAD.size:
@@ -327,6 +335,8 @@ def _decoded(
     stored = int.from_bytes(file.read(8), 'little')
     if stored > rest - 8 - text:
         raise DamagedData(f'{stored} bytes declared in a record of {part.length}')
+    if compression not in ('', 'none'):
+        effort.expand(size)
     if max(size, stored) > _LARGEST_CHUNK:
         start = file.tell()
         if crc:
@@ -334,11 +344,11 @@ def _decoded(
             _verify(decompressing(compression, Bounded(file, stored)), size, crc)
         file.seek(start)
         source = decompressing(compression, Bounded(file, stored))
-        yield from _stream(source, size, wanted, describe, decode, Effort(stored))
+        yield from _stream(source, size, wanted, describe, decode, effort)
         return
     blocks, rest = _whole(
         decompress(compression, file.read(stored), size), crc, wanted, describe, decode,
-        lambda: _message_places(file, part), Effort(stored))
+        lambda: _message_places(file, part), effort)
     yield blocks
     if rest:
         raise DamagedData(f'{rest} bytes at its end are not whole records')
@@ -347,7 +357,7 @@ def _decoded(
 def _whole(
     data: bytes, crc: int, wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[list[Piece]], list[ImuBlock]],
+    decode: Callable[[Iterable[Piece]], list[ImuBlock]],
     index: Callable[[], NDArray[np.int64]], effort: Effort,
 ) -> tuple[list[ImuBlock], int]:
     """Decode a decompressed chunk; returns also the bytes at its end that are no records."""
@@ -381,7 +391,7 @@ def _verify(source: Readable, size: int, crc: int) -> None:
 def _stream(
     source: Readable, size: int, wanted: frozenset[int] | set[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[list[Piece]], list[ImuBlock]], effort: Effort,
+    decode: Callable[[Iterable[Piece]], list[ImuBlock]], effort: Effort,
 ) -> Iterator[list[ImuBlock]]:
     """Decode `size` bytes of records, a window at a time."""
     kept, left = b'', size

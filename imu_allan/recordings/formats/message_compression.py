@@ -3,9 +3,14 @@
 """Messages that rosbag2 compressed one by one, recognized by their first bytes."""
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby
+from itertools import groupby, islice
 
-from imu_allan.recordings.formats.decompress import DamagedData, decompress_frame
+from imu_allan.recordings.formats.decompress import (
+    DamagedData,
+    declared_size,
+    decompress_frame,
+)
+from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.messages.piece import Piece
 import numpy as np
 
@@ -13,6 +18,8 @@ _ZSTD = b'\x28\xb5\x2f\xfd'
 """No message begins like this: CDR begins with a zero."""
 _LARGEST_MESSAGE = 1 << 16
 """An Imu has 324 bytes and its frame_id: 200 times as much; a bomb expands to no more."""
+_TOGETHER = 1 << 8
+"""Messages that are decompressed into one piece, however large they are."""
 
 
 def is_compressed(message: bytes) -> bool:
@@ -20,27 +27,29 @@ def is_compressed(message: bytes) -> bool:
     return message.startswith(_ZSTD)
 
 
-def unpacked_message(message: bytes) -> bytes:
+def unpacked_message(message: bytes, effort: Effort) -> bytes:
     """Decompress one message; nothing, which is no message, where that is not possible."""
     try:
+        effort.expand(declared_size(message) or _LARGEST_MESSAGE)
         return decompress_frame(message, _LARGEST_MESSAGE)
     except DamagedData:
         return b''
 
 
-def unpacked(pieces: Iterable[Piece]) -> Iterator[Piece]:
+def unpacked(pieces: Iterable[Piece], effort: Effort) -> Iterator[Piece]:
     """Decompress the messages of `pieces`, where they are compressed."""
     for compressed, group in groupby(pieces, _holds_compressed):
         if not compressed:
             yield from group
             continue
-        messages = ((unpacked_message(row.tobytes()), stamp)
+        messages = ((unpacked_message(row.tobytes(), effort), stamp)
                     for piece in group
                     for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True))
         for size, run in groupby(messages, lambda item: len(item[0])):
-            data, stamps = zip(*run, strict=True)
-            yield Piece(np.frombuffer(b''.join(data), np.uint8).reshape(len(data), size),
-                        np.array(stamps, np.int64))
+            while some := list(islice(run, _TOGETHER)):
+                data, stamps = zip(*some, strict=True)
+                yield Piece(np.frombuffer(b''.join(data), np.uint8).reshape(len(data), size),
+                            np.array(stamps, np.int64))
 
 
 def _holds_compressed(piece: Piece) -> bool:

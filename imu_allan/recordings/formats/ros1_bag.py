@@ -26,7 +26,8 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.damage import Damage, Part
 from imu_allan.recordings.formats.decompress import DamagedData, decompress
-from imu_allan.recordings.formats.gather import collect, Effort
+from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.gather import collect, in_batches
 from imu_allan.recordings.formats.ros1_header import DamagedHeader, Operation, Ros1Header
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.piece import Piece
@@ -91,6 +92,7 @@ class Ros1Recording(FileRecording):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks chunk by chunk, each with the bytes consumed so far."""
         decode = self.imu(topic).messages.decoder()
+        effort = Effort(self.path, _STEPS_AT_LEAST, _BYTES_PER_STEP)
         malformed = MalformedMessages()
         damage = Damage()
         messages = 0
@@ -100,14 +102,11 @@ class Ros1Recording(FileRecording):
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
-                    # All of a chunk at once, and what comes before a damaged place in it.
-                    pieces, failure = _until_damaged(
-                        self._gather(_chunk_data(file, part), topic, _effort(part)))
-                    for block in decode(pieces, malformed):
-                        messages += len(block)
-                        yield block, part.start
-                    if failure is not None:
-                        raise failure
+                    for pieces in in_batches(
+                            self._gather(_chunk_data(file, part, effort), topic, effort)):
+                        for block in decode(pieces, malformed):
+                            messages += len(block)
+                            yield block, part.start
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
         malformed.report(self, topic)
@@ -146,12 +145,13 @@ class Ros1Recording(FileRecording):
     def _scan(self, file: BinaryIO) -> None:
         """Learn the connections from the chunks themselves, for want of an index."""
         counts: Counter[int] = Counter()
+        effort = Effort(self.path, _STEPS_AT_LEAST, _BYTES_PER_STEP)
         damage = Damage()
         for part in self._walk(file, damage):
             counts.update(part.counts)
             if not part.counts or part.counts.keys() - self._connections:
                 try:
-                    for _ in self._gather(_chunk_data(file, part), None, _effort(part)):
+                    for _ in self._gather(_chunk_data(file, part, effort), None, effort):
                         pass
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
@@ -370,16 +370,17 @@ def _operation(record: _Record | None) -> Operation | None:
         return None
 
 
-def _chunk_data(file: BinaryIO, part: Part) -> bytes:
+def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
     """
-    Decompress a chunk.
+    Decompress a chunk, and begin the effort that it may take.
 
     Raises
     ------
     DamagedData
-        If it is not what its header declares.
+        If it is not what its header declares, or expands to more than `effort` allows.
 
     """
+    effort.begin(part.length)
     record = _record(file, part.start, part.start + part.length)
     try:
         if record is None:
@@ -390,22 +391,9 @@ def _chunk_data(file: BinaryIO, part: Part) -> bytes:
         raise DamagedData(str(error)) from error
     if max(size, record.length) > _LARGEST_CHUNK:
         raise DamagedData(f'{max(size, record.length)} bytes are more than a chunk may have')
+    if compression != 'none':
+        effort.expand(size)
     return decompress(compression, file.read(record.length), size)
-
-
-def _effort(part: Part) -> Effort:
-    """Allow the steps that a chunk of so many bytes may take."""
-    return Effort(part.length // _BYTES_PER_STEP, _STEPS_AT_LEAST)
-
-
-def _until_damaged(pieces: Iterator[Piece]) -> tuple[list[Piece], DamagedData | None]:
-    """Take what comes before a damaged place, and what is wrong there."""
-    held: list[Piece] = []
-    try:
-        held.extend(pieces)
-    except DamagedData as error:
-        return held, error
-    return held, None
 
 
 def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead | None:

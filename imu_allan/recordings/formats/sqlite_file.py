@@ -22,6 +22,7 @@ import tempfile
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.message_compression import is_compressed, unpacked_message
 from imu_allan.recordings.formats.rollback_journal import copy_plain, left_beside, roll_back
 from imu_allan.recordings.formats.untrusted_database import (
@@ -271,13 +272,14 @@ class SqliteRecording(Recording):
         parts: list[bytes] = []
         stamps: list[int] = []
         size = position = held = held_bytes = 0
+        effort = Effort(self.path, 0)
         for fetched in self._fetched(database, topic):
             times, data, numbers = zip(*fetched, strict=True)
             if None in data:
                 malformed(data.count(None), _NO_MESSAGE)
                 times, data = _messages(times, data)
             if data and is_compressed(data[0]):
-                data = tuple(map(unpacked_message, data))
+                data = tuple(unpacked_message(message, effort) for message in data)
             if parts and (held >= _DECODE or held_bytes >= _HELD_BYTES):
                 yield [*pieces, _piece(parts, stamps, size)], position
                 pieces, parts, stamps, held, held_bytes = [], [], [], 0, 0

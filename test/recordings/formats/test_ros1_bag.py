@@ -7,7 +7,16 @@ from pathlib import Path
 import re
 import struct
 
-from bags import assert_same, block, joined, read, ROS1_COMPRESSIONS, ROS1_STORE, write_bag
+from bags import (
+    assert_same,
+    block,
+    joined,
+    read,
+    ROS1_COMPRESSIONS,
+    ros1_record,
+    ROS1_STORE,
+    write_bag,
+)
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
@@ -121,19 +130,12 @@ def test_frame_ids_that_change_are_kept(tmp_path):
     assert_same(joined(parts), joined(blocks))
 
 
-def record(data: bytes = b'', **fields: bytes) -> bytes:
-    """Return a record of a bag with these fields in its header."""
-    header = b''.join(struct.pack('<I', len(name) + 1 + len(value)) + name.encode() + b'=' + value
-                      for name, value in fields.items())
-    return struct.pack('<I', len(header)) + header + struct.pack('<I', len(data)) + data
-
-
 TINY = {
     'messages of 20 connections': b''.join(
-        record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
+        ros1_record(op=b'\2', conn=struct.pack('<I', number), time=bytes(8))
         for number in range(7, 27)),
-    'connections': record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
-    'others': record(op=b'\4')}
+    'connections': ros1_record(op=b'\7', conn=struct.pack('<I', 9), topic=b'/imu'),
+    'others': ros1_record(op=b'\4')}
 
 
 @pytest.mark.parametrize(('compression', 'compress'), [
@@ -144,8 +146,8 @@ def test_a_bomb_of_tiny_records_costs_the_process_little_time(
     path = write_bag(tmp_path / 'a.bag', MESSAGES, compression)
     plain = TINY[tiny] * ((1 << 24) // len(TINY[tiny]))
     packed = compress(plain)
-    chunk = record(packed, op=b'\5', compression=compression.encode(),
-                   size=struct.pack('<I', len(plain)))
+    chunk = ros1_record(packed, op=b'\5', compression=compression.encode(),
+                        size=struct.pack('<I', len(plain)))
     content, place = path.read_bytes(), chunk_places(path)[2]
     assert len(packed) < 500_000
     # Cut short behind it, so that the bag has no index and all of its chunks are gone through.
