@@ -59,6 +59,7 @@ _MOST_REMARKS = 10
 _MOST_THERMOMETERS = 64
 _MOST_SEARCHED = 1000
 """Topics in whose definitions an IMU is searched for in vain or found; a robot has a dozen."""
+_NOT_SEARCHED = f'not looked into, after {_MOST_SEARCHED} others'
 
 
 class Recording(ABC):
@@ -129,7 +130,7 @@ class Recording(ABC):
         found: dict[str, ImuMessages] = {}
         by_definition = definition is not None and normal_name(type_name) not in IMU_TYPES
         if by_definition and self._searched >= _MOST_SEARCHED:
-            self.reasons[topic] = f'not looked into, after {_MOST_SEARCHED} others'
+            self.reasons[topic] = _NOT_SEARCHED
             self.other_topics[topic] = type_name
             return False
         try:

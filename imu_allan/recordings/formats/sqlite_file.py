@@ -49,6 +49,8 @@ _SPARED_DISK = 1 << 28
 """Bytes of the temporary folder's disk that are never filled."""
 _COUNTED_BYTES = 1 << 26
 """Bytes of a file whose messages are counted on opening."""
+_MOST_TOPICS = 1 << 16
+"""Topics that are listed: as many as an MCAP file can number."""
 _MOST_NUMBERS = 500
 """Numbers that one topic may have; rosbag2 gives it one."""
 _HELD_BYTES = 1 << 24
@@ -230,10 +232,14 @@ class SqliteRecording(Recording):
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             kinds: dict[str, str] = {}
             room = self._room
-            for number, *texts in database.execute(
+            for place, (number, *texts) in enumerate(database.execute(
                     f'SELECT rowid, {", ".join(map(_TEXT.format, _TOPIC_TEXTS))} '
-                    'FROM topics NOT INDEXED ORDER BY rowid'):
+                    f'FROM topics NOT INDEXED ORDER BY rowid LIMIT {_MOST_TOPICS + 1}')):
                 name, kind, form = texts
+                if place == _MOST_TOPICS:
+                    self.remark('many_topics', f'its first {_MOST_TOPICS:,} topics are listed, '
+                                'the others are not read')
+                    break
                 room -= sum(map(len, texts))
                 if room < 0:
                     raise sqlite3.DatabaseError('its topics have more text than the file')
@@ -374,7 +380,7 @@ def _definitions(database: sqlite3.Connection, kinds: set[str], room: int,
         columns = ('topic_type', 'encoding', 'encoded_message_definition')
         for kind, form, text in database.execute(
                 f'SELECT {", ".join(map(_TEXT.format, columns))} '
-                'FROM message_definitions NOT INDEXED ORDER BY rowid'):
+                f'FROM message_definitions NOT INDEXED ORDER BY rowid LIMIT {_MOST_TOPICS}'):
             room -= len(text)
             if room < 0:
                 break

@@ -58,7 +58,15 @@ def test_topics_whose_definitions_are_not_looked_into_are_told(tmp_path):
     with open_recording(path) as recording:
         assert len(recording.topics) == 1001
         assert recording.reasons['/imu1002'] == 'not looked into, after 1000 others'
-        assert len(recording.reasons) == len(recording.other_topics) == 99_000
+        assert len(recording.reasons) == len(recording.other_topics) == 64_535
+
+
+def test_topics_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path):
+    path = HOSTILE['many topics'](tmp_path)
+    with open_recording(path) as recording:
+        assert len(recording.topics) == 65_536
+        assert [remark.message for remark in recording.remarks] == [
+            f'{path}: its first 65,536 topics are listed, the others are not read']
 
 
 def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
@@ -72,10 +80,10 @@ def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
 
 def test_a_topic_entered_many_times_is_read(tmp_path):
     path = HOSTILE['one topic of many numbers'](tmp_path)
-    after, [remark] = read(path)
+    after, [_, remark] = read(path)
     assert_same(block(2000), after)
     assert remark.message == (
-        f'{path}: /imu is entered 99999 times; the messages of the first 500 entries were read')
+        f'{path}: /imu is entered 65536 times; the messages of the first 500 entries were read')
 
 
 def killed_in_a_transaction(folder: Path) -> Path:
