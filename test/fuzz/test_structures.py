@@ -11,8 +11,12 @@ import time
 from bags import block, IMU, write_db3
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import open_recording, read_blocks
+from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings.messages.definitions import Definition
+from imu_allan.recordings.messages.imus_in import imus_in
+from imu_allan.recordings.messages.piece import Piece
 from mutations import each, EXTREMES, mutated_text, TEXTS
+import numpy as np
 import pytest
 
 LONGEST_S = 10.0
@@ -185,7 +189,55 @@ def judge_yaml(choice: Random) -> None:
         read_all(Path(folder))
 
 
-JUDGES = {'schemas': judge_schema, 'journals': judge_journal, 'yaml': judge_yaml}
+NAMES = [IMU, 'std_msgs/Header', 'geometry_msgs/Vector3', 'a/A', 'a/B', 'a/C', 'uint8', 'int64',
+         'float32', 'float64', 'string', 'builtin_interfaces/Time']
+ODD_NAMES = ['A', 'no_such/Type', 'wstring', 'string<=5', 'time', '', 'a/msg/F', '1']
+ENDINGS = ['', '', '', '', '[]', '[2]', '[<=3]']
+ODD_ENDINGS = ['[0]', '[-1]', '[1000000000]', '[' + '9' * 30 + ']', '[<=]', '[2][2]', '=3', "='x'",
+               ' 5', ' # told']
+FIELDS = ['header', 'imu', 'linear_acceleration', 'angular_velocity', 'stamp', 'time_usec']
+
+
+def line(choice: Random, number: int) -> str:
+    """Write a field, an odd one now and then."""
+    name = choice.choice(NAMES if choice.random() < .97 else ODD_NAMES)
+    ending = choice.choice(ENDINGS if choice.random() < .95 else ODD_ENDINGS)
+    field = choice.choice(FIELDS) if choice.random() < .3 else f'f{number}'
+    return f'{name}{ending} {field}'
+
+
+def definition(choice: Random) -> str:
+    """Write types out of fields of any kind, some of them in a circle or in themselves."""
+    types = []
+    for kind in ['', *choice.sample(NAMES[:6], 3 + choice.randrange(4))]:
+        lines = [f'MSG: {kind}'] if kind else ['sensor_msgs/Imu imu'] * choice.randrange(2)
+        types.append('\n'.join(
+            [*lines, *(line(choice, number) for number in range(choice.randrange(6)))]))
+    return ('\n' + '=' * 80 + '\n').join(types)
+
+
+def judge_definition(choice: Random) -> None:
+    text = definition(choice)
+    if choice.random() < .2:
+        text = mutated_text(text, choice, ODD_NAMES)
+    message = b'\0\1\0\0' + choice.choice(
+        [ROWS[0][4:], ROWS[0][4:] * 2, choice.randbytes(400), bytes(400), b'\xff' * 400])
+    began = time.process_time()
+    try:
+        found = imus_in('/imu', 'a/msg/F', 'cdr', Definition(text), RecordingOptions())
+        for messages in found.values():
+            blocks = messages.decoder()(
+                [Piece(np.frombuffer(message, np.uint8).reshape(1, -1), np.zeros(1, np.int64))],
+                lambda *_: None)
+            assert all(len(part.samples) == len(part) for part in blocks)
+    except ImuAllanError as error:
+        assert str(error).isprintable()
+        assert len(str(error)) < 1000
+    assert time.process_time() - began < LONGEST_S
+
+
+JUDGES = {'schemas': judge_schema, 'journals': judge_journal, 'yaml': judge_yaml,
+          'definitions': judge_definition}
 
 
 @pytest.mark.parametrize('kind', JUDGES)

@@ -15,6 +15,8 @@ from imu_allan.recordings.messages.definitions import Field, Types
 
 _MOST_IMUS = 16
 """Imus that are looked for in one message."""
+_MOST_VISITED = 1000
+"""Messages within a message that are looked into; a robot's state has some fifty."""
 _DEEPEST = 8
 """Messages in messages: nobody nests as deep, and a hostile definition may without end."""
 _LONGEST_PATH = 1000
@@ -168,15 +170,26 @@ def found_by_shape(types: Types, type_name: str) -> list[ImuFields]:
         In the order of the definition. The stamps of the message itself come first, then those
         of the messages around it.
 
+    Raises
+    ------
+    ImuAllanError
+        If there are too many messages within messages to look into: a few lines can define
+        billions.
+
     """
     found: list[ImuFields] = []
-    _search(types, type_name, '', (), None, found, 0)
+    _search(types, type_name, '', (), None, found, 0, iter(range(_MOST_VISITED)))
     return found
 
 
 def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
-            frame_id: str | None, found: list[ImuFields], depth: int,
+            frame_id: str | None, found: list[ImuFields], depth: int, visits: Iterator[int],
             heat: str | None = None) -> None:
+    if next(visits, None) is None:
+        if found:
+            return
+        raise ImuAllanError(f'its type holds more than {_MOST_VISITED} messages, too many to '
+                            'search for an IMU; name the fields with --gyro and --accel')
     fields = {field.name: field for field in types.get(type_name, ())}
     own = tuple(_stamps(types, fields.values(), path))
     stamps = own + stamps
@@ -201,7 +214,7 @@ def _search(types: Types, type_name: str, path: str, stamps: tuple[Stamp, ...],
         for name in names:
             if len(found) < _MOST_IMUS:
                 _search(types, field.kind, f'{path}{name}.', stamps, frame_id, found,
-                        depth + 1, heat)
+                        depth + 1, visits, heat)
 
 
 _TEMPERATURES = ('imu_temperature', 'temperature', 'imu_temp', 'temp')

@@ -9,6 +9,8 @@ import sqlite3
 from bags import joined, read
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings.messages.definitions import Definition, parse
+from imu_allan.recordings.messages.imu_fields import found_by_shape
 import numpy as np
 from other_types import (
     full_definition,
@@ -278,3 +280,15 @@ def test_a_real_nested_recording_agrees_with_rosbags():
         gyro, accel = their.angular_velocity, their.linear_acceleration
         assert ours.tolist() == [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z]
         assert stamp == their.header.stamp.sec * 10**9 + their.header.stamp.nanosec
+
+
+@pytest.mark.parametrize('around', ['', 'sensor_msgs/Imu imu\n'])
+def test_a_few_lines_that_define_billions_of_messages_are_not_searched_for_ever(around):
+    text = around + 'a/B[16] b\na/B[16] c\n' + '=' * 80 + '\nMSG: a/B\na/B[16] b\na/B[16] c\n'
+    types = parse('a/msg/A', Definition(text))
+    if around:
+        [found] = found_by_shape(types, 'a/msg/A')
+        assert found.gyro.paths[0] == 'imu.angular_velocity.x'
+    else:
+        with pytest.raises(ImuAllanError, match='more than 1000 messages'):
+            found_by_shape(types, 'a/msg/A')
