@@ -19,7 +19,7 @@ LISTED = 10
 _REMEMBERED = 32
 """Blocks: what takes longer than two minutes to come back is drift."""
 _FEWEST = 8
-_LEAST = np.array([0.004] * 3 + [0.04] * 3)
+_LEAST = [0.004] * 3 + [0.04] * 3
 """rad/s and m/s^2: no sensor's bias goes so far and comes back within two minutes. A judgment."""
 _ABRUPT = 14.0
 """Times the usual change from block to block: a random walk never goes so far at once."""
@@ -42,6 +42,8 @@ class Excursions(Record):
         How many these are.
     blocks : list of list of float
         Beginning in seconds and mean of each axis, of the latest blocks.
+    lowest, highest : list of float
+        Extremes of these means, by axis: at a glance they say that nothing went away.
     found : list of list of float
         Beginning and duration in seconds, number of the axis, and size in its unit.
 
@@ -50,6 +52,8 @@ class Excursions(Record):
     sums: list[float] = field(default_factory=lambda: [0.0] * 6)
     windows: int = 0
     blocks: list[list[float]] = field(default_factory=list)
+    lowest: list[float] = field(default_factory=list)
+    highest: list[float] = field(default_factory=list)
     found: list[list[float]] = field(default_factory=list)
 
     @classmethod
@@ -75,7 +79,7 @@ class Excursions(Record):
         first = 0
         while first < len(means):
             last = min(first + BLOCK - self.windows, len(means))
-            self.sums = (np.array(self.sums) + means[first:last].sum(axis=0)).tolist()
+            self.sums = list(map(float.__add__, self.sums, means[first:last].sum(axis=0).tolist()))
             self.windows += last - first
             first = last
             if self.windows == BLOCK:
@@ -83,13 +87,20 @@ class Excursions(Record):
                 self.blocks.append([begins, *(total / BLOCK for total in self.sums)])
                 self.sums, self.windows = [0.0] * 6, 0
                 del self.blocks[:-_REMEMBERED]
-                self._look(BLOCK * window_s)
+                newest = self.blocks[-1][1:]
+                self.lowest = list(map(min, self.lowest or newest, newest))
+                self.highest = list(map(max, self.highest or newest, newest))
+                if any(high - low > least for low, high, least in zip(
+                        self.lowest, self.highest, _LEAST, strict=True)):
+                    self._look(BLOCK * window_s)
 
     def _look(self, block_s: float) -> None:
         """Tell whether the newest block is back from an excursion."""
         table = np.array(self.blocks)
         level = table[:, 1:]
-        if len(level) < _FEWEST or np.all(np.ptp(level, axis=0) < _LEAST):
+        # Far means may have been forgotten since.
+        self.lowest, self.highest = level.min(axis=0).tolist(), level.max(axis=0).tolist()
+        if len(level) < _FEWEST:
             return
         usual = np.median(np.abs(np.diff(level, axis=0)), axis=0)
         size = level - level[-1]
@@ -108,4 +119,5 @@ class Excursions(Record):
                 begins = float(table[first, 0])
                 self.found.append([begins, float(table[last, 0]) + block_s - begins, axis, peak])
             self.blocks = self.blocks[-1:]
+            self.lowest, self.highest = [], []
             return

@@ -32,6 +32,7 @@ EVEN_JITTER = 0.25
 
 _LONG_STEP = 10.0
 """Intervals: uneven beyond is a gap, over which a clock drifts by a part of one."""
+_LEAP = 4.0
 _SMOOTHING = 31
 """Messages: late ones, up to 15 in a row, are no loss. 15 and 61 do as well."""
 _FEW = 5
@@ -79,12 +80,28 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
             if not uneven.any() or bool(np.all(steps[uneven] > _LONG_STEP)):
                 return whole.astype(np.int64)
     phase = places - np.arange(1, len(places) + 1)
-    missing = None if pace.counting else _missing_by_phase(phase, new_run)
+    missing = None
+    if not pace.counting:
+        alone = _missing_at_the_ends(steps, new_run)
+        missing = _missing_by_phase(phase - alone, new_run)
+        if missing is not None:
+            missing = missing + alone
     if missing is None:
         missing = _missing_by_bursts(phase, steps)
         missing = missing + lasting_jumps(phase - missing, None if new_run else 0.0)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
+
+
+def _missing_at_the_ends(steps: Floats, new_run: bool) -> Ints:
+    """Count samples missing before or behind a few at an end, of which no level can be told."""
+    missing = np.zeros(len(steps), dtype=np.int64)
+    for at in np.flatnonzero(steps > _LEAP).tolist():
+        # After a stall the next messages come close together.
+        if ((at >= len(steps) - _FEW and np.all(steps[at + 1:] > 0.5))
+                or (new_run and 0 < at <= _FEW and np.all(steps[1:at] > 0.5))):
+            missing[at:] += round(float(steps[at])) - 1
+    return missing
 
 
 def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:

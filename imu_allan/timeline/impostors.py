@@ -49,7 +49,7 @@ def alternates(samples: Floats) -> bool:
     if blocks < _FEWEST_BLOCKS or not there.any():
         return False
     known = np.clip(samples[:blocks * _BLOCK, there], -_LARGEST, _LARGEST)
-    enough = min(_ALTERNATING_AXES, known.shape[1])
+    enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
     # A gap changes whose turn it is: frequent ones leave no line in the spectrum.
     steps = np.diff(known, axis=0)
     together = np.mean(steps[2:] * steps[:-2], axis=0)

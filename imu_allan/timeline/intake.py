@@ -379,8 +379,9 @@ class Intake:
         same = np.zeros(len(stamps), dtype=bool)
         same[1:] = tied[1:] & (window.header[1:] == window.header[:-1]) & _repeats(window.samples)
         if tied[0] and newest is not None:
+            there = ~np.isnan(newest)
             same[0] = (int(window.header[0]) == counts.last_header
-                       and bool(np.array_equal(window.samples[0], newest)))
+                       and bool(np.array_equal(window.samples[0, there], newest[there])))
         return same if same.any() else None
 
     def _unusable(self, window: Window) -> Bools | None:
@@ -420,6 +421,7 @@ def _pace_of(stamps: Stamps, other: Stamps, bursts: bool) -> tuple[Pace | None, 
 
 
 def _repeats(samples: Floats) -> Bools:
-    """Whether each sample but the first equals the one before."""
-    same: Bools = np.all(samples[1:] == samples[:-1], axis=1)
+    """Whether each sample but the first equals the one before, axes without a value alike."""
+    same: Bools = np.all((samples[1:] == samples[:-1])
+                         | (np.isnan(samples[1:]) & np.isnan(samples[:-1])), axis=1)
     return same

@@ -499,6 +499,9 @@ class MotionDetector:
         assert self._baseline is not None
         loud = self._baseline.loudness
         known = (loud > 0) & np.isfinite(loud)
+        if not np.any(stretch.loudness[first:last] < loud / _QUIETER):
+            self._quieter = 0
+            return False
         quiet = stretch.loudness[first:last, known] < loud[known] / _QUIETER
         # A coarse or constant axis may be as it was.
         quieter = (np.mean(quiet, axis=1) > 0.5) & ~np.any(

@@ -389,6 +389,12 @@ class Placing:
                 left_out[np.clip(breaks + shift, 0, c - 1)] = True
             paced_ns -= int(behind[left_out].sum())
             paced_steps -= int(known[left_out].sum())
+        if self._decision.counting:
+            # A leap too short to be told from a batch's is no part of the pace all the same.
+            leaps = np.flatnonzero((behind > (10 + 4 * sqrt(12) * self._decision.spread) * interval)
+                                   & (known <= tolerated))
+            paced_ns -= int(behind[leaps].sum())
+            paced_steps -= int(known[leaps].sum())
         counts.missing += missing
         if missing:
             pieces = self._pieces(messages.samples, steps, index, elapsed, c, new_run)
