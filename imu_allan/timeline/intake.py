@@ -174,7 +174,7 @@ class Intake:
 
     def usable(self, window: Window, repeats: Repeats, newest: Floats | None) -> Messages:
         """
-        Leave out messages with unusable values, and those that came twice.
+        Leave out messages that came twice or stand still, and mark those with unusable values.
 
         Parameters
         ----------
@@ -193,7 +193,6 @@ class Intake:
         held, frozen = repeats.held, repeats.frozen
         if frozen is not None:
             self._note_frozen(window, stamps, frozen)
-            unusable = frozen if unusable is None else unusable | frozen
         if repeats.spikes is not None:
             counts.spikes += int(np.count_nonzero(repeats.spikes[:c]))
             unusable = repeats.spikes if unusable is None else unusable | repeats.spikes
@@ -201,18 +200,21 @@ class Intake:
             twice = held if twice is None else twice | held
         self._count(window)
         samples = window.samples
-        if unusable is not None or twice is not None:
-            unusable = np.zeros(len(stamps), dtype=bool) if unusable is None else unusable
-            twice = np.zeros(len(stamps), dtype=bool) if twice is None else twice & ~unusable
-            counts.rejected += int(np.count_nonzero(unusable[:c]))
+        none = np.zeros(len(stamps), dtype=bool)
+        void = unusable
+        if unusable is not None or frozen is not None or twice is not None:
+            void = none if unusable is None else unusable
+            gone = none if frozen is None else frozen
+            twice = none if twice is None else twice & ~(void | gone)
+            counts.rejected += int(np.count_nonzero((void | gone)[:c]))
             counts.duplicates += int(np.count_nonzero(twice[:c]))
-            rows = np.flatnonzero(~(unusable | twice))
+            rows = np.flatnonzero(~(gone | twice))
             c = int(np.searchsorted(rows, c))
-            stamps, other, samples = stamps[rows], other[rows], samples[rows]
+            stamps, other, samples, void = stamps[rows], other[rows], samples[rows], void[rows]
         if not all(self.decision.present or ()):
             samples = samples.copy()
             samples[:, ~np.array(self.decision.present)] = np.nan
-        return Messages(stamps, other, samples, c)
+        return Messages(stamps, other, samples, c, void)
 
     def _note_frozen(self, window: Window, stamps: Stamps, frozen: Bools) -> None:
         content, begins = self.content, frozen[:window.consumed]

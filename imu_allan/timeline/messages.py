@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 NONE_BRIDGED: Ints = np.empty(0, dtype=np.int64)
 
@@ -18,7 +19,7 @@ NONE_BRIDGED: Ints = np.empty(0, dtype=np.int64)
 @dataclass(frozen=True)
 class Messages:
     """
-    Messages with usable values.
+    Messages that are to find their places.
 
     Attributes
     ----------
@@ -28,6 +29,8 @@ class Messages:
         NaN only in columns of absent axes.
     consumed : int
         The first so many are to be placed; the others only show what comes next.
+    void : ndarray of bool, shape (n,), or None
+        Those whose values are unusable: they have a place, which stays empty.
 
     """
 
@@ -35,12 +38,17 @@ class Messages:
     other: Stamps
     samples: Floats
     consumed: int
+    void: Bools | None = None
+
+    def pick(self, rows: slice | Bools, consumed: int) -> 'Messages':
+        """Give some of the messages, `consumed` of them to be placed."""
+        return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
+                        None if self.void is None else self.void[rows])
 
     def part(self, first: int, last: int, look_ahead: bool) -> 'Messages':
         """Give messages `first` up to `last`, and where wanted what comes next."""
         end = len(self.stamps) if look_ahead else last
-        return Messages(self.stamps[first:end], self.other[first:end], self.samples[first:end],
-                        last - first)
+        return self.pick(slice(first, end), last - first)
 
 
 @dataclass(frozen=True)

@@ -204,18 +204,20 @@ class Placing:
         """Put messages in order and split them where the clock jumps."""
         cursor, counts = self.cursor, self._counts
         stamps, other, samples = messages.stamps, messages.other, messages.samples
-        c = messages.consumed
+        c, void = messages.consumed, messages.void
         if self._decision.unties:
             stamps = self._untie(stamps, c)
         order = order_stamps(stamps, None if cursor.fresh_run else cursor.last_ns)
         jumps = np.zeros(len(stamps), dtype=bool)
         if order is not None:
-            counts.duplicates += int(np.count_nonzero(order.duplicate[:c]))
-            counts.out_of_order += int(np.count_nonzero(order.out_of_order[:c]))
+            counted = slice(c) if void is None else np.flatnonzero(~void[:c])
+            counts.duplicates += int(np.count_nonzero(order.duplicate[counted]))
+            counts.out_of_order += int(np.count_nonzero(order.out_of_order[counted]))
             c = int(np.count_nonzero(order.keep[:c]))
             jumps = order.jumps[order.keep]
             stamps, other = stamps[order.keep], other[order.keep]
             samples = samples[order.keep]
+            void = None if void is None else void[order.keep]
         if not c:
             return
         jumps |= self._forward_jumps(stamps, other)
@@ -225,7 +227,13 @@ class Placing:
                 counts.clock_jumps += 1
                 cursor.fresh_run = cursor.jumped = True
             end = next((s for s in starts if s >= last), len(stamps))
-            yield Messages(stamps[first:end], other[first:end], samples[first:end], last - first)
+            run = Messages(stamps, other, samples, 0, void).pick(slice(first, end), last - first)
+            if cursor.begins and run.void is not None and run.void.any():
+                # Before the first sample nothing is missed.
+                empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
+                run = run.pick(slice(empty, None), max(run.consumed - empty, 0))
+            if run.consumed:
+                yield run
 
     def _untie(self, stamps: Stamps, consumed: int) -> Stamps:
         """Let messages received together follow each other by a nanosecond."""
@@ -291,7 +299,7 @@ class Placing:
         """Reject messages that come at another rate."""
         cursor, counts = self.cursor, self._counts
         n = messages.consumed
-        counts.rejected += n
+        counts.rejected += n - _count(messages.void, n)
         if not counts.changed_rate_hz and n > 1:
             since = (0 if cursor.last_ns is None
                      else cursor.elapsed_ns + int(messages.stamps[0]) - cursor.last_ns)
@@ -354,6 +362,13 @@ class Placing:
     def _put(self, messages: Messages, steps: Ints) -> list[EvenPiece]:
         """Put messages on the grid and bring the counts up to date."""
         cursor, counts = self.cursor, self._counts
+        empty = 0
+        if messages.void is not None and messages.void.any():
+            used = ~messages.void
+            at = np.flatnonzero(used[:messages.consumed])
+            empty = int(at[-1]) + 1 - len(at) if len(at) else 0
+            messages = messages.pick(used, len(at))
+            steps = np.diff(np.cumsum(steps)[used], prepend=0)
         c, stamps = messages.consumed, messages.stamps
         if not c:
             return []
@@ -395,7 +410,7 @@ class Placing:
                                    & (known <= tolerated))
             paced_ns -= int(behind[leaps].sum())
             paced_steps -= int(known[leaps].sum())
-        counts.missing += missing
+        counts.missing += missing - empty
         if missing:
             pieces = self._pieces(messages.samples, steps, index, elapsed, c, new_run)
         else:
@@ -480,3 +495,7 @@ class Placing:
             pieces.append(EvenPiece(rows, begins, start_s, new_run and first == 0,
                                     holes[low:high]))
         return pieces
+
+
+def _count(void: Bools | None, messages: int) -> int:
+    return 0 if void is None else int(np.count_nonzero(void[:messages]))

@@ -262,6 +262,39 @@ def test_batches_that_hide_what_is_dropped_in_turn_give_way_to_the_other_clock()
     assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
 
 
+def test_messages_with_unusable_values_keep_their_places_where_messages_are_counted():
+    messages, truth, rng = rest()
+    stamps = (messages.place // 10 + 1) * 0.1 + messages.place % 10 * 2e-5
+    spoilt = rng.random(len(stamps)) < 0.1
+    messages.samples[spoilt, 1] = np.nan
+    result = characterized(replace(messages, header=stamps, receive=stamps + 1e-3))
+    assert_right(result, truth)
+    assert result.timeline.rejected == np.count_nonzero(spoilt)
+    assert result.timeline.missing == 0
+
+
+def test_a_message_that_came_twice_is_one_although_an_axis_has_no_value():
+    messages, truth, rng = rest()
+    messages.samples[:, 4] = np.nan
+    twice = np.repeat(np.arange(len(messages.place)), 1 + (rng.random(len(messages.place)) < 0.01))
+    result = characterized(messages.pick(twice))
+    assert_right(result, truth, axes=5)
+    assert result.timeline.duplicates == len(twice) - len(messages.place)
+
+
+@pytest.mark.parametrize('alone', [1, 4])
+@pytest.mark.parametrize('at_end', [True, False])
+def test_a_few_samples_alone_at_an_end_are_behind_a_gap_whatever_the_stamps(alone, at_end):
+    messages, truth, _ = rest(duration_s=26)
+    messages.header = ((messages.place // 8 + 1) * 8
+                       - (7 - messages.place % 8) * 0.96) / truth.rate_hz
+    there = np.ones(len(messages.place), bool)
+    there[slice(-alone - 9, -alone) if at_end else slice(alone, alone + 9)] = False
+    result = characterized(keep(messages, there))
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert result.timeline.missing == 9
+
+
 def test_jitter_beside_long_gaps_leaves_the_rate_as_it_is():
     messages, truth, rng = rest(800.0, 10.5)
     late = rng.exponential(0.2 / truth.rate_hz, len(messages.place))
