@@ -455,21 +455,26 @@ class MotionDetector:
         short = stretch.given == 0 and stretch.held < self._size
         shorter = self._size / stretch.held if short else 1.0
         beyond = self._implausible(stretch, first)[:last - first]
-        beyond |= self._beyond_before(stretch, first, last)
-        awake = np.any(loudness[:, :6][:, np.isinf(self._baseline.resolution)] > 0, axis=1)
-        if awake.any():
-            self._refine_resolution(stretch, np.flatnonzero(awake) + first)
+        if stretch.closed or stretch.base + first < max(self._lags):
+            beyond |= self._beyond_before(stretch, first, last)
+        constant = np.isinf(self._baseline.resolution)
+        if constant.any():
+            awake = np.any(loudness[:, :6][:, constant] > 0, axis=1)
+            if awake.any():
+                self._refine_resolution(stretch, np.flatnonzero(awake) + first)
         moving = beyond | self._unlike_rest(loudness, wander, shorter)
         if moving.any() and self._refine_resolution(stretch, np.flatnonzero(moving) + first):
             moving = beyond | self._unlike_rest(loudness, wander, shorter)
         stretch.moving = np.concatenate([stretch.moving, moving])
         if not short and self._seek_rest(stretch, first, last):
             return
-        rest = stretch.means[first:last][~moving]
+        rest = stretch.means[first:last]
+        if moving.any():
+            rest = rest[~moving]
+            self._note_contrast(loudness[moving])
         if len(rest) and not short:
             self._excursions.take(rest, self._time(stretch, stretch.base + first),
                                   self._size * self._interval_s)
-        self._note_contrast(loudness[moving])
         if not short:
             self._learn(np.hstack([loudness, wander]), moving, beyond,
                         self._time(stretch, stretch.base + last))

@@ -365,9 +365,9 @@ class Placing:
         empty = 0
         if messages.void is not None and messages.void.any():
             used = ~messages.void
-            at = np.flatnonzero(used[:messages.consumed])
-            empty = int(at[-1]) + 1 - len(at) if len(at) else 0
-            messages = messages.pick(used, len(at))
+            rows = np.flatnonzero(used[:messages.consumed])
+            empty = int(rows[-1]) + 1 - len(rows) if len(rows) else 0
+            messages = messages.pick(used, len(rows))
             steps = np.diff(np.cumsum(steps)[used], prepend=0)
         c, stamps = messages.consumed, messages.stamps
         if not c:
@@ -406,8 +406,8 @@ class Placing:
             paced_steps -= int(known[left_out].sum())
         if self._decision.counting:
             # A leap too short to be told from a batch's is no part of the pace all the same.
-            leaps = np.flatnonzero((behind > (10 + 4 * sqrt(12) * self._decision.spread) * interval)
-                                   & (known <= tolerated))
+            longest = (10 + 4 * sqrt(12) * self._decision.spread) * interval
+            leaps = np.flatnonzero((behind > longest) & (known <= tolerated))
             paced_ns -= int(behind[leaps].sum())
             paced_steps -= int(known[leaps].sum())
         counts.missing += missing - empty

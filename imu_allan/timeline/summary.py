@@ -64,8 +64,8 @@ class TimelineSummary:
     timeline : Timeline
         The part that goes into the result. `samples` counts the messages that found their place
         on the grid, those in motion among them; `missing` counts all empty places between them,
-        bridged or in a listed gap, but for those of messages with unusable values. `samples`, `duplicates`, `out_of_order` and `rejected` add up
-        to the messages decided on.
+        bridged or in a listed gap, but for those of messages with unusable values. `samples`,
+        `duplicates`, `out_of_order` and `rejected` add up to the messages decided on.
     clock : {'header', 'receive'} or None
         None before a message came, and where samples are only counted (no usable stamps).
     frame_id : str or None
