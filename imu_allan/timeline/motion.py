@@ -73,6 +73,8 @@ _FEW_WINDOWS = 32
 """Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
 _FEW_SPREAD = 0.1
 """Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
+_FIFTH_SPREAD = 0.2
+"""The same where fifths of windows tell it: their variance has about three degrees of freedom."""
 _TOLD_RATIO = 3.0
 """Noise that has become so many times louder or quieter is told. A judgment."""
 _LATELY_S = 5.0
@@ -188,6 +190,7 @@ class MotionDetector:
         self._size = _PARTS * self._part
         self._lags = tuple(lag for lag in _LAGS
                            if lag * self._size * interval_s < _LONGEST_LAG_S)
+        self._farthest = max(self._lags, default=0)
         self._held: list[_Stretch] = []
         self._baseline: Baseline | None = None
         self._first_loudness: Floats | None = None
@@ -385,7 +388,12 @@ class MotionDetector:
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
         if len(loudness) < _FEWEST_WINDOWS:
-            self._baseline = _of_few(loudness, resolution)
+            # Of so few windows one knock spoils the half: fifths of them are told apart.
+            fifths = [stretch.joined()[:stretch.held // size * size].reshape(-1, size // 5, 6)
+                      for stretch in full]
+            centre = np.median(describe(np.concatenate(fifths), self._part)[1], axis=0)
+            self._baseline = Baseline(centre, _FIFTH_SPREAD * centre, np.full(6, np.inf),
+                                      resolution)
             return
         if np.count_nonzero(still) < _FEW_WINDOWS:
             # Of so few the quietest eighth is one or two, whose spread says nothing.
@@ -421,11 +429,11 @@ class MotionDetector:
     def _beyond_before(self, stretch: _Stretch, first: int, last: int) -> Bools:
         """Tell windows whose mean is beyond belief beside those of stretches just before."""
         beyond = np.zeros(last - first, dtype=bool)
-        reach, size = max(self._lags) * self._size, self._size
+        reach, size = self._farthest * self._size, self._size
         begins = stretch.first_index + (stretch.base + first) * size
         near = self._recent[self._recent[:, 0] >= begins - reach]
-        if stretch.base + first < max(self._lags) and not stretch.new_run and len(near):
-            there = min(last - first, max(self._lags) - stretch.base - first)
+        if stretch.base + first < self._farthest and not stretch.new_run and len(near):
+            there = min(last - first, self._farthest - stretch.base - first)
             sigma = stretch.loudness[first:first + there, :6] ** 1.5
             change = np.abs(stretch.means[first:first + there, None] - near[:, 2:8])
             white = _PLAUSIBLE_SIGMAS * np.minimum(sigma[:, None], near[:, 8:]) * np.sqrt(
@@ -434,7 +442,7 @@ class MotionDetector:
             beyond[:there] = np.any(
                 close & np.any((change > _PLAUSIBLE_CHANGE) & (change > white), axis=2), axis=1)
         if stretch.closed:
-            newest = max(last - max(self._lags), 0)
+            newest = max(last - self._farthest, 0)
             count = last - newest
             places = begins + (np.arange(newest, last) - first) * size
             rows = np.full((count, 1), float(min(size, max(stretch.held, 1))))
@@ -455,7 +463,7 @@ class MotionDetector:
         short = stretch.given == 0 and stretch.held < self._size
         shorter = self._size / stretch.held if short else 1.0
         beyond = self._implausible(stretch, first)[:last - first]
-        if stretch.closed or stretch.base + first < max(self._lags):
+        if stretch.closed or stretch.base + first < self._farthest:
             beyond |= self._beyond_before(stretch, first, last)
         constant = np.isinf(self._baseline.resolution)
         if constant.any():

@@ -5,6 +5,7 @@
 from dataclasses import replace
 import re
 
+from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 import numpy as np
 import pytest
@@ -365,6 +366,29 @@ def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
     assert_right(result, truth, 0.04)
     assert 'motion' not in codes(result)
     assert told(result, 'held_values').startswith(f'{0.5 - lost / 2:.0%} of the messages repeat')
+
+
+@pytest.mark.parametrize('duration_s', [0.65, 1.2, 3.0])
+def test_a_knock_in_a_very_short_record_makes_no_number_wrong(duration_s):
+    messages, truth, rng = rest(4000.0, duration_s)
+    messages.samples[1058:1258] += rng.normal(size=(200, 6)) * 60 * SIGMA
+    try:
+        assert_right(characterized(messages), truth, 0.1)
+    except ImuAllanError as error:
+        assert 'the IMU moves' in str(error)
+
+
+@pytest.mark.parametrize('rate_hz', [25.0, 200.0, 4000.0])
+def test_a_very_short_record_at_rest_is_no_motion(rate_hz):
+    for seed in range(20):
+        messages, _, _ = rest(rate_hz, max(0.7, 30 / rate_hz), seed)
+        assert characterized(messages).timeline.motion == ()
+
+
+def test_a_sensor_of_less_than_four_hertz_has_a_result():
+    messages, truth, rng = rest(2.0, 2000)
+    result = characterized(keep(messages, rng.random(len(messages.place)) > 0.01))
+    assert_right(result, truth, 0.06)
 
 
 @pytest.mark.parametrize('rise_s', [0.01, 5.0])
