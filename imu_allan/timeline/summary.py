@@ -26,6 +26,8 @@ _GRAVITY_TOLERANCE = 0.5
 """In m/s^2: usual offsets are less, units of g or removed gravity far more. A judgment."""
 _MANY_MISSING = 0.05
 """The fit allows for bridges; so many say that the link is bad. A judgment."""
+_TOO_MANY_MISSING = 0.22
+"""With fewer the spectrum of bridges is right; at 30, 40, 50 % N was 7-13, 21-23, 31-40 % high."""
 _MOSTLY = 0.5
 """Of the samples, in motion, from which on a recording is not one of a sensor at rest."""
 _LONG_MOTION_S = 10.0
@@ -264,9 +266,12 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             f'{len(counts.listed_gaps)} are listed')
     places = counts.samples + counts.bridged
     if counts.bridged > _MANY_MISSING * places:
+        share = counts.bridged / places
+        bound = ('' if share < _TOO_MANY_MISSING else
+                 f'; the noise density may be up to {share:.0%} too high')
         remarks['many_missing'] = (
-            f'{counts.bridged / places:.1%} of the samples are missing and bridged by the local '
-            'mean: record with a deeper queue or with reliable delivery')
+            f'{share:.1%} of the samples are missing and bridged by the local mean: record with a '
+            f'deeper queue or with reliable delivery{bound}')
     if counts.at_other_rate:
         stay = counts.at_other_rate < counts.samples
         remarks['rate_changed'] = (

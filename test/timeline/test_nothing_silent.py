@@ -147,6 +147,20 @@ def test_messages_dropped_in_turn_are_missed(pattern):
     assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
 
 
+@pytest.mark.parametrize('lost', [0.3, 0.5, 'every third'])
+def test_many_missing_samples_bound_the_error_of_the_noise_density(lost):
+    messages, truth, rng = rest()
+    there = (messages.place % 3 > 0 if lost == 'every third'
+             else rng.random(len(messages.place)) > lost)
+    result = characterized(keep(messages, there))
+    found = re.search(r'noise density may be up to (\d+)% too high', told(result, 'many_missing'))
+    assert found is not None
+    for axis in result.axes.values():
+        density = axis.coefficients['noise_density']
+        assert density.value is not None
+        assert 0.95 < density.value / truth.density < 1 + float(found[1]) / 100
+
+
 @pytest.mark.parametrize('off', [-0.08, -0.04, 0.04, 0.08])
 def test_batches_dated_back_by_a_wrong_interval_have_the_rate_of_their_reading(off):
     messages, truth, _ = rest()
