@@ -87,10 +87,12 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     """
     known = np.clip(np.nan_to_num(samples), -_LARGEST, _LARGEST)
     known = np.concatenate([known[:1] if before is None else before[None], known])
-    padded = np.pad(known, ((1, 2), (0, 0)), mode='edge')
-    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
     steps = np.abs(np.diff(known, axis=0))
     sigma = 1.4826 / np.sqrt(2) * np.median(steps, axis=0)
+    if not np.any(steps > 0.7 * _SPIKE_SIGMAS * sigma):
+        return np.zeros(len(samples), dtype=bool)
+    padded = np.pad(known, ((1, 2), (0, 0)), mode='edge')
+    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
     wild = np.any((np.abs(known[1:] - median) > _SPIKE_SIGMAS * sigma) & (sigma > 0), axis=1)
     near = np.convolve(wild, np.ones(2 * _ISOLATED + 1), 'same')
     found: Bools = wild & (near < _KNOCK)

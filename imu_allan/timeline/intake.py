@@ -55,6 +55,7 @@ _EVEN_SPREAD = 0.2
 """Spread up to which a clock shows single losses with some distance to its limit."""
 _SAME_RATE = 0.12
 """Clocks that disagree by more do not tell of the same samples."""
+_CLOSE, _HARDLY = 0.05, 0.01
 _OTHER_GRID, _OTHER_RATE = 0.01, 0.6
 """Shares by which two grids differ that are no speeds of two clocks. A judgment."""
 _FITS_BADLY = 0.1
@@ -338,7 +339,7 @@ class Intake:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, bursts=decision.unties)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
-                or len(own) < _FEWEST_FOR_RATE):
+                or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)):
             return pace, count
         usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
         second, seen = _pace_of(other, own, bursts=True) if usable else (None, 0)
@@ -420,6 +421,13 @@ def _pace_of(stamps: Stamps, other: Stamps, bursts: bool) -> tuple[Pace | None, 
             stamps, other = stamps[run], other[run]
     part = longest_at_one_rate(stamps)
     return measure_pace(stamps[part], other[part]), len(stamps[part])
+
+
+def _is_beyond_doubt(pace: Pace, stamps: Stamps) -> bool:
+    """Tell whether stamps lie close to a grid of which hardly a place is empty."""
+    places = float(stamps[-1] - stamps[0]) / pace.interval_ns + 1
+    return (not pace.counting and pace.spread < _CLOSE
+            and abs(len(stamps) / places - 1) < _HARDLY)
 
 
 def _repeats(samples: Floats) -> Bools:
