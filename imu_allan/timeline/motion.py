@@ -376,6 +376,8 @@ class MotionDetector:
         size = self._size
         full = [stretch for stretch in self._held if stretch.held >= size]
         quiet = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
+        # Between frequent gaps no stretch may last a window: then each is one.
+        full = full or [stretch for stretch in self._held if len(stretch.loudness) == 1]
         if not full:
             self._baseline = quiet
             return
@@ -387,6 +389,9 @@ class MotionDetector:
         still = ~np.concatenate([self._implausible(stretch, 0) for stretch in full])
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
+        if len(loudness) < _FEWEST_WINDOWS and full[0].held < size:
+            self._baseline = _of_few(loudness, resolution)
+            return
         if len(loudness) < _FEWEST_WINDOWS:
             # Of so few windows one knock spoils the half: fifths of them are told apart.
             fifths = [stretch.joined()[:stretch.held // size * size].reshape(-1, size // 5, 6)

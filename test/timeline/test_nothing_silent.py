@@ -399,6 +399,14 @@ def test_a_very_short_record_at_rest_is_no_motion(rate_hz):
         assert characterized(messages).timeline.motion == ()
 
 
+def test_a_knock_is_seen_where_gaps_leave_no_stretch_of_a_window():
+    messages, truth, rng = rest(10.0, 600)
+    messages.samples[2991] += rng.normal(size=6) * 60 * SIGMA
+    result = characterized(keep(messages, messages.place % 33 >= 9))
+    assert_right(result, truth, 0.05)
+    assert len(result.timeline.motion) == 1
+
+
 def test_a_sensor_of_less_than_four_hertz_has_a_result():
     messages, truth, rng = rest(2.0, 2000)
     result = characterized(keep(messages, rng.random(len(messages.place)) > 0.01))
