@@ -33,6 +33,7 @@ EVEN_JITTER = 0.25
 _LONG_STEP = 10.0
 """Intervals: uneven beyond is a gap, over which a clock drifts by a part of one."""
 _LEAP = 4.0
+"""Intervals: no message at rest is so late, and a gap of less costs an end little."""
 _SMOOTHING = 31
 """Messages: late ones, up to 15 in a row, are no loss. 15 and 61 do as well."""
 _FEW = 5
