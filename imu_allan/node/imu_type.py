@@ -30,6 +30,7 @@ _BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool', 'octet': 'b
 """Names that Python has for types whose name in a ``.msg`` file is another."""
 _OPTIONS = {'--gyro': 'gyro_field', '--accel': 'accel_field', '--stamp': 'stamp_field'}
 _SEPARATOR = '=' * 80
+"""As rosbag2 puts it between the definitions of the parts of a message."""
 
 
 def message_class(type_name: str) -> Any:

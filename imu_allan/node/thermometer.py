@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
 QUEUE = 1000
+"""Readings: seconds of the fastest thermometer, while the node fits."""
 _MOST_WAITING = 100_000
 """Readings that wait until it is known which stamps the samples have: hours of most sensors."""
 

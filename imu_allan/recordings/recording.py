@@ -57,6 +57,7 @@ class ImuTopic:
 _MOST_REMARKS = 10
 """Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
 _MOST_THERMOMETERS = 64
+"""Topics that may hold the temperature; a robot has a few."""
 _MOST_SEARCHED = 1000
 """Topics in whose definitions an IMU is searched for in vain or found; a robot has a dozen."""
 _NOT_SEARCHED = f'not looked into, after {_MOST_SEARCHED} others'

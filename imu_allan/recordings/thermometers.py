@@ -11,7 +11,7 @@ from imu_allan.result import Remark
 import numpy as np
 from numpy.typing import NDArray
 
-_KELVIN = 273.15
+_KELVIN = 273.15  # 0 degrees Celsius
 _HOTTEST_CELSIUS = 180.0
 """Beyond what an IMU stands, and below every temperature in kelvin that it meets."""
 

@@ -13,7 +13,7 @@ from imu_allan.timeline.record import Record
 Clock = Literal['header', 'receive']
 
 AXIS_NAMES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
-_SHORTEST_NS = 1e3
+_SHORTEST_NS = 1e3      # a microsecond
 _LONGEST_NS = 100.0 * SECOND
 """Intervals beyond these bounds are no IMU's."""
 

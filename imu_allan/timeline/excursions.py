@@ -15,10 +15,12 @@ Floats = NDArray[np.float64]
 BLOCK = 8
 """Windows of half a second whose means are averaged: a slow turn lasts longer."""
 LISTED = 10
+"""Turns that are told: more, and the recording is one of motion."""
 
 _REMEMBERED = 32
 """Blocks: what takes longer than two minutes to come back is drift."""
 _FEWEST = 8
+"""Blocks, half a minute: of fewer the usual change is not known."""
 _LEAST = [0.004] * 3 + [0.04] * 3
 """rad/s and m/s^2: no sensor's bias goes so far and comes back within two minutes. A judgment."""
 _ABRUPT = 14.0

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ('png', 'svg', 'pdf')
-_INCH_CM = 2.54
-_BESIDE_CM = 12.0
+_INCH_CM = 2.54     # centimetres in the inch of matplotlib
+_BESIDE_CM = 12.0   # from this width two panels beside each other can be read
 _PAPER_ROW = 2.5
 """Height of a panel with its titles, in inches."""
 
