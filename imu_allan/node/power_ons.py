@@ -147,10 +147,10 @@ def _mark(record: Record) -> Mark:
 
 
 def _of_each(name: str, marks: tuple[Mark, ...]) -> Iterator[tuple[float, int]]:
-    """Give mean and samples of each power-on from the means up to its end."""
+    """Give mean and samples of each power-on that had the axis, from the means up to its end."""
     samples, mean = 0, 0.0
     for mark in marks:
-        if mark.first == marks[-1].first and mark.samples > samples:
+        if name in mark.means and mark.first == marks[-1].first and mark.samples > samples:
             own = mark.samples - samples
             yield (mark.means[name] * mark.samples - mean * samples) / own, own
             samples, mean = mark.samples, mark.means[name]

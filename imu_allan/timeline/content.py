@@ -104,7 +104,10 @@ class Content(Record):
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'Content':
         """Go on from `to_state`."""
-        return cls.from_plain(json.loads(str(state['content'])))
+        content = cls.from_plain(json.loads(str(state['content'])))
+        if len(content.changed) != 6 or len(content.last) not in (0, 6):
+            raise ValueError('the counts of changed values are not those of six axes')
+        return content
 
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Everything needed to go on later."""

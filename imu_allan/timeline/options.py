@@ -31,3 +31,10 @@ class TimelineOptions:
     force_rate: bool = False
     gap_tolerance: int = 5
     motion: Literal['exclude', 'keep'] = 'exclude'
+
+    def __post_init__(self) -> None:
+        """Refuse what no code path knows: options also come from a state file."""
+        if self.clock not in ('auto', 'header', 'receive'):
+            raise ValueError(f'clock {self.clock!r} is not auto, header or receive')
+        if self.motion not in ('exclude', 'keep'):
+            raise ValueError(f'motion {self.motion!r} is not exclude or keep')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """State files whose arrays were changed and whose checksum is right: gone on with or refused."""
 
+import json
 from random import Random
 from typing import Any
 
@@ -112,6 +113,17 @@ def test_stamps_that_are_no_integers_are_refused():
     # Found by mutation: NaN as an integer is a warning and an absurd stamp.
     state = dict(STATE)
     state['timeline/receive_ns'] = np.full(state['timeline/receive_ns'].shape, np.nan)
+    assert not resumed(checkpoint.encode_state(state))
+
+
+@pytest.mark.parametrize(('key', 'field', 'value'), [
+    ('timeline/content', 'changed', [1, 2, 3]), ('timeline/content', 'last', [0.0]),
+    ('timeline/options', 'clock', 'a[]uto'), ('timeline/options', 'motion', 'no')])
+def test_what_only_a_forger_writes_is_refused(key, field, value):
+    # Found by mutation: a state that is gone on with ended the node at the next samples.
+    document = json.loads(str(STATE[key]))
+    assert field in document
+    state = STATE | {key: np.array(json.dumps(document | {field: value}))}
     assert not resumed(checkpoint.encode_state(state))
 
 
