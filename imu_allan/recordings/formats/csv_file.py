@@ -28,8 +28,10 @@ TOPIC = 'csv'
 
 _PIECE = 1 << 20
 """Some 10,000 lines, so that numpy works on many at once; longer than any line."""
-_LONGEST_LINE = 1 << 16
-"""Of the header: 2,000 columns with names of 30 characters."""
+_LONGEST_HEADER = 1 << 20
+"""30,000 columns with names of 30 characters: all topics of a robot in one export."""
+_NAMED_COLUMNS = 10
+"""Of those left out: more take more than a line or two."""
 _QUOTES = ' \t\r"'
 _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
@@ -56,8 +58,11 @@ class CsvRecording(FileRecording):
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
         with stored.open('rb') as file:
-            header = file.readline(_LONGEST_LINE)
+            header = file.readline(_LONGEST_HEADER)
             self._data_at = file.tell()
+        if len(header) == _LONGEST_HEADER and not header.endswith(b'\n'):
+            raise ImuAllanError(f'{printable(path)}: its first line is longer than 1 MiB: it is '
+                                'no table of samples')
         self._columns = self._read_header(header.decode('utf-8-sig', 'replace'))
         if self._columns.nanoseconds is not None:
             self._data_at = 0
@@ -146,10 +151,11 @@ class CsvRecording(FileRecording):
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
         if columns.ignored:
-            self.remark(
-                'ignored_columns',
-                'columns that are no axes were left out: '
-                + ', '.join(printable(cell[:40]) for cell in columns.ignored[:10]))
+            shown = [printable(cell[:40]) for cell in columns.ignored[:_NAMED_COLUMNS]]
+            if len(columns.ignored) > _NAMED_COLUMNS:
+                shown.append(f'and {len(columns.ignored) - _NAMED_COLUMNS:,} more')
+            self.remark('ignored_columns',
+                        f'columns that are no axes were left out: {", ".join(shown)}')
         return columns
 
 

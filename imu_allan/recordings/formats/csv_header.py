@@ -217,4 +217,4 @@ def _converted(name: str, unit: str, si_unit: str) -> float:
     try:
         return convert(1.0, unit, si_unit)
     except ImuAllanError as error:
-        raise ImuAllanError(f'column {name}: {printable(error)}') from error
+        raise ImuAllanError(f'column {printable(name)}: {printable(error)}') from error

@@ -204,6 +204,21 @@ def test_a_column_that_is_not_there_is_named(path, pair, reason):
     assert str(error.value) == f'{path}: {reason}'
 
 
+def test_a_table_of_all_topics_of_a_robot_is_read(path):
+    # Its header has 300 kB.
+    names = ['time_s', *(f'/robot/topic/field_{number}' for number in range(12_000)), 'gyro_y']
+    row = ','.join(['1', *['0'] * 12_000, '3'])
+    path.write_text(f'{",".join(names)}\n{row}\n')
+    messages, [remark] = read(path)
+    assert messages.samples[0, 1] == 3
+    assert remark.message.endswith('/robot/topic/field_9, and 11,990 more')
+
+
+def test_a_first_line_without_end_is_refused_in_one_line(path):
+    assert refusal(path, 'gyro_x,' * 200_000) == (
+        'its first line is longer than 1 MiB: it is no table of samples')
+
+
 @pytest.mark.parametrize('cell', [' ' * 60_000, '"' + ' ' * 60_000, 'x' + ' ' * 60_000 + 'y',
                                   '/' * 60_000, 'gyro[' * 12_000, ('y' + ' ' * 190 + 'z,') * 300])
 def test_a_header_of_any_text_takes_no_time(tmp_path, cell):
