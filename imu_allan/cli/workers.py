@@ -11,7 +11,13 @@ this module are isolated.
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import (
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    TimeoutError as FutureTimeout,
+    wait,
+)
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import count as naturals
@@ -37,6 +43,8 @@ T = TypeVar('T')
 
 _LONGEST_FOLDER_NAME = 200
 """Bytes of a folder's name; file systems take 255, and a number may have to be added."""
+ANSWER_S = 10.0
+"""How long a scheduler may take to answer; one in the same building takes milliseconds."""
 _PATIENCE_S = 15.0
 """How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
@@ -343,9 +351,23 @@ def _dask_client(address: str) -> Iterator[Any]:
     except ImportError:
         raise ImuAllanError('--dask: the package distributed is not installed; '
                             "pip install 'imu_allan[fleet]'") from None
+    answer: Future[Any] = Future()
+
+    def connect() -> None:
+        try:
+            answer.set_result(Client(  # type: ignore[no-untyped-call]
+                address, timeout=ANSWER_S, set_as_default=False))
+        except (OSError, ValueError) as error:
+            answer.set_exception(error)
+
+    # The library's own timeout does not end a wait for a peer that takes the connection and then
+    # says nothing. A thread that may be left behind must not keep the process alive.
+    threading.Thread(target=connect, daemon=True).start()
     try:
-        client = Client(  # type: ignore[no-untyped-call]
-            address, timeout=10, set_as_default=False)
+        client = answer.result(2 * ANSWER_S)
+    except FutureTimeout:
+        raise ImuAllanError(f'--dask {address}: what listens there does not answer as a '
+                            'scheduler; start one with: dask scheduler') from None
     except (OSError, ValueError) as error:
         raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
                             'dask scheduler') from error

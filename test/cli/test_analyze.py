@@ -8,12 +8,14 @@ import os
 from pathlib import Path
 import pty
 import signal
+import socket
 import subprocess
 import sys
 import time
 
 import imu_allan
 from imu_allan.block import ImuBlock
+from imu_allan.cli import workers
 from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
@@ -231,6 +233,19 @@ def test_a_dask_cluster_gives_the_same_results(
         assert main(['analyze', str(recording), '--json', str(tmp_path / 'there.json'),
                      '--dask', cluster.scheduler_address]) == 0
     assert (tmp_path / 'here.json').read_bytes() == (tmp_path / 'there.json').read_bytes()
+
+
+def test_a_dask_address_where_somebody_is_silent_is_one_line(
+        recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+        ) -> None:
+    pytest.importorskip('distributed')
+    monkeypatch.setattr(workers, 'ANSWER_S', 0.5)
+    with socket.create_server(('127.0.0.1', 0)) as silent:
+        address = f'tcp://127.0.0.1:{silent.getsockname()[1]}'
+        assert main(['analyze', str(recording), '--dask', address]) == 1
+    assert capsys.readouterr().err == (
+        f'imu_allan: --dask {address}: what listens there does not answer as a scheduler; start '
+        'one with: dask scheduler\n')
 
 
 def test_a_dask_address_where_nobody_answers_is_one_line(
