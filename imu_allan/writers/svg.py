@@ -153,10 +153,14 @@ class Panel:
         """
         left, right = sorted((self.x.start, self.x.end))
         top, bottom = sorted((self.y.start, self.y.end))
+        written = inf
         for value, text in self.y.ticks(most_y):
             at = float(self.y(value))
             self.parts.append(_line('grid', left, at, right, at))
-            self.parts.append(_text(left - 7, at + FONT * 0.35, text, 'tick', 'end'))
+            # A low strip has room for fewer numbers than lines.
+            if abs(at - written) >= FONT * 1.1:
+                self.parts.append(_text(left - 7, at + FONT * 0.35, text, 'tick', 'end'))
+                written = at
         for value, text in self.x.ticks(max(3, int((right - left) / 70))):
             at = float(self.x(value))
             self.parts.append(_line('grid', at, top, at, bottom))

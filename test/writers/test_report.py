@@ -6,10 +6,13 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 from hashlib import sha256
 from html.parser import HTMLParser
+import os
+from pathlib import Path
 import re
 import time
 
 from browser import CHROMIUM, DRIVER, running_browser
+from imu_allan import analyze
 from imu_allan.result import (
     Curve,
     GoodnessOfFit,
@@ -322,21 +325,35 @@ FAINT = """
     return found;"""
 
 
+def faults_of(page, browser, width, dark):
+    """Return what cannot be read on a page, with everything opened that can be."""
+    browser.show(page, width=width, phone=width < 600, dark=dark)
+    browser.run('for (const item of document.querySelectorAll("details")) item.open = true;')
+    wide = browser.run('return document.documentElement.scrollWidth')
+    return ([f'{wide} px wide'] if wide > width else []) + browser.run(OVERLAPS) + browser.run(
+        FAINT)
+
+
 @needs_browser
 @pytest.mark.parametrize('dark', [False, True])
 @pytest.mark.parametrize('width', [400, 1400])
 def test_nothing_overlaps_overflows_or_is_too_faint(filtered, tmp_path, browser, width, dark):
-    browser.show(written(tmp_path, report_html(filtered)), width=width, phone=width < 600,
-                 dark=dark)
-    browser.run('for (const item of document.querySelectorAll("details")) item.open = true;')
-    assert browser.run('return document.documentElement.scrollWidth') <= width
+    assert faults_of(written(tmp_path, report_html(filtered)), browser, width, dark) == []
     assert browser.run('return getComputedStyle(document.body).backgroundColor') == (
         'rgb(22, 24, 28)' if dark else 'rgb(255, 255, 255)')
-    assert browser.run(OVERLAPS) == []
-    assert browser.run(FAINT) == []
     shown = browser.run('return [...document.querySelectorAll("#gyro-allan svg")]'
                         '.filter(item => item.clientWidth).map(item => item.classList[1])')
     assert shown == ['on-phone' if width < 600 else 'at-desk']
+
+
+@needs_browser
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
+@pytest.mark.parametrize('name', ['adis16405_imu2', 'adis16405_imu5',
+                                  'plotjuggler_v2_constant_imu/rosbag2_test'])
+def test_pages_of_real_sensors_can_be_read(tmp_path, browser, name):
+    page = written(tmp_path, report_html(analyze(Path(os.environ['IMU_ALLAN_DATA'], name))))
+    assert [faults for width in (400, 1400) for dark in (False, True)
+            if (faults := faults_of(page, browser, width, dark))] == []
 
 
 @needs_browser
