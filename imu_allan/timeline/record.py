@@ -37,12 +37,19 @@ class Record:
         """
         record = cls(**plain)
         for name, default in vars(cls()).items():
-            value = getattr(record, name)
-            kinds: tuple[type, ...] = (type(default),)
-            if default is None:
-                kinds = (type(None), int, float, str, list)
-            elif isinstance(default, float):
-                kinds = (float, int)
-            if not isinstance(value, kinds):
-                raise TypeError(f'{name} is {value!r}')
+            if not _fits(getattr(record, name), default):
+                raise TypeError(f'{name} is {getattr(record, name)!r}')
         return record
+
+
+def _fits(value: Any, default: Any) -> bool:
+    """Whether a value that was saved is of the kind of a field's default."""
+    if default is None:
+        return value is None or isinstance(value, (int, float, str, list))
+    if isinstance(default, float):
+        return isinstance(value, (float, int))
+    if isinstance(default, list) and default:
+        # What is not empty at first has a number for each axis, never more or fewer.
+        return (isinstance(value, list) and len(value) == len(default)
+                and all(isinstance(number, (int, float)) for number in value))
+    return isinstance(value, type(default))

@@ -118,6 +118,7 @@ def test_stamps_that_are_no_integers_are_refused():
 
 @pytest.mark.parametrize(('key', 'field', 'value'), [
     ('timeline/content', 'changed', [1, 2, 3]), ('timeline/content', 'last', [0.0]),
+    ('timeline/counts', 'gravity', [0.0]),
     ('timeline/options', 'clock', 'a[]uto'), ('timeline/options', 'motion', 'no')])
 def test_what_only_a_forger_writes_is_refused(key, field, value):
     # Found by mutation: a state that is gone on with ended the node at the next samples.
