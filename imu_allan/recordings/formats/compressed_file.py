@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 import re
 import shutil
-import tempfile
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -17,6 +16,7 @@ from imu_allan.recordings.formats.decompress import (
     decompressing,
 )
 from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
+from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 
@@ -58,7 +58,7 @@ class CompressedRecording(Recording):
     ) -> None:
         super().__init__(path, options)
         self.size_bytes = path.stat().st_size
-        self._folder = Path(tempfile.mkdtemp(prefix='imu_allan_'))
+        self._folder = make_folder()
         try:
             stored = self._folder / 'recording'
             self._unpack(stored)
@@ -75,7 +75,7 @@ class CompressedRecording(Recording):
 
     def close(self) -> None:
         """Remove the unpacked file."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        remove_folder(self._folder)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with its share of the compressed bytes."""

@@ -25,6 +25,7 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.message_compression import is_compressed, unpacked_message
 from imu_allan.recordings.formats.rollback_journal import copy_plain, left_beside, roll_back
+from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,
     LONGEST_VALUE,
@@ -110,7 +111,7 @@ class SqliteRecording(Recording):
     def close(self) -> None:
         """Remove the temporary copy, if one was needed."""
         if self._copy is not None:
-            shutil.rmtree(self._copy, ignore_errors=True)
+            remove_folder(self._copy)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks in the order of recording, each with the bytes consumed so far."""
@@ -198,7 +199,7 @@ class SqliteRecording(Recording):
         room = shutil.disk_usage(tempfile.gettempdir()).free - _SPARED_DISK
         if self.size_bytes + sum(beside.stat().st_size for beside in self._beside) > room:
             return False
-        self._copy = Path(tempfile.mkdtemp(prefix='imu_allan_'))
+        self._copy = make_folder()
         for beside in self._beside:
             copy_plain(beside, self._copy)
         self._stored = copy_plain(self._stored, self._copy)

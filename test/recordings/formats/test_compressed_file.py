@@ -5,6 +5,7 @@
 import os
 from pathlib import Path
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,7 @@ from bags import block, IMU
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
+from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder
 from mcap.writer import Writer
 import pytest
 import zstandard
@@ -88,3 +90,24 @@ def test_a_large_recording_that_is_unpacked_to_memory_is_told_once(tmp_path):
                 if 'TMPDIR' in line] == [told]
         packed(path, 1000)
         assert 'TMPDIR' not in info(path, Path(folder))
+
+
+def test_an_end_while_a_temporary_folder_goes_away_leaves_nothing_of_it(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    folder = make_folder()
+    for number in range(3000):
+        (folder / str(number)).touch()
+
+    def end(*_: object) -> None:
+        sys.exit(1)
+
+    before = signal.signal(signal.SIGALRM, end)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.001)
+        with pytest.raises(SystemExit):
+            remove_folder(folder)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert list(tmp_path.iterdir()) == []
