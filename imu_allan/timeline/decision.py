@@ -3,6 +3,7 @@
 """What a timeline has concluded: which clock, which axes, which pace."""
 
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import Literal
 
 from imu_allan.errors import ImuAllanError
@@ -75,6 +76,10 @@ class Decision(Record):
     def pace(self) -> Pace:
         """How stamps advance; one nanosecond stands for an interval not yet known."""
         return Pace(self.interval_ns or 1.0, self.spread, self.counting, self.hidden)
+
+    def rate_error(self, steps: int) -> float:
+        """Bound the relative error of a rate over steps: stamps lie evenly within a batch."""
+        return sqrt(12) * self.spread / max(steps, 1)
 
     @property
     def unties(self) -> bool:

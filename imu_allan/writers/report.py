@@ -58,8 +58,8 @@ from imu_allan.writers.charts import (
 )
 from imu_allan.writers.comparison import compare, Difference, shown
 from imu_allan.writers.filters import CONSUMERS, export
+from imu_allan.writers.grouped_remarks import count_of, grouped, outlook_of
 from imu_allan.writers.panels import axes_of, sensors_of
-from imu_allan.writers.remarks import count_of, grouped, outlook_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -34,7 +34,7 @@ from imu_allan.writers.answer import (
     GOOD,
     is_constant,
 )
-from imu_allan.writers.remarks import grouped, outlook_of
+from imu_allan.writers.grouped_remarks import grouped, outlook_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -16,8 +16,8 @@ from imu_allan.wording import bounded, duration, number
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
+from imu_allan.writers.grouped_remarks import told_once
 from imu_allan.writers.plot import render
-from imu_allan.writers.remarks import told_once
 
 _COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
             ('accel', 'bias_instability'))

@@ -1,0 +1,242 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What was seen of the messages, in words: stamps, losses, gaps, motion.
+
+Every warning of the timeline stands here, beside the threshold from which on it is given.
+"""
+
+from collections.abc import Sequence
+from math import log
+
+from imu_allan.result import Remark
+from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.timeline.clock import SECOND
+from imu_allan.timeline.content import Content
+from imu_allan.timeline.counts import Counts
+from imu_allan.timeline.decision import AXIS_NAMES, Decision
+from imu_allan.timeline.motion import MotionSummary
+from imu_allan.timeline.options import TimelineOptions
+import numpy as np
+
+_GRAVITY_TOLERANCE = 0.5
+"""In m/s^2: usual offsets are less, units of g or removed gravity far more. A judgment."""
+_MANY_MISSING = 0.05
+"""The fit allows for bridges; so many say that the link is bad. A judgment."""
+_TOO_MANY_MISSING = 0.22
+"""With fewer the spectrum of bridges is right; at 30, 40, 50 % N was 7-13, 21-23, 31-40 % high."""
+_MOSTLY = 0.5
+"""Of the samples, in motion, from which on a recording is not one of a sensor at rest."""
+_LONG_MOTION_S = 10.0
+"""Less than that is a knock with its margins, whatever its share of a short recording."""
+_SHORTEST_REST_S = 5.0
+"""A stop at a traffic light is longer; a car between two bends is quiet for less."""
+_LEAST_CONTRAST = 0.999 * log(3.0) * 2 / 3
+"""A third of the noise: what shakes as much where it does not turn is no rest, but a straight."""
+_NAMED_RESTS = 5
+"""As many as fit on two lines of a terminal."""
+_LITTLE_HIDDEN = 0.005
+"""Losses up to here move the noise density by less than a tenth of a usual interval."""
+_MANY_ABSENT = 0.01
+"""Share of the messages; fewer are slips of a driver. A judgment."""
+_UNEVEN_RATE = 0.005
+"""Moves the noise density by half of it: a tenth of a usual interval."""
+_FEWEST_FOR_SPEED = 256
+"""Messages, 2.5 s at 100 Hz: in less the lag of the receive stamps hides any difference."""
+_OTHER_SPEED = 0.05
+"""A crystal is off by millionths; a replay or a simulation by more than this. A judgment."""
+_LONGEST_LAG_S = 0.3
+"""Receive stamps lag by tenths of a second: over some seconds that is a few percent."""
+
+
+def remarks_of(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
+               motion: MotionSummary, excursions: Sequence[Sequence[float]] = ()
+               ) -> tuple[Remark, ...]:
+    """
+    Word what the user should know about.
+
+    Parameters
+    ----------
+    counts, decision, content, options, motion, excursions
+        As `imu_allan.timeline.summary.summarize`.
+
+    Returns
+    -------
+    tuple of Remark
+        Of the recording as a whole, each code once.
+
+    """
+    told = _remarks(counts, decision, content, options, motion)
+    return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
+
+
+def mostly_motion(motion: MotionSummary) -> bool:
+    """Tell whether a recording moves, without a stop to rest that is worth the name."""
+    return _moves(motion) and (motion.longest_rest_s < _SHORTEST_REST_S
+                               or motion.contrast < _LEAST_CONTRAST)
+
+
+def _moves(motion: MotionSummary) -> bool:
+    # Margins cut most of a few seconds about a single knock: that is no moving recording.
+    return motion.seen > 0 and (motion.excluded == motion.seen or (
+        motion.excluded_s > _LONG_MOTION_S
+        and motion.excluded > _MOSTLY * motion.seen
+        and motion.struck > 0.5 * _MOSTLY * motion.seen))
+
+
+def _remarks(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
+             motion: MotionSummary) -> dict[str, str]:
+    remarks = decision.remarks | _content_remarks(counts, content) | _clock_remarks(
+        counts, decision)
+    if counts.clock_jumps:
+        remarks['clock_jumps'] = (
+            f'the {decision.clock} clock jumped {_times(counts.clock_jumps)}: no difference is '
+            'taken across a jump')
+    if decision.counting:
+        bound = ('' if decision.hidden < _LITTLE_HIDDEN else
+                 f'; up to {decision.hidden:.1%} of the samples may be missing unseen, and the '
+                 f'noise density then be up to {decision.hidden / 2:.1%} too high')
+        error = decision.rate_error(counts.paced_steps)
+        if error > _LITTLE_HIDDEN:
+            bound += f'; the record is short, its rate may be up to {error:.1%} off'
+        remarks['uneven_stamps'] = (
+            f'{decision.clock} stamps come too unevenly to see a single missing sample: messages '
+            f'are counted, and only gaps that last are seen{bound}')
+    if counts.gaps > len(counts.listed_gaps):
+        remarks['gaps_not_listed'] = (
+            f'{counts.gaps} gaps of {counts.gaps_ns / SECOND:.6g} s in all; only the first '
+            f'{len(counts.listed_gaps)} are listed')
+    places = counts.samples + counts.bridged
+    if counts.bridged > _MANY_MISSING * places:
+        share = counts.bridged / places
+        bound = ('' if share < _TOO_MANY_MISSING else
+                 f'; the noise density may be up to {share:.0%} too high')
+        remarks['many_missing'] = (
+            f'{share:.1%} of the samples are missing and bridged by the local mean: record with a '
+            f'deeper queue or with reliable delivery{bound}')
+    if counts.at_other_rate:
+        stay = counts.at_other_rate < counts.samples
+        remarks['rate_changed'] = (
+            f'the sample rate changed from {SECOND / (decision.interval_ns or 1.0):.4g} to '
+            f'{counts.changed_rate_hz:.4g} Hz at {counts.rate_changed_s:.6g} s: the '
+            f'{counts.at_other_rate} samples at another rate than the first are left out; analyze '
+            f'{"them" if stay else "them, the larger part,"} by themselves with --start and '
+            '--duration')
+    remarks |= _rate_remarks(counts)
+    if counts.other_frames:
+        others = ', '.join(f'{name!r} ({count} messages)'
+                           for name, count in counts.other_frames.items())
+        remarks['several_frames'] = (
+            f'several publishers on one topic: messages of frame_id {decision.frame_id!r} are '
+            f'used, those of {others} rejected')
+    if counts.gravity_samples:
+        size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
+        if abs(size - STANDARD_GRAVITY) > _GRAVITY_TOLERANCE:
+            hint = ('; is it in units of g?' if abs(size - 1) < 0.05
+                    else '; has gravity been removed?' if size < 0.5 else '')
+            remarks['gravity'] = (
+                f'the mean acceleration is {size:.4g} m/s^2, not about 9.81{hint}')
+    if options.motion == 'exclude':
+        remarks |= _motion_remarks(motion)
+    return remarks
+
+
+def _rate_remarks(counts: Counts) -> dict[str, str]:
+    """Bound the error of a rate that changes too little, or for too short, to be cut out."""
+    if not (counts.lowest_rate_hz and counts.paced_ns and counts.paced_steps):
+        return {}
+    rate = counts.paced_steps / counts.paced_ns * SECOND
+    off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
+    if off < _UNEVEN_RATE:
+        return {}
+    low, high = min(counts.lowest_rate_hz, rate), max(counts.highest_rate_hz, rate)
+    return {'uneven_rate': (
+        f'the sample rate varies between {low:.5g} and {high:.5g} Hz: {rate:.5g} Hz, its mean, is '
+        f'used; averaging times may be up to {off:.1%} off and noise densities half as much')}
+
+
+def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
+    remarks = {}
+    if content.frozen:
+        since = '' if content.frozen_s is None else f', first at {content.frozen_s:.6g} s'
+        remarks['frozen'] = (
+            f'{content.frozen} messages repeat one value again and again{since}: the sensor or '
+            'its driver stood still, they are left out')
+    if content.held:
+        share = content.repeats / (content.repeats + content.changes)
+        remarks['held_values'] = (
+            f'{share:.0%} of the messages repeat the values of the one before: the sensor is '
+            'polled faster than it samples; its own rate is used and the repeats are left out')
+    if counts.spikes:
+        remarks['spikes'] = (
+            f'{counts.spikes} single messages hold wild values, ten times the noise and more: '
+            'they are left out; look for errors on the bus of the sensor')
+    if counts.absent > _MANY_ABSENT * counts.messages:
+        remarks['field_absent'] = (
+            f'{counts.absent} messages declare angular velocity or linear acceleration as not '
+            'provided (covariance[0] is -1), others do not: they are left out')
+    return remarks
+
+
+def _clock_remarks(counts: Counts, decision: Decision) -> dict[str, str]:
+    """Compare the speeds of both clocks, where neither jumped."""
+    if (decision.clock != 'header' or counts.clock_jumps or counts.last_header is None
+            or counts.last_receive is None or counts.messages < _FEWEST_FOR_SPEED):
+        return {}
+    header = (counts.last_header - counts.first_header_ns) / SECOND
+    receive = (counts.last_receive - counts.first_receive_ns) / SECOND
+    if not (receive > 0 and header > 0) or (
+            abs(log(header / receive)) < max(_OTHER_SPEED, _LONGEST_LAG_S / receive)):
+        return {}
+    return {'clock_speed': (
+        f'header stamps run {header / receive:.3g} times as fast as receive stamps, as in a '
+        'replay or a simulation; were they wrong, averaging times would be off by that, and the '
+        'noise density by its square root: --clock receive uses the other clock')}
+
+
+def _slow_turns(excursions: Sequence[Sequence[float]]) -> tuple[Remark, ...]:
+    """Tell of means that went away and came back."""
+    if not excursions:
+        return ()
+    listed = ', '.join(
+        f'{AXIS_NAMES[int(axis)]} by {size:.2g} {"rad/s" if axis < 3 else "m/s^2"} for '
+        f'{lasts:.3g} s from {start:.4g} s on'
+        for start, lasts, axis, size in excursions[:_NAMED_RESTS])
+    return (Remark('slow_motion', (
+        f'a mean goes away and comes back, as in a slow turn or tilt: {listed}; bias instability '
+        'and random walk of that axis may be nothing else: analyze the rest alone with --start '
+        'and --duration')),)
+
+
+def _motion_remarks(motion: MotionSummary) -> dict[str, str]:
+    remarks = {}
+    if mostly_motion(motion):
+        remarks['mostly_motion'] = (
+            f'{motion.excluded / motion.seen:.0%} of the samples are motion: record while the '
+            'sensor stands still')
+    elif _moves(motion):
+        listed = ', '.join(f'{lasts:.4g} s at {start:.5g} s'
+                           for start, lasts in motion.rests[:_NAMED_RESTS])
+        more = len(motion.rests) - _NAMED_RESTS
+        remarks['rest_within_motion'] = (
+            f'the IMU moves during {motion.excluded / motion.seen:.0%} of the samples: only the '
+            f'{motion.rest_s:.4g} s at rest are used ({listed}'
+            f'{f" and {more} more" if more > 0 else ""})')
+    elif motion.count:
+        remarks['motion'] = (
+            f'motion or knocks were cut out {_times(motion.count)}, {motion.excluded_s:.6g} s '
+            'in all')
+    if motion.count > len(motion.spans):
+        remarks['motion_not_listed'] = (
+            f'only the first {len(motion.spans)} spans of motion are listed')
+    if motion.changes:
+        text = ', '.join(f'{ratio:.3g} times at about {time_s:.5g} s'
+                         for time_s, ratio in motion.changes)
+        remarks['noise_level_changed'] = (
+            f'the noise changed for good: {text}; the curve mixes both levels, analyze them '
+            'apart with --start and --duration')
+    return remarks
+
+
+def _times(count: int) -> str:
+    return 'once' if count == 1 else f'{count} times'
