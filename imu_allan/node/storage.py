@@ -16,18 +16,15 @@ from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Run, Snapshot
+from imu_allan.node.run_folder import claimed, other_folders, run_folder, try_folder
 from imu_allan.node.same_imu import Signature, Trial, TRIAL_S
-from imu_allan.node.saving import (
-    claimed,
-    IncompleteSave,
-    NothingToSave,
-    other_folders,
-    run_folder,
-    save_run,
-    try_folder,
-)
 from imu_allan.node.worker import Worker
 from imu_allan.wording import duration
+from imu_allan.writers.folder import IncompleteSave, save_folder
+
+
+class NothingToSave(ImuAllanError):
+    """A result without axes."""
 
 
 @dataclass
@@ -210,7 +207,8 @@ class Storage:
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
                                     f'{self._setup.topic} yet')
-            return save_run(result, claimed(run_folder(folder, name, result)), consumers)
+            return save_folder(result, claimed(run_folder(folder, name, result)), consumers,
+                               report=False)
 
         def note(future: 'Future[list[Path]]') -> None:
             if isinstance(future.exception(), NothingToSave):

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.filters import export
@@ -23,13 +24,17 @@ MOST_COMPARED = 7
 """Results that are drawn in a colour each; there are no more that can be told apart."""
 
 
-def save_folder(result: Result, folder: str | os.PathLike[str],
-                exports: Sequence[str] = ()) -> list[Path]:
+class IncompleteSave(ImuAllanError):
+    """All is written but the configuration of a filter, which this result does not give."""
+
+
+def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
+                report: bool = True) -> list[Path]:
     """
     Write everything about one result.
 
-    That is ``result.json``, ``curve.csv``, the configurations of `exports`,
-    ``allan_deviation.png`` and ``report.html``.
+    That is ``result.json``, ``curve.csv``, the configurations of `exports`, ``report.html`` and
+    ``allan_deviation.png``.
 
     Parameters
     ----------
@@ -39,6 +44,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str],
         Made where it is missing.
     exports : sequence of str, optional
         Consumers whose configurations are written, too.
+    report : bool, optional
+        Without it the page is left out, which takes most of the time.
 
     Returns
     -------
@@ -48,19 +55,31 @@ def save_folder(result: Result, folder: str | os.PathLike[str],
     Raises
     ------
     ImuAllanError
-        If a file cannot be written, or a filter cannot be configured from this result; what comes
-        before it in the list above is written.
+        If a file cannot be written; what comes before it in the list above is written.
+    IncompleteSave
+        If a filter cannot be configured from this result; everything else is written.
 
     """
     # The result first: it is what cannot be made again.
     paths = [Path(folder) / 'result.json', Path(folder) / 'curve.csv']
     save_result(result, paths[0])
     save_curves(result, paths[1])
+    left_out = []
     for consumer in exports:
-        config = export(result, consumer)
+        try:
+            config = export(result, consumer)
+        except ImuAllanError as error:
+            left_out.append(str(error))
+            continue
         paths.append(Path(folder) / config.name)
         write_atomically(paths[-1], config.text.encode())
-    return paths + save_report(result, folder, (), overview_formats=('png',))
+    if report:
+        paths += save_report(result, folder, (), overview_formats=('png',))
+    else:
+        paths += _save_plot(overview_figure(result), Path(folder), 'allan_deviation', ('png',))
+    if left_out:
+        raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
+    return paths
 
 
 def save_report(result: Result, folder: str | os.PathLike[str],

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from imu_allan.errors import ImuAllanError
 from imu_allan.result import Timeline
 from imu_allan.writers.filters import CONSUMERS, export
-from imu_allan.writers.folder import save_folder
+from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.result_file import load_result
 import pytest
 
@@ -25,8 +24,19 @@ def test_the_configurations_of_all_consumers_go_into_one_folder(result, tmp_path
     assert len(set(paths)) == len(paths) == len(CONSUMERS) + 4
 
 
-def test_the_result_is_written_even_where_a_configuration_cannot_be(result, tmp_path):
+def test_where_a_configuration_cannot_be_all_else_is_written(result, tmp_path):
     rateless = replace(result, timeline=Timeline(None, 10, 1.0))
-    with pytest.raises(ImuAllanError, match='vins_fusion needs the sample rate'):
-        save_folder(rateless, tmp_path, ('vins_fusion',))
+    with pytest.raises(IncompleteSave) as caught:
+        save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
+    assert str(caught.value) == (
+        'the configuration for vins_fusion needs the sample rate, which this result does not '
+        f'have; give it with --rate HZ; the other files are in {tmp_path}')
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'result.json', 'curve.csv', 'px4_imu.params', 'report.html', 'allan_deviation.png'}
     assert load_result(tmp_path / 'result.json') == rateless
+
+
+def test_a_node_writes_all_but_the_page(result, tmp_path):
+    paths = save_folder(result, tmp_path, report=False)
+    assert [path.name for path in paths] == ['result.json', 'curve.csv', 'allan_deviation.png']
+    assert all(path.stat().st_size for path in paths)

@@ -10,14 +10,14 @@ import time
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import StateFile
-from imu_allan.node.saving import claimed
+from imu_allan.node.run_folder import claimed
 import numpy as np
 import pytest
 
 CLAIM = """
 import sys
 from pathlib import Path
-from imu_allan.node.saving import claimed
+from imu_allan.node.run_folder import claimed
 print(claimed(Path(sys.argv[1])), flush=True)
 sys.stdin.read()
 """

@@ -1,8 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What ``~/save`` leaves in the output folder."""
+"""The folder of a run, into which ``~/save`` writes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 import contextlib
 import fcntl
 import os
@@ -13,9 +13,6 @@ import tempfile
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.settings import DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
-from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.filters import export
-from imu_allan.writers.result_file import save_curves, save_result
 
 _CLAIMS: dict[Path, int] = {}
 """Folders of this process, and the handles that hold their locks."""
@@ -23,17 +20,9 @@ _MOST_OF_ONE_NAME = 100
 """Nodes of one name that start in one second: one is a slip, a hundred a loop without end."""
 
 
-class NothingToSave(ImuAllanError):
-    """A result without axes."""
-
-
-class IncompleteSave(ImuAllanError):
-    """The result is written, the configuration of a filter could not be made from it."""
-
-
 def try_folder(output_dir: str) -> None:
     """
-    Write a file into the output folder and remove it, as `save_run` will have to.
+    Write a file into the output folder and remove it, as a save will have to.
 
     Raises
     ------
@@ -114,44 +103,6 @@ def claimed(folder: Path) -> Path:
             _CLAIMS[candidate] = handle
         return candidate
     return folder
-
-
-def save_run(result: Result, folder: Path, export_for: Sequence[str]) -> list[Path]:
-    """
-    Write result, curves, plot and filter configurations, each atomically.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be written.
-    IncompleteSave
-        If a filter cannot be configured from this result; everything else is written.
-
-    """
-    # The result first: it is what cannot be made again.
-    written = [folder / 'result.json', folder / 'curve.csv']
-    save_result(result, written[0])
-    save_curves(result, written[1])
-    left_out = []
-    for consumer in export_for:
-        try:
-            config = export(result, consumer)
-        except ImuAllanError as error:
-            left_out.append(str(error))
-            continue
-        written.append(folder / config.name)
-        write_atomically(written[-1], config.text.encode())
-    from imu_allan.writers.plot import overview_figure, render
-    plot = folder / 'allan_deviation.png'
-    write_atomically(plot, render(overview_figure(result), 'png'))
-    if left_out:
-        raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
-    return [*written, plot]
 
 
 def _expanded(folder: str) -> Path:
