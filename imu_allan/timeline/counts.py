@@ -140,7 +140,8 @@ class Counts(Record):
 
 def _stamp_faults(stamps: Stamps, last: int | None) -> tuple[int, int]:
     """Count stamps equal to, and before, the one before."""
-    steps = np.diff(stamps) if last is None else np.diff(stamps, prepend=last)
-    if not len(steps) or steps.min() > 0:
+    if not len(stamps) or ((last is None or stamps[0] > last)
+                           and (stamps[1:] > stamps[:-1]).all()):
         return 0, 0
+    steps = np.diff(stamps) if last is None else np.diff(stamps, prepend=last)
     return int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))

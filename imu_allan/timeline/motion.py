@@ -24,6 +24,7 @@ from imu_allan.timeline.sensor_at_rest import (
     Baseline,
     baseline_of,
     describe,
+    QUIETER,
     resolution_of,
     settle,
 )
@@ -79,8 +80,6 @@ _TOLD_RATIO = 3.0
 """Noise that has become so many times louder or quieter is told. A judgment."""
 _LATELY_S = 5.0
 """The word "moving" stays for so long, or it would flicker between the steps of who walks by."""
-_QUIETER = 3.0 ** (2 / 3)
-"""Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
 _REST_WINDOWS = 6
 """Three seconds in a row: between two bumps of a road there is less."""
 
@@ -129,10 +128,10 @@ class _Stretch:
         return second
 
 
-@dataclass(frozen=True)
+@dataclass
 class MotionSummary:
     """
-    What was cut out.
+    What was cut out, brought up to date in place by its detector: every window counts.
 
     Attributes
     ----------
@@ -210,7 +209,7 @@ class MotionDetector:
 
     @property
     def summary(self) -> MotionSummary:
-        """Tell what was cut out so far."""
+        """Tell what was cut out so far; it changes with the next rows."""
         return self._summary
 
     @property
@@ -226,6 +225,7 @@ class MotionDetector:
     def copy(self) -> 'MotionDetector':
         """Give an independent copy; arrays are shared, for they are never written to."""
         twin = shallow_copy(self)
+        twin._summary = replace(self._summary)
         twin._held = [replace(stretch, rows=list(stretch.rows)) for stretch in self._held]
         twin._news = list(self._news)
         twin._excursions = self._excursions.copy()
@@ -470,8 +470,8 @@ class MotionDetector:
         beyond = self._implausible(stretch, first)[:last - first]
         if stretch.closed or stretch.base + first < self._farthest:
             beyond |= self._beyond_before(stretch, first, last)
-        constant = np.isinf(self._baseline.resolution)
-        if constant.any():
+        if self._baseline.any_constant:
+            constant = np.isinf(self._baseline.resolution)
             awake = np.any(loudness[:, :6][:, constant] > 0, axis=1)
             if awake.any():
                 self._refine_resolution(stretch, np.flatnonzero(awake) + first)
@@ -505,8 +505,8 @@ class MotionDetector:
     def _add_contrast(self, total: float, windows: int) -> None:
         summary = self._summary
         count = summary.contrasted + windows
-        self._summary = replace(summary, contrasted=count, contrast=(
-            summary.contrast * summary.contrasted + total) / count)
+        summary.contrast = (summary.contrast * summary.contrasted + total) / count
+        summary.contrasted = count
 
     def _seek_rest(self, stretch: _Stretch, first: int, last: int) -> bool:
         """
@@ -515,12 +515,12 @@ class MotionDetector:
         A recording may begin while its vehicle drives: then the first baseline is that of driving.
         """
         assert self._baseline is not None
-        loud = self._baseline.loudness
-        known = (loud > 0) & np.isfinite(loud)
-        if not np.any(stretch.loudness[first:last] < loud / _QUIETER):
+        if not (stretch.loudness[first:last] < self._baseline.far_quieter).any():
             self._quieter = 0
             return False
-        quiet = stretch.loudness[first:last, known] < loud[known] / _QUIETER
+        loud = self._baseline.loudness
+        known = (loud > 0) & np.isfinite(loud)
+        quiet = stretch.loudness[first:last, known] < self._baseline.far_quieter[known]
         # A coarse or constant axis may be as it was.
         quieter = (np.mean(quiet, axis=1) > 0.5) & ~np.any(
             stretch.loudness[first:last] > self._baseline.loudest(), axis=1) if known.any() else (
@@ -550,12 +550,11 @@ class MotionDetector:
                                                       stretch.wander()[first:last], 1.0))
         summary = self._summary
         excluded_s = summary.excluded_s + summary.rest_s
-        self._summary = replace(
-            summary, spans=((0.0, excluded_s),), count=1, excluded=summary.seen,
-            excluded_s=excluded_s, struck=summary.seen, rests=(), rest_s=0.0, longest_rest_s=0.0,
-            contrast=0.0, contrasted=0, changes=())
+        self._summary = MotionSummary(
+            spans=((0.0, excluded_s),), count=1, excluded=summary.seen, excluded_s=excluded_s,
+            seen=summary.seen, struck=summary.seen, moving=summary.moving)
         windows = max(summary.seen // self._size, 1)
-        self._add_contrast(windows * log(_QUIETER), windows)
+        self._add_contrast(windows * log(QUIETER), windows)
         self._span_end = stretch.first_index + stretch.given * self._size
         self._rest_end, self._rest_lasts = -1, 0.0
 
@@ -565,7 +564,7 @@ class MotionDetector:
         if shorter > 1:
             loudest = self._baseline.loudest(shorter)
         # NaN, where a window has no neighbour, compares as not wide.
-        unlike = np.any(loudness > loudest, axis=1) | np.any(np.abs(wander) > widest, axis=1)
+        unlike = (loudness > loudest).any(axis=1) | (np.abs(wander) > widest).any(axis=1)
         return np.asarray(unlike)
 
     def _refine_resolution(self, stretch: _Stretch, windows: Ints) -> bool:
@@ -634,9 +633,7 @@ class MotionDetector:
         most = ratio[np.argmax(np.abs(np.log(ratio)))]
         if abs(np.log(most)) > np.log(_TOLD_RATIO):
             self._first_loudness = baseline.loudness
-            self._summary = replace(
-                self._summary,
-                changes=(*self._summary.changes[:9], (time_s, float(most))))
+            self._summary.changes = (*self._summary.changes[:9], (time_s, float(most)))
 
     def _time(self, stretch: _Stretch, window: int) -> float:
         return max(stretch.start_s + window * self._size * self._interval_s, 0.0)
@@ -676,12 +673,12 @@ class MotionDetector:
                 self._run_pending = self._void = False
                 self._keep(first + begin, end - begin, self._time(stretch, stretch.given + left))
             stretch.new_run = False
-        seen = self._summary.seen + length
         struck = int(np.count_nonzero(stretch.moving[context:context + count])) * size
         newest = self._time(stretch, stretch.given) + length * self._interval_s
-        self._summary = replace(self._summary, seen=seen,
-                                struck=self._summary.struck + min(struck, length),
-                                moving=newest - self._span_end_s < _LATELY_S)
+        summary = self._summary
+        summary.seen += length
+        summary.struck += min(struck, length)
+        summary.moving = newest - self._span_end_s < _LATELY_S
         stretch.rows = [rows[length:]]
         stretch.held -= length
         stretch.given = upto
@@ -709,8 +706,9 @@ class MotionDetector:
             if len(rests) < LISTED_SPANS:
                 rests = (*rests, (start_s, duration))
         self._rest_end = first + rows
-        self._summary = replace(summary, rests=rests, rest_s=summary.rest_s + duration,
-                                longest_rest_s=max(summary.longest_rest_s, self._rest_lasts))
+        summary.rests = rests
+        summary.rest_s += duration
+        summary.longest_rest_s = max(summary.longest_rest_s, self._rest_lasts)
 
     def _cut(self, first: int, rows: int, start_s: float) -> None:
         """Note rows that are left out, as part of the span before if they follow it."""
@@ -727,9 +725,9 @@ class MotionDetector:
                 spans = (*spans, (start_s, duration))
         self._span_end = first + rows
         self._span_end_s = start_s + duration
-        self._summary = replace(summary, spans=spans, count=count,
-                                excluded=summary.excluded + rows,
-                                excluded_s=summary.excluded_s + duration)
+        summary.spans, summary.count = spans, count
+        summary.excluded += rows
+        summary.excluded_s += duration
 
 
 def _of_few(loudness: Floats, resolution: Floats) -> Baseline:

@@ -60,6 +60,8 @@ _LEAP = 16
 """Missing samples: with 8, jumps that losses add up to are no doubt any more; 32 does as well."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
+_CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005
+"""Share and intervals by which phases must fit better for an interval to be preferred."""
 _RATE_PARTS = 0.12
 """Of the logarithm: neither a lost message nor a tick moves a part by that."""
 
@@ -135,8 +137,11 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     for interval in [*candidates, float(np.percentile(steps, _SHORT_PERCENT))]:
         if not _FEWEST_RECEIVED * overall < interval < 1.1 * overall:
             continue
+        if best is not None and _CLEARLY_LESS * best.spread < _AT_LEAST_LESS:
+            # No spread is so much less any more.
+            break
         pace = _refine(time, interval)
-        if best is None or pace.spread < 0.9 * best.spread - 0.005:
+        if best is None or pace.spread < _CLEARLY_LESS * best.spread - _AT_LEAST_LESS:
             best = pace
     if best is None or best.spread > COUNTING_SPREAD:
         return _on_a_line(time)[0]
@@ -338,9 +343,8 @@ def longest_at_one_rate(stamps: Stamps) -> slice:
     if parts < 4:
         return whole
     time = (stamps - stamps[0]).astype(np.float64)
-    pace = np.array([np.median(part[16:] - part[:-16]) / 16 for part
-                     in time[:parts * _PART].reshape(parts, _PART)])
-    pace = np.maximum(pace, 1.0)
+    table = time[:parts * _PART].reshape(parts, _PART)
+    pace = np.maximum(np.median(table[:, 16:] - table[:, :-16], axis=1) / 16, 1.0)
     # The median of three: a part with an outage in it is no change of rate.
     smooth = np.median([np.append(pace[:1], pace[:-1]), pace, np.append(pace[1:], pace[-1:])],
                        axis=0)

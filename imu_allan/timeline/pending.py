@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that wait until enough of them have come to be worked off together."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,6 +43,8 @@ class Pending:
 
     def __init__(self) -> None:
         self._blocks: list[ImuBlock] = []
+        # Beside the blocks: asking each for its length again costs more than its messages.
+        self._lengths: list[int] = []
         self._messages = 0
 
     def __len__(self) -> int:
@@ -51,13 +53,16 @@ class Pending:
 
     def append(self, block: ImuBlock) -> None:
         """Let the messages of a block wait behind the others."""
+        n = len(block)
         self._blocks.append(block)
-        self._messages += len(block)
+        self._lengths.append(n)
+        self._messages += n
 
     def copy(self) -> 'Pending':
         """Give an independent copy; arrays are shared, for they are never written to."""
         twin = Pending()
-        twin._blocks, twin._messages = list(self._blocks), self._messages
+        twin._blocks, twin._lengths = list(self._blocks), list(self._lengths)
+        twin._messages = self._messages
         return twin
 
     def to_state(self) -> dict[str, NDArray[Any]]:
@@ -81,40 +86,40 @@ class Pending:
 
     def look(self, n: int) -> Window:
         """Give the first `n` messages; they go on waiting."""
-        # The last block may be far larger than what is still needed of it.
-        parts = list(self._first(n))
-        if len(parts) == 1:
-            block = parts[0][0]
-            return Window(block.header_ns[:n], block.receive_ns[:n], block.samples[:n],
-                          block.absent[:n], n)
-        stamps: list[Ints] = [np.empty(0, dtype=np.int64)]
-        return Window(
-            np.concatenate(stamps + [block.header_ns[:part] for block, part in parts]),
-            np.concatenate(stamps + [block.receive_ns[:part] for block, part in parts]),
-            np.concatenate([np.empty((0, 6)), *(b.samples[:part] for b, part in parts)]),
-            np.concatenate([np.empty((0, 2), bool), *(b.absent[:part] for b, part in parts)]), n)
+        whole = have = 0
+        while have < n and have + self._lengths[whole] <= n:
+            have += self._lengths[whole]
+            whole += 1
+        blocks = self._blocks[:whole]
+        if have < n:
+            # The last block may be far larger than what is still needed of it.
+            block, left = self._blocks[whole], slice(n - have)
+            blocks.append(ImuBlock(block.header_ns[left], block.receive_ns[left],
+                                   block.samples[left], block.absent[left], block.frame_id))
+        if len(blocks) == 1:
+            block = blocks[0]
+            return Window(block.header_ns, block.receive_ns, block.samples, block.absent, n)
+        if not blocks:
+            return Window(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 6)),
+                          np.empty((0, 2), bool), n)
+        return Window(np.concatenate([block.header_ns for block in blocks]),
+                      np.concatenate([block.receive_ns for block in blocks]),
+                      np.concatenate([block.samples for block in blocks]),
+                      np.concatenate([block.absent for block in blocks]), n)
 
     def take(self, n: int, consumed: int) -> Window:
         """Give the first `n` messages and let go of `consumed` of them."""
         window = self.look(n)
         left, whole = consumed, 0
-        while left and len(self._blocks[whole]) <= left:
-            left -= len(self._blocks[whole])
+        while left and self._lengths[whole] <= left:
+            left -= self._lengths[whole]
             whole += 1
-        del self._blocks[:whole]
+        del self._blocks[:whole], self._lengths[:whole]
         if left:
             block = self._blocks[0]
             self._blocks[0] = ImuBlock(block.header_ns[left:], block.receive_ns[left:],
                                        block.samples[left:], block.absent[left:],
                                        block.frame_id)
+            self._lengths[0] -= left
         self._messages -= consumed
         return Window(window.header, window.receive, window.samples, window.absent, consumed)
-
-    def _first(self, n: int) -> Iterator[tuple[ImuBlock, int]]:
-        """Blocks that hold the first `n` messages, and how many of each these are."""
-        have = 0
-        for block in self._blocks:
-            yield block, min(len(block), n - have)
-            have += len(block)
-            if have >= n:
-                return
