@@ -4,7 +4,7 @@
 Processor time of decoding an Imu nested in another message, over that of a bare one.
 
 The nested one stands in what a VectorNav driver publishes: header, Imu, MagneticField and a raw
-string, 620 bytes instead of 371. Both are decoded from memory, 2048 messages at a time as they
+string, 573 bytes instead of 324. Both are decoded from memory, 2048 messages at a time as they
 come out of a chunk; passes alternate and medians are printed.
 
     python bench/bench_messages.py [--messages 100000] [--repeats 15]

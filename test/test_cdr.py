@@ -16,6 +16,7 @@ from imu_allan.cdr import (
     encode_imu_rows,
     imu_layout,
     MalformedImu,
+    rows_like_first,
 )
 import numpy as np
 import pytest
@@ -167,6 +168,19 @@ def test_malformed_messages_are_counted_and_the_others_decoded():
         (2, '100 bytes are too few for a sensor_msgs/Imu message (312 at least)')]
     with pytest.raises(MalformedImu):
         blocks_from_messages(messages, np.arange(6))
+
+
+@given(st.integers(1, 50), st.integers(0, 40), st.data())
+@settings(max_examples=200, deadline=None)
+def test_rows_that_differ_anywhere_in_a_span_are_told_apart(size, start, data):
+    rows = np.tile(np.arange(100, dtype=np.uint8), (9, 1))
+    spans = [(start, min(start + size, 100)), (90, 92)]
+    for row, at in data.draw(st.sets(st.tuples(st.integers(0, 8), st.integers(0, 99)))):
+        rows[row, at] += 1
+    expected = np.all([(rows[:, a:b] == rows[0, a:b]).all(axis=1) for a, b in spans], axis=0)
+    like = rows_like_first(rows, spans)
+    assert (like is None) == expected.all()
+    assert like is None or like.tolist() == expected.tolist()
 
 
 def test_no_messages_give_no_blocks():

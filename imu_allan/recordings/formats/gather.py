@@ -34,6 +34,7 @@ _KEY = RECORD_HEAD + 2
 _STEPS_WITHOUT_INDEX = 32
 """Records that are stepped through before the message index is asked for."""
 _BATCH_BYTES = 1 << 24
+"""Of messages that are copied at a time: 20 chunks of rosbag2, where one may be a thousand."""
 _PIECE_BYTES = 1 << 10
 """Bytes of a piece beside those of its messages, about."""
 _OPCODE_LENGTH = Struct('<BQ')

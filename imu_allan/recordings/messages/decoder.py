@@ -7,13 +7,15 @@ The fields are found by one walk through a message (`imu_allan.recordings.messag
 then taken out of all messages of the same layout as columns, without a Python object a message.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import decode_imu_rows, MalformedImu, Serialization
+from imu_allan.cdr import decode_imu_rows, MalformedImu, rows_like_first, Serialization
 from imu_allan.errors import shorten
 from imu_allan.recordings.messages.definitions import Types
 from imu_allan.recordings.messages.imu_fields import ImuFields, split_path, Stamp, Vector
@@ -23,12 +25,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 OnMalformed = Callable[[int, MalformedImu], None]
+Spans = tuple[tuple[int, int], ...]
 
 _NANOSECONDS = 1_000_000_000  # in a second
 _ENOUGH = 16
 """Messages from which on it is decided which of several stamps is used."""
 _REMEMBERED = 64
 """Layouts of each of as many sizes that are kept."""
+_FORMS = 16
+"""So many forms of messages at a time are told apart by comparing all with one after the other."""
+_WINDOW = 256
+"""Messages that are compared at a time where there are more forms than that."""
 _LATEST = 2**62
 """Stamps in nanoseconds beyond this are no time."""
 
@@ -111,20 +118,46 @@ class _Scaled:
                 for block in self._plain(pieces, on_malformed)]
 
 
+@dataclass(frozen=True)
+class _Form:
+    """
+    How messages are taken apart that have their fields in the same places.
+
+    Attributes
+    ----------
+    keys : tuple of (int, int)
+        Start and stop of the bytes that messages of equal size then have in common.
+    keys_and_frame : tuple of (int, int)
+        The same with those of frame_id.
+    record : dtype
+        A message as a record: the numbers and arrays of numbers that are read, by their paths, and
+        three numbers that stand side by side by the paths of all three.
+    frame_id : Place or None
+        Where the text stands that names the frame.
+
+    """
+
+    keys: Spans
+    keys_and_frame: Spans
+    record: np.dtype[np.void]
+    frame_id: Place | None
+
+
 @dataclass
 class _Columns:
     """
     What was taken out of messages.
 
-    `stamps` has a row for each of the stamps there may be, `frames` numbers of names.
+    `stamps` has a row for each of the stamps there may be, `frames` the numbers of names, or the
+    one of all; without `kept`, every sample is.
     """
 
     stamps: NDArray[np.int64]
     receive_ns: NDArray[np.int64]
     samples: NDArray[np.float64]
     absent: NDArray[np.bool_]
-    kept: NDArray[np.bool_]
-    frames: NDArray[np.int64]
+    kept: NDArray[np.bool_] | None = None
+    frames: NDArray[np.int64] | int = 0
 
 
 class FieldsDecoder:
@@ -148,7 +181,7 @@ class FieldsDecoder:
         self._clock: int | None = None
         self._frames: dict[str, int] = {'': 0}
         self._step_ns = 0.0
-        self._layouts: dict[int, list[tuple[bytes, Layout]]] = {}
+        self._forms: dict[int, list[tuple[bytes, _Form]]] = {}
 
     def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
@@ -158,16 +191,18 @@ class FieldsDecoder:
         if not held:
             return []
         columns = self._columns(held, on_malformed)
-        if not columns.kept.any():
+        if columns.kept is not None and not columns.kept.all():
+            columns = _chosen(columns, columns.kept)
+        count = len(columns.samples)
+        if not count:
             return []
-        if not columns.kept.all():
-            columns = _Columns(*(
-                values[..., columns.kept] if name == 'stamps' else values[columns.kept]
-                for name, values in vars(columns).items()))
         header_ns = self._header_ns(columns.stamps)
         self._spread_increments(columns.samples, header_ns, columns.receive_ns)
         names = list(self._frames)
-        bounds = [0, *(np.flatnonzero(np.diff(columns.frames)) + 1).tolist(), len(header_ns)]
+        if isinstance(columns.frames, int):
+            return [ImuBlock(header_ns, columns.receive_ns, columns.samples, columns.absent,
+                             names[columns.frames])]
+        bounds = [0, *(np.flatnonzero(np.diff(columns.frames)) + 1).tolist(), count]
         return [ImuBlock(header_ns[a:b], columns.receive_ns[a:b], columns.samples[a:b],
                          columns.absent[a:b], names[columns.frames[a]])
                 for a, b in pairwise(bounds)]
@@ -176,6 +211,14 @@ class FieldsDecoder:
 
     def _columns(self, pieces: Sequence[Piece], on_malformed: OnMalformed | None) -> _Columns:
         """Decode the pieces, those of equal size together."""
+        if len(pieces) == 1:
+            # By far the most frequent case is the fastest: nothing needs to be put in order.
+            [piece] = pieces
+            with suppress(MalformedImu):
+                form = self._form(piece.rows[0].data)
+                if rows_like_first(piece.rows, form.keys_and_frame) is None:
+                    return self._taken(piece.rows, piece.receive_ns, form, on_malformed,
+                                       one_frame=True)
         bounds = np.cumsum([0, *(len(piece.rows) for piece in pieces)])
         by_size: dict[int, list[int]] = {}
         for number, piece in enumerate(pieces):
@@ -184,59 +227,84 @@ class FieldsDecoder:
         for numbers in by_size.values():
             if len(numbers) == 1:
                 rows, receive_ns = pieces[numbers[0]].rows, pieces[numbers[0]].receive_ns
-                groups = self._alike(rows, on_malformed)
-                if len(pieces) == len(groups) == 1 and len(groups[0][0]) == len(rows):
-                    # By far the most frequent case: nothing needs to be put in order.
-                    return self._taken(rows, receive_ns, groups[0][1], on_malformed)
             else:
                 rows = np.concatenate([pieces[number].rows for number in numbers])
                 receive_ns = np.concatenate([pieces[number].receive_ns for number in numbers])
-                groups = self._alike(rows, on_malformed)
             index = np.concatenate([np.arange(bounds[n], bounds[n + 1]) for n in numbers])
-            for chosen, layout in groups:
+            for chosen, form in self._alike(rows, on_malformed):
                 same = rows if len(chosen) == len(rows) else rows[chosen]
-                taken = self._taken(same, receive_ns[chosen], layout, on_malformed)
-                times = len(taken.kept) // max(len(chosen), 1)
+                taken = self._taken(same, receive_ns[chosen], form, on_malformed)
+                times = len(taken.samples) // max(len(chosen), 1)
                 decoded.append((np.repeat(index[chosen], times), taken))
         return _in_order(decoded)
 
     def _alike(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
-               ) -> list[tuple[NDArray[np.intp], Layout]]:
+               ) -> list[tuple[NDArray[np.intp], _Form]]:
         """Find which rows have their fields in the same places, and where these are."""
-        found: list[tuple[NDArray[np.intp], Layout]] = []
+        found: list[tuple[NDArray[np.intp], _Form]] = []
         left = np.arange(len(rows))
         while len(left):
             first = rows[left[0]]
             try:
-                layout = self._layout(first.data)
+                form = self._form(first.data)
             except MalformedImu as error:
                 if on_malformed is None:
                     raise
                 on_malformed(1, error)
                 left = left[1:]
                 continue
-            same = _same_keys(rows if len(left) == len(rows) else rows[left], layout.keys)
-            if same is None:
-                found.append((left, layout))
+            like = rows_like_first(rows if len(left) == len(rows) else rows[left], form.keys)
+            if like is None:
+                found.append((left, form))
                 break
-            found.append((left[same], layout))
-            left = left[~same]
+            found.append((left[like], form))
+            left = left[~like]
+            if len(rows) > _WINDOW and np.count_nonzero(like) < len(left) // _FORMS:
+                # To compare each of many with all the others would take the square of the time.
+                for start in range(0, len(left), _WINDOW):
+                    part = left[start:start + _WINDOW]
+                    found += [(part[chosen], form) for chosen, form in self._alike(
+                        rows[part], on_malformed)]
+                break
         return found
 
-    def _layout(self, message: memoryview) -> Layout:
+    def _form(self, message: memoryview) -> _Form:
         """Find the fields of a message; those like one before it need no further walk."""
-        for key, layout in self._layouts.get(len(message), ()):
-            if key == b''.join(message[start:stop] for start, stop in layout.keys):
-                return layout
+        for key, form in self._forms.get(len(message), ()):
+            if key == _key(message, form):
+                return form
         layout = walk(self._types, self._messages.type_name, message,
                       self._messages.serialization, self._wanted)
         self._require_all(layout)
-        if len(self._layouts) < _REMEMBERED:
-            known = self._layouts.setdefault(len(message), [])
+        form = self._described(layout, len(message))
+        if len(self._forms) < _REMEMBERED:
+            known = self._forms.setdefault(len(message), [])
             if len(known) < _REMEMBERED:
-                known.append((b''.join(message[start:stop] for start, stop in layout.keys),
-                              layout))
-        return layout
+                known.append((_key(message, form), form))
+        return form
+
+    def _described(self, layout: Layout, size: int) -> _Form:
+        """Make a record of the places of the fields."""
+        fields: dict[str, tuple[Any, int]] = {}
+        for path in self._fields.numbers():
+            place = layout.places[split_path(path)[0]]
+            number = np.dtype(layout.byte_order + place.kind)
+            fields[path] = (number, place.at + split_path(path)[1] * number.itemsize)
+        for _, vector in self._fields.vectors():
+            first, at = fields[vector.paths[0]]
+            if self._fields.burst is not None:
+                for path in vector.paths:
+                    fields[path] = ((fields[path][0], layout.places[path].count), fields[path][1])
+            elif [fields[path] for path in vector.paths] == [
+                    (first, at + axis * first.itemsize) for axis in range(3)]:
+                # Copying three doubles as one opaque item is several times faster than as numbers.
+                fields[_together(vector)] = ('V24' if first == np.float64 else (first, 3), at)
+        frame_id = self._fields.frame_id
+        frame = None if frame_id is None else layout.places[frame_id]
+        return _Form(layout.keys, layout.keys if frame is None else _joined(
+            layout.keys, (frame.at, frame.at + frame.count)), np.dtype({
+                'names': list(fields), 'formats': [kind for kind, _ in fields.values()],
+                'offsets': [at for _, at in fields.values()], 'itemsize': size}), frame)
 
     def _require_all(self, layout: Layout) -> None:
         for path in self._wanted - layout.places.keys():
@@ -247,41 +315,46 @@ class FieldsDecoder:
                 if number >= layout.places[field].count:
                     raise MalformedImu(f'{field} has {layout.places[field].count} elements')
 
-    def _taken(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], layout: Layout,
-               on_malformed: OnMalformed | None) -> _Columns:
-        """Take samples, stamps and frame_id out of rows of one layout."""
+    def _taken(self, rows: NDArray[np.uint8], receive_ns: NDArray[np.int64], form: _Form,
+               on_malformed: OnMalformed | None, *, one_frame: bool = False) -> _Columns:
+        """Take samples, stamps and frame_id out of rows of one form."""
         fields, count = self._fields, len(rows)
+        messages = rows.view(form.record)[:, 0]
         clocks = fields.stamps if self._clock is None else [fields.stamps[self._clock]]
         stamps = np.empty((len(clocks), count), np.int64)
         for number, stamp in enumerate(clocks):
-            stamps[number] = _time(rows, layout, stamp)
-        absent = np.ones((count, 2), np.bool_)
-        kept = np.ones(count, np.bool_)
-        frames = np.zeros(count, np.int64)
-        if fields.frame_id is not None:
-            frames[:] = [self._frames.setdefault(text, len(self._frames)) for text in _texts(
-                rows, layout.places[fields.frame_id], self._messages.serialization)]
+            stamps[number] = _time(messages, stamp)
+        frames: NDArray[np.int64] | int = 0
+        if form.frame_id is not None:
+            numbers = [self._frames.setdefault(text, len(self._frames)) for text in _texts(
+                rows[:1] if one_frame else rows, form.frame_id)]
+            frames = numbers[0] if one_frame else np.array(numbers)
         if fields.burst is not None:
-            return self._burst(rows, layout, stamps, receive_ns, frames, on_malformed)
+            return self._burst(messages, stamps, receive_ns, frames, on_malformed)
         samples = np.empty((count, 6))
+        absent = np.empty((count, 2), np.bool_)
         if fields.gyro is None or fields.accel is None:
             samples.fill(0)
+            absent.fill(True)
         for first, vector in fields.vectors():
-            _fill(samples[:, first:first + 3], rows, layout, vector)
-            absent[:, first // 3] = (False if vector.covariance is None else
-                                     _numbers(rows, layout, vector.covariance) == -1)
-        return _Columns(stamps, np.array(receive_ns, np.int64), samples, absent, kept, frames)
+            _fill(samples[:, first:first + 3], messages, vector)
+            missing = absent[:, first // 3]
+            if vector.covariance is None:
+                missing.fill(False)
+            else:
+                np.equal(messages[vector.covariance], -1.0, out=missing)
+        return _Columns(stamps, np.array(receive_ns, np.int64), samples, absent, frames=frames)
 
-    def _burst(self, rows: NDArray[np.uint8], layout: Layout, stamps: NDArray[np.int64],
-               receive_ns: NDArray[np.int64], frames: NDArray[np.int64],
+    def _burst(self, messages: NDArray[np.void], stamps: NDArray[np.int64],
+               receive_ns: NDArray[np.int64], frames: NDArray[np.int64] | int,
                on_malformed: OnMalformed | None) -> _Columns:
         """Unroll messages of many samples, each at its own time; the stamp is that of the last."""
         burst = self._fields.burst
         assert burst is not None
-        filled = _numbers(rows, layout, burst.samples).astype(np.int64)
-        step_ns = _numbers(rows, layout, burst.step_us).astype(np.float64) * 1e3
+        filled = messages[burst.samples].astype(np.int64)
+        step_ns = messages[burst.step_us].astype(np.float64) * 1e3
         [(first, vector)] = self._fields.vectors()
-        width = layout.places[vector.paths[0]].count
+        width = messages[vector.paths[0]].shape[1]
         sound = (filled > 0) & (filled <= width) & np.isfinite(step_ns) & (step_ns > 0) & (
             step_ns < _NANOSECONDS)
         if not sound.all():
@@ -294,20 +367,20 @@ class FieldsDecoder:
         before = np.where(sound, step_ns, 0)[:, np.newaxis] * (
             filled[:, np.newaxis] - 1 - number)
         offset = np.rint(before).astype(np.int64)
-        samples = np.zeros((len(rows), width, 6))
+        samples = np.zeros((len(messages), width, 6))
         for axis, path in enumerate(vector.paths):
-            samples[:, :, first + axis] = _array(rows, layout, path)
+            samples[:, :, first + axis] = messages[path]
         if vector.scale is not None:
-            samples *= _numbers(rows, layout, vector.scale).astype(np.float64)[:, None, None]
+            samples *= messages[vector.scale].astype(np.float64)[:, None, None]
         if vector.factor != 1.0:
             samples *= vector.factor
-        absent = np.ones((len(rows) * width, 2), np.bool_)
+        absent = np.ones((len(messages) * width, 2), np.bool_)
         absent[:, first // 3] = False
         kept = (number < filled[:, np.newaxis]) & sound[:, np.newaxis]
         return _Columns(
             (stamps[:, :, np.newaxis] - offset).reshape(len(stamps), -1),
             (receive_ns[:, np.newaxis] - offset).reshape(-1), samples.reshape(-1, 6), absent,
-            kept.reshape(-1), np.repeat(frames, width))
+            kept.reshape(-1), frames if isinstance(frames, int) else np.repeat(frames, width))
 
     # ------------------------------------------------------------------------------------- clock
 
@@ -320,7 +393,8 @@ class FieldsDecoder:
             clock = next((number for number, times in enumerate(stamps) if _advances(times)), 0)
             if stamps.shape[1] >= _ENOUGH:
                 self._clock = clock
-        return np.where(stamps[clock] < 0, 0, stamps[clock])
+        times: NDArray[np.int64] = np.maximum(stamps[clock], 0)
+        return times
 
     def _spread_increments(self, samples: NDArray[np.float64], header_ns: NDArray[np.int64],
                            receive_ns: NDArray[np.int64]) -> None:
@@ -350,76 +424,81 @@ def _in_order(decoded: Sequence[tuple[NDArray[np.intp], _Columns]]) -> _Columns:
     if not decoded:
         empty = np.zeros(0)
         return _Columns(empty.reshape(0, 0).astype(np.int64), empty.astype(np.int64),
-                        empty.reshape(0, 6), np.zeros((0, 2), np.bool_), empty.astype(np.bool_),
-                        empty.astype(np.int64))
+                        empty.reshape(0, 6), np.zeros((0, 2), np.bool_))
     order = np.argsort(np.concatenate([index for index, _ in decoded]), kind='stable')
     parts = [columns for _, columns in decoded]
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    def each(of: Callable[[_Columns], Any]) -> NDArray[Any]:
+        return np.concatenate([np.broadcast_to(of(part), len(part.samples)) for part in parts])
+
+    return _chosen(_Columns(
+        np.concatenate([part.stamps for part in parts], axis=1),
+        joined('receive_ns'), joined('samples'), joined('absent'),
+        each(lambda part: True if part.kept is None else part.kept),
+        each(lambda part: part.frames)), order)
+
+
+def _chosen(columns: _Columns, index: NDArray[np.intp] | NDArray[np.bool_]) -> _Columns:
+    """Take some samples, or all in another order."""
+    kept, frames = columns.kept, columns.frames
     return _Columns(
-        np.concatenate([part.stamps for part in parts], axis=1)[:, order],
-        *(np.concatenate([getattr(part, name) for part in parts])[order]
-          for name in ('receive_ns', 'samples', 'absent', 'kept', 'frames')))
+        columns.stamps[:, index], columns.receive_ns[index], columns.samples[index],
+        columns.absent[index], None if kept is None else kept[index],
+        frames if isinstance(frames, int) else frames[index])
 
 
-def _same_keys(rows: NDArray[np.uint8], keys: Sequence[tuple[int, int]],
-               ) -> NDArray[np.bool_] | None:
-    """Tell which rows agree with the first in all of `keys`; None where all do."""
-    same: NDArray[np.bool_] | None = None
-    for start, stop in keys:
-        items = rows[:, start:stop].view(f'u{stop - start}')[:, 0]
-        equal = items == items[0]
-        if not equal.all():
-            same = equal if same is None else same & equal
-    return same
+def _key(message: memoryview, form: _Form) -> bytes:
+    return b''.join(message[start:stop] for start, stop in form.keys)
 
 
-def _array(rows: NDArray[np.uint8], layout: Layout, path: str) -> NDArray[np.generic]:
-    """View an array of numbers in every row; shape (n, numbers)."""
-    place = layout.places[path]
-    code = np.dtype(layout.byte_order + place.kind)
-    return rows[:, place.at:place.at + place.count * code.itemsize].view(code)
+def _joined(keys: Spans, text: tuple[int, int]) -> Spans:
+    """Add a text to the keys, in one with its length."""
+    start = next((key[0] for key in keys if key[1] == text[0]), text[0])
+    return (*(key for key in keys if key[1] != text[0]), (start, text[1]))
 
 
-def _numbers(rows: NDArray[np.uint8], layout: Layout, path: str) -> NDArray[np.generic]:
-    """View a number, or one of an array of numbers, in every row; shape (n,)."""
-    field, number = split_path(path)
-    return _array(rows, layout, field)[:, number]
+def _together(vector: Vector) -> str:
+    """Name three numbers that stand side by side; no path has a blank."""
+    return ' '.join(vector.paths)
 
 
-def _fill(out: NDArray[np.float64], rows: NDArray[np.uint8], layout: Layout, vector: Vector,
-          ) -> None:
+def _fill(out: NDArray[np.float64], messages: NDArray[np.void], vector: Vector) -> None:
     """Write the numbers of a vector, in SI units, into `out` of shape (n, 3)."""
-    places = []
-    for path in vector.paths:
-        field, number = split_path(path)
-        place = layout.places[field]
-        places.append((place.kind, place.at + number * int(place.kind[1:])))
-    start = places[0][1]
-    if places == [('f8', start), ('f8', start + 8), ('f8', start + 16)] and (
-            layout.byte_order == '<'):
-        # Copying three doubles as one opaque item is several times faster than as numbers.
-        out.view('V24')[:, 0] = rows[:, start:start + 24].view('V24')[:, 0]
-    else:
+    side_by_side = _together(vector)
+    if side_by_side not in (messages.dtype.names or ()):
         for axis, path in enumerate(vector.paths):
-            out[:, axis] = _numbers(rows, layout, path)
+            out[:, axis] = messages[path]
+    elif messages[side_by_side].dtype.kind == 'V':
+        out.view('V24')[:, 0] = messages[side_by_side]
+    else:
+        out[:] = messages[side_by_side]
     if vector.scale is not None:
-        out *= _numbers(rows, layout, vector.scale).astype(np.float64)[:, np.newaxis]
+        out *= messages[vector.scale].astype(np.float64)[:, np.newaxis]
     if vector.per:
-        seconds = _numbers(rows, layout, vector.per).astype(np.float64) * 1e-6
+        seconds = messages[vector.per].astype(np.float64) * 1e-6
         seconds[seconds == 0] = np.nan
         out /= seconds[:, np.newaxis]
     if vector.factor != 1.0:
         out *= vector.factor
 
 
-def _time(rows: NDArray[np.uint8], layout: Layout, stamp: Stamp) -> NDArray[np.int64]:
+def _time(messages: NDArray[np.void], stamp: Stamp) -> NDArray[np.int64]:
     """Return stamps in nanoseconds; -1 for what is no time."""
     if stamp.unit_ns == 0:
-        seconds, nanoseconds = (
-            _numbers(rows, layout, path).astype(np.int64) for path in stamp.paths)
-        times = seconds * _NANOSECONDS + nanoseconds
-        times[(nanoseconds < 0) | (nanoseconds >= _NANOSECONDS)] = -1
+        seconds, nanoseconds = stamp.paths
+        times: NDArray[np.int64] = messages[seconds].astype(np.int64)
+        parts = messages[nanoseconds].astype(np.int64)
+        times *= _NANOSECONDS
+        times += parts
+        # Those below zero are large without a sign.
+        beyond = parts.view(np.uint64) >= _NANOSECONDS
+        if beyond.any():
+            times[beyond] = -1
         return times
-    number = _numbers(rows, layout, stamp.path)
+    number = messages[stamp.path]
     # Through doubles where the field is one, else exactly.
     exact = number.dtype.kind in 'iu'
     rough = number.astype(np.float64) * stamp.unit_ns
@@ -429,12 +508,15 @@ def _time(rows: NDArray[np.uint8], layout: Layout, stamp: Stamp) -> NDArray[np.i
     return np.where(sound, whole, -1)
 
 
-def _texts(rows: NDArray[np.uint8], place: Place, serialization: Serialization) -> list[str]:
-    """Read a text in every row; one alone where all are the same."""
+def _texts(rows: NDArray[np.uint8], place: Place) -> Iterator[str]:
+    """Read a text in every row."""
     items = rows[:, place.at:place.at + place.count].tobytes()
-    size = place.count
-    texts = ([items[:size]] if items == items[:size] * len(rows)
-             else [items[at:at + size] for at in range(0, len(items), size)])
-    if serialization == 'cdr':
-        texts = [text.removesuffix(b'\0') for text in texts]
-    return [shorten(text.decode('utf-8', 'replace')) for text in texts]
+    # Without characters, the text ends after no byte of any row.
+    for row in range(len(rows)):
+        yield _text(items[row * place.count:(row + 1) * place.count])
+
+
+@lru_cache(maxsize=256)
+def _text(characters: bytes) -> str:
+    # Of CDR alone, the last one is a zero; it is none in any text.
+    return shorten(characters.removesuffix(b'\0').decode('utf-8', 'replace'))

@@ -138,16 +138,20 @@ class ImuFields:
             if vector is not None:
                 yield first, vector
 
-    def paths(self) -> set[str]:
-        """Name every field that is read, without the element of an array of numbers."""
+    def numbers(self) -> set[str]:
+        """Name every number that is read; those of a burst are arrays."""
         found = {path for stamp in self.stamps for path in stamp.paths}
         for _, vector in self.vectors():
             found |= {*vector.paths, vector.scale or '', vector.per or '',
                       vector.covariance or ''}
-        found.add(self.frame_id or '')
         if self.burst is not None:
             found |= {self.burst.samples, self.burst.step_us}
-        return {split_path(path)[0] for path in found if path}
+        return found - {''}
+
+    def paths(self) -> set[str]:
+        """Name every field that is read, without the element of an array of numbers."""
+        return {split_path(path)[0] for path in self.numbers()} | (
+            set() if self.frame_id is None else {self.frame_id})
 
 
 def split_path(path: str) -> tuple[str, int]:

@@ -7,10 +7,14 @@ from pathlib import Path
 import sqlite3
 
 from bags import joined, read
+from imu_allan.cdr import rows_like_first
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings.messages import decoder
 from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
+from imu_allan.recordings.messages.imus_in import imu_messages
+from imu_allan.recordings.messages.piece import Piece
 import numpy as np
 from other_types import (
     full_definition,
@@ -264,6 +268,26 @@ def test_messages_that_do_not_fit_their_definition_are_told(tmp_path):
     assert remark.message == (
         f'{path}: 2 messages of /sensor are not valid my_driver/msg/Vectornav and were left out; '
         'the first: 300 bytes are too few for its type, which takes 364 or more')
+
+
+def test_messages_that_are_all_of_another_form_are_compared_in_linear_time(monkeypatch):
+    most = 63
+    text = 'uint32[] a\nuint32[] b\nuint32[] c\nsensor_msgs/Imu imu\n'
+    store = store_with({'x/msg/Forms': text})
+    make = store.types['x/msg/Forms']
+    lengths = [(a, b, most - a - b) for a in range(most + 1) for b in range(most + 1 - a)]
+    rows = np.frombuffer(b''.join(bytes(store.serialize_cdr(make(
+        *(np.zeros(length, np.uint32) for length in three), imu(store, number)), 'x/msg/Forms'))
+        for number, three in enumerate(lengths)), np.uint8).reshape(len(lengths), -1)
+    compared = []
+    monkeypatch.setattr(decoder, 'rows_like_first', lambda rows, spans: (
+        compared.append(len(rows)), rows_like_first(rows, spans))[1])
+    decode = imu_messages('x/msg/Forms', full_definition(store, 'x/msg/Forms')).decoder()
+    [block] = decode([Piece(rows, np.zeros(len(rows), np.int64))])
+    assert block.samples.tobytes() == samples(len(lengths)).tobytes()
+    # Each with all the others would be 1,000 times their number.
+    assert len(lengths) == 2080
+    assert sum(compared) < 150 * len(lengths)
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
