@@ -10,6 +10,7 @@ does lets an error out of the executor's thread; if one gets out all the same, `
 """
 
 from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from math import ceil
 import time
@@ -38,8 +39,6 @@ from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
@@ -50,10 +49,13 @@ QUEUE_S = 2.5
 """The queue holds so many seconds of samples at the expected rate."""
 QUEUE_MESSAGES = 10_000
 """The queue holds at least so many messages: 2 s of an IMU at 5 kHz."""
-TICK_S = 0.2
-"""A twelfth of `QUEUE_S`, so that late ticks lose nothing; a shorter one wakes up for nothing."""
-FEED_S = 0.5
-"""Messages decoded together: fewer pay the fixed price of numpy more often, more grow stale."""
+TICK_S = 0.5
+"""A fifth of `QUEUE_S`, so that late ticks lose nothing; a shorter one wakes up for nothing, and
+fewer messages decoded together pay the fixed price of numpy more often."""
+HURRY_S = 0.05
+"""Between two ticks where the queue would not hold what comes within `TICK_S`."""
+TICK_MESSAGES = QUEUE_MESSAGES // 4
+"""Taken together at most, as far as one can tell from how fast the last ones came."""
 
 
 class CharacterizationNode(Node):
@@ -108,10 +110,7 @@ class CharacterizationNode(Node):
         self.create_service(Trigger, '~/reset', self._reset, callback_group=services)
         self.create_service(SetBool, '~/pause', self._pause, callback_group=services)
         now = time.monotonic()
-        self._reception.last_take = self._reception.last_message = self._last_feed = now
-        # The clock of ROS stands still in simulated time without /clock.
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_S, self._tick, clock=self._steady)
+        self._reception.last_take = self._reception.last_message = now
         if self._run.trial is not None:
             self._results.fit(self._run)
         self._storage.try_output()
@@ -131,8 +130,15 @@ class CharacterizationNode(Node):
         executor.add_node(self)
         well = True
         try:
+            last_tick, wait_s = time.monotonic(), TICK_S
             while not stop:
-                executor.spin_once()
+                # A timer would wake the executor twice: once more for having been called.
+                executor.spin_once(wait_s)
+                now = time.monotonic()
+                if now - last_tick >= wait_s:
+                    count = self._tick(now)
+                    wait_s = pace_s(count, now - last_tick)
+                    last_tick = now
         except ExternalShutdownException:
             # ROS is gone, what was learnt is not.
             pass
@@ -168,25 +174,21 @@ class CharacterizationNode(Node):
 
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 
-    def _tick(self) -> None:
-        now = time.monotonic()
-        self._reception.take(now)
-        if now - self._last_feed >= FEED_S:
-            self._feed(now)
+    def _tick(self, now: float) -> int:
+        count = self._reception.take(now)
+        self._feed(now)
         self._worker.hand_out()
         if self._results.due(now):
-            self._feed(now)
             self._results.publish_or_fit(now, self._run, self._reception.last_message)
         if self._storage.checkpoint_due(now, self._run):
-            self._feed(now)
             self._storage.checkpoint(self._run)
         if self._reports.due(now):
             self._reports.report(now, self._run, self._results.latest,
                                  self._reception.last_message, self._storage.checkpoint_age_s(now))
             self._results.draw_if_watched(self._run)
+        return count
 
     def _feed(self, now: float) -> None:
-        self._last_feed = now
         if self._thermometer is not None:
             self._thermometer.take()
             self._thermometer.feed(self._run.characterization)
@@ -251,8 +253,7 @@ class CharacterizationNode(Node):
         self._reception.take(now)
         self._feed(now)
         future = self._storage.save(self._run)
-        while not future.done():
-            await _AWhile()
+        await self._settled(future)
         error = future.exception()
         response.success = error is None
         response.message = (printable(error) if error is not None else
@@ -267,14 +268,21 @@ class CharacterizationNode(Node):
         response.success, response.message = True, 'a new run has begun'
         if self._storage.keeps_state:
             future = self._storage.checkpoint(self._run)
-            while not future.done():
-                await _AWhile()
+            await self._settled(future)
             error = future.exception()
             if error is not None:
                 response.success = False
                 response.message += f', but {printable(error)}'
         self._log.info(response.message)
         return response
+
+    async def _settled(self, future: 'Future[Any]') -> None:
+        """Let the executor go on until the worker is done."""
+        executor = self.executor
+        if executor is not None:
+            future.add_done_callback(lambda _: executor.wake())
+        while not future.done():
+            await _AWhile()
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         now = time.monotonic()
@@ -328,6 +336,11 @@ class CharacterizationNode(Node):
 def queue_messages(expected_rate: float) -> int:
     """Give the depth of the queue for a rate in Hz; 0 is unknown."""
     return max(QUEUE_MESSAGES, ceil(QUEUE_S * expected_rate))
+
+
+def pace_s(count: int, elapsed_s: float) -> float:
+    """Give the time to the next tick, in seconds, after `count` messages came in `elapsed_s`."""
+    return min(TICK_S, max(HURRY_S, elapsed_s * TICK_MESSAGES / max(count, 1)))
 
 
 class _AWhile:

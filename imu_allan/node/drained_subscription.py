@@ -11,7 +11,7 @@ middleware queues the samples in its own threads, and one call takes all that ha
 from collections.abc import Sequence
 from dataclasses import dataclass
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,13 @@ class Batch:
     interleaved: int = 0
 
 
+class _Taken(NamedTuple):
+    """Messages, and what the middleware says of each."""
+
+    messages: list[bytes]
+    infos: list[Info]
+
+
 class _OutOfWaitSet(CallbackGroup):
     """Never lets the executor wait for the subscription."""
 
@@ -93,7 +100,7 @@ class DrainedSubscription:
         self._node = node
         self._msg_type = msg_type
         self._depth = depth
-        self._collected: list[tuple[bytes, Info]] = []
+        self._collected = _Taken([], [])
         self._sequence: int | None = None
         self.draining = draining
         self._qos = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
@@ -146,13 +153,19 @@ class DrainedSubscription:
 
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
-        taken, self._collected = self._collected, []
+        taken, self._collected = self._collected, _Taken([], [])
         if self.draining:
-            taken += _drain(self._subscription, self._msg_type, self._depth)
-        now = time.time_ns()
-        receive = np.array([_received(info, now) for _, info in taken], dtype=np.int64)
-        return Batch([message for message, _ in taken], receive,
-                     *self._count_lost([info for _, info in taken]))
+            drained = _drain(self._subscription, self._msg_type, self._depth)
+            taken.messages.extend(drained.messages)
+            taken.infos.extend(drained.infos)
+        receive = [info.get('received_timestamp') for info in taken.infos]
+        if not all(receive):
+            # Not every middleware stamps the receipt; the publisher's stamp is the next best.
+            now = time.time_ns()
+            receive = [stamp or info.get('source_timestamp') or now
+                       for stamp, info in zip(receive, taken.infos, strict=True)]
+        return Batch(taken.messages, np.array(receive, dtype=np.int64),
+                     *self._count_lost(taken.infos))
 
     def _subscribe(self, topic: str) -> Subscription:
         group = _OutOfWaitSet() if self.draining else None
@@ -165,19 +178,20 @@ class DrainedSubscription:
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _collect(self, message: bytes, info: Info) -> None:
-        self._collected.append((message, info))
+        self._collected.messages.append(message)
+        self._collected.infos.append(info)
 
     def _count_lost(self, infos: Sequence[Info]) -> tuple[int, int]:
         """Numbers that were left out, and numbers that did not rise."""
-        numbers = [info.get('publication_sequence_number') for info in infos]
-        known = [number for number in numbers if number is not None]
-        if not known:
+        numbers = [number for info in infos
+                   if (number := info.get('publication_sequence_number')) is not None]
+        if not numbers:
             return 0, 0
-        first = known[0] - 1 if self._sequence is None else self._sequence
-        steps = np.diff(np.array([first, *known], dtype=np.int64))
-        self._sequence = known[-1]
-        if np.all(steps == 1):
+        first = numbers[0] - 1 if self._sequence is None else self._sequence
+        self._sequence = numbers[-1]
+        if numbers == list(range(first + 1, first + 1 + len(numbers))):
             return 0, 0
+        steps = np.diff(np.array([first, *numbers], dtype=np.int64))
         interleaved = int(np.count_nonzero(steps < 1))
         if self.publishers > 1:
             # Every publisher has numbers of its own: two of them cannot be told apart here.
@@ -186,23 +200,21 @@ class DrainedSubscription:
         return int((steps[steps > 1] - 1).sum()), interleaved
 
 
-def _drain(subscription: Subscription, msg_type: type, most: int) -> list[tuple[bytes, Info]]:
-    taken: list[tuple[bytes, Info]] = []
+def _drain(subscription: Subscription, msg_type: type, most: int) -> _Taken:
+    messages: list[bytes] = []
+    infos: list[Info] = []
     handle = subscription.handle
     with handle:
         take = handle.take_message
-        while len(taken) < most:
+        for _ in range(most):
             item = take(msg_type, True)
             if item is None:
                 break
             message, info = item
-            if not isinstance(message, bytes):
-                raise TypeError('take_message did not return bytes')
-            info['received_timestamp']
-            taken.append((message, info))
-    return taken
-
-
-def _received(info: Info, now: int) -> int:
-    # Not every middleware stamps the receipt; the publisher's stamp is the next best.
-    return info.get('received_timestamp') or info.get('source_timestamp') or now
+            messages.append(message)
+            infos.append(info)
+    if messages:
+        if not isinstance(messages[0], bytes):
+            raise TypeError('take_message did not return bytes')
+        infos[0]['received_timestamp']
+    return _Taken(messages, infos)

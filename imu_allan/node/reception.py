@@ -53,21 +53,22 @@ class Reception:
         self._mixed_until = -inf
         self.last_take = self.last_message = 0.0
 
-    def take(self, now: float) -> None:
-        """Take what has come; what comes in a pause is passed over."""
+    def take(self, now: float) -> int:
+        """Take what has come, and return how much; what comes in a pause is passed over."""
         batch, facts = self._subscription.take(), self._facts
         facts.longest_hold_s = max(facts.longest_hold_s, now - self.last_take)
         facts.received += len(batch.messages)
         facts.lost += batch.lost
         self.last_take = now
         if not batch.messages:
-            return
+            return 0
         self.last_message = now
         self._look_for_mixing(batch, now)
         if facts.paused:
             facts.skipped += len(batch.messages)
         else:
             self._waiting.append(batch)
+        return len(batch.messages)
 
     def blocks(self, now: float) -> list[ImuBlock]:
         """Decode what waits and give what may be used."""

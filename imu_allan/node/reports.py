@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 REPORT_S = 1.0
 """The period of diagnostic_updater; an aggregator calls a status stale after 5 s."""
-LOOK_S = 5.0
+LOOK_S = 10.0
 """The log looks at the timeline so often where no report does: a copy each time."""
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.cdr import encode_imu
-from imu_allan.node.characterization_node import TICK_S
+from imu_allan.node.characterization_node import HURRY_S, pace_s, TICK_S
 from imu_allan.node.results import Results
 import numpy as np
 import pytest
@@ -343,3 +343,11 @@ def test_the_node_imports_neither_bag_readers_nor_plotting() -> None:
     done = subprocess.run([sys.executable, '-c', start], capture_output=True, text=True,
                           check=True)
     assert done.stdout.strip() == '[]'
+
+
+def test_ticks_come_sooner_the_faster_messages_come() -> None:
+    assert pace_s(0, TICK_S) == TICK_S
+    assert pace_s(500, 0.5) == TICK_S
+    # 25 kHz, as of a recording played fast: four times as often as the queue would need.
+    assert pace_s(5000, 0.2) == pytest.approx(0.1)
+    assert pace_s(10_000, 0.001) == HURRY_S

@@ -115,6 +115,17 @@ def test_a_damaged_result_is_read_or_refused_but_never_crashes_a_writer(result, 
     datasheet.to_junit(verdicts, damaged, specification)
 
 
+def test_the_json_is_that_of_the_library_with_each_series_on_one_line(result):
+    text = result.to_json()
+    assert json.loads(text) == result.to_dict()
+    spread = json.dumps(result.to_dict(), indent=2)
+    assert ''.join(text.split()) == ''.join(spread.split())
+    [line] = [line for line in text.splitlines() if line.lstrip().startswith('"ci68": [')][:1]
+    assert json.loads(line.partition(': ')[2].rstrip(','))[0] == list(
+        result.axes['gyro_x'].curve.ci68[0])
+    assert '\n      "unit": "rad/s",\n' in text
+
+
 def test_the_curve_table_reads_back_exactly(result, tmp_path):
     save_curves(result, tmp_path / 'curve.csv')
     with (tmp_path / 'curve.csv').open(newline='') as file:
