@@ -53,7 +53,7 @@ class EvenBlock:
     Attributes
     ----------
     samples : ndarray of float64, shape (n, 6)
-        An axis that is absent throughout is NaN in every row; no other NaN occurs.
+        An axis that is absent is NaN in every row of the block; no other NaN occurs.
     first_index : int
         Place of the first row on the grid. It equals the end of the block before, or lies beyond
         it: then the samples between are missing and no difference is taken across them.

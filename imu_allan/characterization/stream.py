@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 import json
-from typing import Literal
+from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
@@ -58,6 +58,48 @@ class Record:
     estimator: Estimator
 
 
+@dataclass
+class _Group:
+    """
+    Axes that have always been there together.
+
+    Attributes
+    ----------
+    columns : ndarray of int64
+        Their numbers among the six.
+    estimator : Estimator
+    thermometer : Thermometer
+        With the places of the samples of these axes.
+    end : int
+        Place on the grid behind the newest sample.
+    new_run : bool
+        A run has begun since.
+
+    """
+
+    columns: NDArray[np.int64]
+    estimator: Estimator
+    thermometer: Thermometer
+    end: int = 0
+    new_run: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        return [list(AXES)[column] for column in self.columns]
+
+    def copy(self) -> _Group:
+        return replace(self, estimator=self.estimator.copy(), thermometer=self.thermometer.copy())
+
+    def to_plain(self) -> dict[str, Any]:
+        return {'columns': self.columns.tolist(), 'next': self.end, 'new_run': self.new_run}
+
+    def part(self, some: NDArray[np.bool_]) -> _Group:
+        """Give some of the axes, which go on alone."""
+        return replace(self, columns=self.columns[some],
+                       estimator=self.estimator.taken(np.flatnonzero(some).tolist()),
+                       thermometer=self.thermometer.copy())
+
+
 class Characterization:
     """
     One IMU being characterized, in constant memory.
@@ -78,10 +120,8 @@ class Characterization:
         self._kind: Literal['recording', 'topic'] = kind
         self._path, self._topic = path, topic
         self._timeline = TimelineStage(options)
-        self._estimator: Estimator | None = None
-        self._columns: NDArray[np.int64] = np.zeros(0, np.int64)
-        self._next = 0
-        self._thermometer = Thermometer()
+        self._groups: list[_Group] = []
+        self._before = Thermometer()     # what was read before the first sample came
         self._epoch_ns: int | None = None
 
     def update(self, block: ImuBlock) -> None:
@@ -115,7 +155,8 @@ class Characterization:
             If the two differ in length.
 
         """
-        self._thermometer.take(stamps_ns, celsius)
+        for thermometer in [group.thermometer for group in self._groups] or [self._before]:
+            thermometer.take(stamps_ns, celsius)
 
     def take(self, blocks: Iterable[ImuBlock]) -> None:
         """
@@ -156,9 +197,8 @@ class Characterization:
         """Return an independent copy, which can be fitted in another thread."""
         twin = Characterization(kind=self._kind, path=self._path, topic=self._topic)
         twin._timeline = self._timeline.copy()
-        twin._estimator = None if self._estimator is None else self._estimator.copy()
-        twin._columns, twin._next = self._columns, self._next
-        twin._thermometer, twin._epoch_ns = self._thermometer.copy(), self._epoch_ns
+        twin._groups = [group.copy() for group in self._groups]
+        twin._before, twin._epoch_ns = self._before.copy(), self._epoch_ns
         return twin
 
     @property
@@ -172,15 +212,24 @@ class Characterization:
         return self._topic
 
     def record(self) -> Record | None:
-        """Return what was taken in, the stream being left as it is; None before a sample came."""
+        """
+        Return what was taken in, the stream being left as it is.
+
+        Returns
+        -------
+        Record or None
+            None before a sample came. Of axes that were there at different times those with the
+            most samples.
+
+        """
         twin = self.snapshot()
         twin.finish()
         summary = twin.summary()
         rate = summary.timeline.sample_rate_hz
-        if twin._estimator is None or rate is None:
+        if not twin._groups or rate is None:
             return None
-        return Record(summary, rate, [list(AXES)[column] for column in twin._columns],
-                      twin._estimator.finished())
+        longest = max(twin._groups, key=lambda group: group.estimator.samples)
+        return Record(summary, rate, longest.names, longest.estimator.finished())
 
     def result(self, remarks: Iterable[Remark] = ()) -> Result:
         """
@@ -220,21 +269,32 @@ class Characterization:
     def _shown_temperature(self, summary: TimelineSummary) -> Signal | None:
         """Return the temperature over time, as a picture shows it."""
         rate = summary.timeline.sample_rate_hz
-        if self._estimator is None or rate is None:
+        if not self._groups or rate is None:
             return None
-        return self._thermometer.signal(self._estimator.finished().signal.columns(), 1 / rate)
+        first = self._groups[0]
+        return first.thermometer.signal(first.estimator.finished().signal.columns(), 1 / rate)
 
     def _axes(self, summary: TimelineSummary) -> tuple[dict[str, AxisResult], list[Remark]]:
         rate = summary.timeline.sample_rate_hz
-        if self._estimator is None:
+        if not self._groups:
             return {}, []
         if rate is None:
             return {}, [Remark('unknown_rate',
                                'the sample rate cannot be told from so few stamps')]
-        names = [list(AXES)[column] for column in self._columns]
-        finished = self._estimator.finished()
+        axes: dict[str, AxisResult] = {}
+        remarks: list[Remark] = []
+        unclear: set[str] = set()
+        for group in self._groups:
+            axes |= self._fitted(group, rate, remarks, unclear)
+        axes = {name: axes[name] for name in AXES if name in axes}
+        return axes, remarks + length_remarks(axes, summary, unclear)
+
+    def _fitted(self, group: _Group, rate: float, remarks: list[Remark], unclear: set[str]
+                ) -> dict[str, AxisResult]:
+        """Fit a group; what is worth telling goes to `remarks`, and to `unclear` its names."""
+        names, finished = group.names, group.estimator.finished()
         series = finished.periodogram
-        heat = self._thermometer.temperature(series.series, series.cell, 1 / rate)
+        heat = group.thermometer.temperature(series.series, series.cell, 1 / rate)
         fitted = axis_results(finished, rate, [AXES[name] for name in names],
                               temperature=heat.course if heat is not None else None)
         axes = {name: axis for name, (axis, _) in zip(names, fitted, strict=True)}
@@ -243,12 +303,13 @@ class Characterization:
             tested = backtest(series.series, series.cell, 1 / rate)
             axes = {name: replace(axis, backtest=found if axis.drift_model else None)
                     for (name, axis), found in zip(axes.items(), tested, strict=True)}
-        remarks = [Remark(remark.code, f'{name}: {remark.message}')
-                   for name, (_, own) in zip(names, fitted, strict=True) for remark in own]
-        unclear = {name for name, (_, own) in zip(names, fitted, strict=True)
-                   if any(remark.code in MEAN_MOVES for remark in own)}
-        remarks += thermometer_remarks(heat) if heat is not None else []
-        return axes, remarks + length_remarks(axes, summary, unclear)
+        for name, (_, own) in zip(names, fitted, strict=True):
+            remarks += [Remark(remark.code, f'{name}: {remark.message}') for remark in own]
+            if any(remark.code in MEAN_MOVES for remark in own):
+                unclear.add(name)
+        if heat is not None and group is self._groups[0]:
+            remarks += thermometer_remarks(heat)
+        return axes
 
     def _absorb(self, blocks: Iterable[EvenBlock], epoch_ns: int | None) -> None:
         """Take in even blocks; `epoch_ns`: of the timeline before it gave them."""
@@ -258,38 +319,67 @@ class Characterization:
             if not len(block):
                 continue
             if block.restart:
-                self._estimator = None
-                self._thermometer.forget_samples()
+                self._before, self._groups = self._readings(), []
             if block.new_run:
                 # A jump of the clock begins a run, and what was held back belongs before it.
                 self._epoch_ns = self._timeline.epoch_ns
-            skipped = 0
-            if self._estimator is None:
-                self._columns = np.flatnonzero(np.isfinite(block.samples[0]))
-                self._estimator = Estimator(len(self._columns))
-                # What was left out at the very beginning is time, too.
-                self._estimator.signal.skip(block.first_index)
-                skipped = block.first_index
-            elif block.new_run:
-                self._estimator.start_run()
-            elif block.first_index > self._next:
-                skipped = block.first_index - self._next
-                self._estimator.skip(skipped)
-            self._note_place(self._estimator, block, skipped)
-            samples = block.samples
-            if len(self._columns) < samples.shape[1]:
-                samples = samples[:, self._columns]
-            self._estimator.update(samples, block.bridged)
-            self._next = block.first_index + len(block)
+            for group in self._groups_of(block):
+                self._add(group, block)
 
-    def _note_place(self, estimator: Estimator, block: EvenBlock, skipped: int) -> None:
+    def _groups_of(self, block: EvenBlock) -> list[_Group]:
+        """Give the groups whose axes a block has, which is all but always the only one."""
+        there = np.isfinite(block.samples[0])
+        columns = np.flatnonzero(there)
+        if len(self._groups) == 1 and np.array_equal(columns, self._groups[0].columns):
+            return self._groups
+        groups: list[_Group] = []
+        for group in self._groups:
+            stays = there[group.columns]
+            whole = stays.all() or not stays.any()
+            groups += [group] if whole else [group.part(stays), group.part(~stays)]
+        known = [column for group in groups for column in group.columns.tolist()]
+        new = np.setdiff1d(columns, known)
+        if len(new):
+            groups.append(_Group(new, Estimator(len(new)), self._readings()))
+        self._groups = groups
+        for group in groups:
+            group.new_run |= block.new_run
+        return [group for group in groups if there[group.columns[0]]]
+
+    def _readings(self) -> Thermometer:
+        """Give a thermometer with all readings so far, and no samples."""
+        twin = (self._groups[0].thermometer if self._groups else self._before).copy()
+        twin.forget_samples()
+        return twin
+
+    def _add(self, group: _Group, block: EvenBlock) -> None:
+        """Add a block to a group whose axes it has."""
+        estimator, skipped = group.estimator, 0
+        if not estimator.samples:
+            # What was left out at the very beginning is time, too.
+            estimator.signal.skip(block.first_index)
+            skipped = block.first_index
+        elif block.new_run or group.new_run:
+            estimator.start_run()
+        elif block.first_index > group.end:
+            skipped = block.first_index - group.end
+            estimator.skip(skipped)
+        group.new_run = False
+        self._note_place(group, block, skipped)
+        samples = block.samples
+        if len(group.columns) < samples.shape[1]:
+            samples = samples[:, group.columns]
+        estimator.update(samples, block.bridged)
+        group.end = block.first_index + len(block)
+
+    def _note_place(self, group: _Group, block: EvenBlock, skipped: int) -> None:
         """Tell the thermometer where the samples of a block lie on the clock."""
         interval, epoch = self._timeline.interval_ns, self._epoch_ns
         first = last = None
         if epoch is not None and interval is not None:
             first = epoch + round(block.start_s * 1e9)
             last = first + round((len(block) - 1) * interval)
-        self._thermometer.place(*estimator.next_place, len(block), skipped, first, last)
+        group.thermometer.place(*group.estimator.next_place, len(block), skipped, first, last)
 
     def to_state(self) -> dict[str, NDArray[np.generic]]:
         """
@@ -302,16 +392,17 @@ class Characterization:
 
         """
         about = {'kind': self._kind, 'path': self._path, 'topic': self._topic,
-                 'next': self._next, 'columns': self._columns.tolist(),
-                 'epoch_ns': self._epoch_ns}
+                 'epoch_ns': self._epoch_ns,
+                 'groups': [group.to_plain() for group in self._groups]}
         state: dict[str, NDArray[np.generic]] = {'about': np.array(json.dumps(about))}
-        state.update({f'timeline/{key}': value
-                      for key, value in self._timeline.to_state().items()})
-        state.update({f'thermometer/{key}': value
-                      for key, value in self._thermometer.to_state().items()})
-        if self._estimator is not None:
-            state.update({f'estimator/{key}': value
-                          for key, value in self._estimator.to_state().items()})
+        parts = {'timeline': self._timeline.to_state()}
+        for number, group in enumerate(self._groups):
+            parts[f'estimator{number or ""}'] = group.estimator.to_state()
+            parts[f'thermometer{number or ""}'] = group.thermometer.to_state()
+        if not self._groups:
+            parts['thermometer'] = self._before.to_state()
+        for name, part in parts.items():
+            state.update({f'{name}/{key}': value for key, value in part.items()})
         return state
 
     @classmethod
@@ -334,18 +425,25 @@ class Characterization:
             with np.errstate(invalid='raise'):
                 about = json.loads(str(state['about']))
                 self = cls(kind=about['kind'], path=about['path'], topic=about['topic'])
-                self._next = int(about['next'])
-                self._columns = np.array(about['columns'], dtype=np.int64)
                 self._timeline = TimelineStage.from_state(part('timeline'))
                 self._epoch_ns = about.get('epoch_ns')
-                # A state from before there were temperatures has none.
-                if thermometer := part('thermometer'):
-                    self._thermometer = Thermometer.from_state(thermometer)
-                estimator = part('estimator')
-                if estimator:
-                    self._estimator = Estimator.from_state(estimator)
-                    if self._estimator.axes != len(self._columns):
-                        raise ValueError('axes of the estimator and their names differ in number')
+                # A state from before axes could come and go has one group at most, and one from
+                # before there were temperatures has none of them.
+                groups = about.get('groups', [about] if part('estimator') else [])
+                for number, plain in enumerate(groups):
+                    heat = part(f'thermometer{number or ""}')
+                    group = _Group(np.array(plain['columns'], dtype=np.int64).reshape(-1),
+                                   Estimator.from_state(part(f'estimator{number or ""}')),
+                                   Thermometer.from_state(heat) if heat else Thermometer(),
+                                   int(plain['next']), bool(plain.get('new_run', False)))
+                    if group.estimator.axes != len(group.columns):
+                        raise ValueError('axes of an estimator and their names differ in number')
+                    self._groups.append(group)
+                known = [column for group in self._groups for column in group.columns.tolist()]
+                if len(set(known)) != len(known) or not set(known) <= set(range(len(AXES))):
+                    raise ValueError('an axis stands in two groups')
+                if not groups and (heat := part('thermometer')):
+                    self._before = Thermometer.from_state(heat)
         except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise ImuAllanError(f'saved characterization is damaged: {error}') from error
         return self

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The streaming estimator: evenly spaced samples in, everything the fit needs out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise.cells import MOST_RUNS
@@ -174,6 +175,32 @@ class Estimator:
         twin.step = self.step.copy()
         twin._chunk = self._chunk.copy()
         twin._n = _Counters(**vars(self._n))
+        return twin
+
+    def taken(self, axes: Sequence[int]) -> 'Estimator':
+        """
+        Return an independent copy of some of the axes, which goes on alone.
+
+        Parameters
+        ----------
+        axes : sequence of int
+            Their numbers.
+
+        Examples
+        --------
+        >>> both = Estimator(axes=2)
+        >>> both.update(np.arange(8.0).reshape(4, 2))
+        >>> both.taken([1]).mean
+        array([4.])
+
+        """
+        twin, some = self.copy(), list(axes)
+        twin.axes = len(some)
+        for part in (twin.pyramid, twin.periodogram, twin.signal):
+            part.keep(some)
+        twin.reference = None if self.reference is None else self.reference[some]
+        twin.lowest, twin.highest = self.lowest[some], self.highest[some]
+        twin.step, twin._chunk = self.step[some], self._chunk[some]
         return twin
 
     @property

@@ -147,6 +147,11 @@ class BlockPower:
         twin.blocks, twin.excess = dict(self.blocks), dict(self.excess)
         return twin
 
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.axes = len(axes)
+        self.power = {length: power[axes] for length, power in self.power.items()}
+
     def gaps(self, length: int) -> Gaps:
         """Tell what half-full points do to the white noise in the blocks of one length."""
         excess = self.excess.get(length, 0.0)
@@ -315,6 +320,16 @@ class Periodogram:
             twin.means.append(copied)
         twin.series, twin.cell, twin.samples = self.series, self.cell, self.samples
         return twin
+
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.axes = len(axes)
+        self.power.keep(axes)
+        self.segments.keep(axes)
+        self.series = replace(self.series, sums=self.series.sums[axes])
+        for stage in self.means:
+            stage.power.keep(axes)
+            stage.waiting = replace(stage.waiting, sums=stage.waiting.sums[axes])
 
     def shift(self, values: Array) -> None:
         """Add a value to all samples of every axis, shape (axes,), of a finished record."""

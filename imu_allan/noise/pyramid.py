@@ -127,6 +127,12 @@ class Pyramid:
         twin._work = self._work[:, :, :0]
         return twin
 
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.sums = self.sums[:, axes]
+        self._tails = [tail[axes] for tail in self._tails]
+        self._work = np.empty((5, len(axes), 0))
+
     def merge(self, other: 'Pyramid') -> None:
         """Add the sums of another record of the same axes."""
         self._grow(max(len(self._tails), len(other._tails)))

@@ -183,6 +183,10 @@ class Segments:
         twin.power, twin.dof = self.power.copy(), self.dof.copy()
         return twin
 
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.power = self.power[axes]
+
     def to_state(self) -> State:
         """Return the state as plain arrays."""
         return {'shape': np.array([self.width, self.samples]), 'power': self.power.copy(),

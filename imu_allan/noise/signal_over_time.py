@@ -140,6 +140,10 @@ class Signal:
         self._high[:, there] = theirs._high[:, :count] + shift[:, None]
         self._place = begin * self._width + theirs._place
 
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self._sums, self._low, self._high = self._sums[axes], self._low[axes], self._high[axes]
+
     def copy(self) -> 'Signal':
         """Return an independent copy."""
         return Signal.from_state(self.to_state())

@@ -33,7 +33,9 @@ class Decision(Record):
     counted_only : bool
         No stamps are usable: samples are counted at the stated rate.
     present : list of bool or None
-        Whether each axis is there.
+        Whether each axis was ever there.
+    not_finite : list of bool
+        Which were not, without being declared absent, in the first messages.
     interval_ns : float or None
         Distance of two samples, which follows the clock's slow drift.
     first_interval_ns : float or None
@@ -61,6 +63,7 @@ class Decision(Record):
     clock: Clock | None = None
     counted_only: bool = False
     present: list[bool] | None = None
+    not_finite: list[bool] = field(default_factory=lambda: [False] * 6)
     interval_ns: float | None = None
     first_interval_ns: float | None = None
     spread: float = 0.0

@@ -17,6 +17,7 @@ from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Decision
 from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.presence import Presence
 import numpy as np
 
 _GRAVITY_TOLERANCE = 0.5
@@ -49,15 +50,15 @@ _LONGEST_LAG_S = 0.3
 """Receive stamps lag by tenths of a second: over some seconds that is a few percent."""
 
 
-def remarks_of(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
-               motion: MotionSummary, excursions: Sequence[Sequence[float]] = ()
-               ) -> tuple[Remark, ...]:
+def remarks_of(counts: Counts, decision: Decision, content: Content, presence: Presence,
+               options: TimelineOptions, motion: MotionSummary,
+               excursions: Sequence[Sequence[float]] = ()) -> tuple[Remark, ...]:
     """
     Word what the user should know about.
 
     Parameters
     ----------
-    counts, decision, content, options, motion, excursions
+    counts, decision, content, presence, options, motion, excursions
         As `imu_allan.timeline.summary.summarize`.
 
     Returns
@@ -66,7 +67,8 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, options: Ti
         Of the recording as a whole, each code once.
 
     """
-    told = _remarks(counts, decision, content, options, motion)
+    told = (_presence_remarks(counts, decision, presence)
+            | _remarks(counts, decision, content, options, motion))
     return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
 
 
@@ -153,6 +155,25 @@ def _rate_remarks(counts: Counts) -> dict[str, str]:
     return {'uneven_rate': (
         f'the sample rate varies between {low:.5g} and {high:.5g} Hz: {rate:.5g} Hz, its mean, is '
         f'used; averaging times may be up to {off:.1%} off and noise densities half as much')}
+
+
+def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) -> dict[str, str]:
+    remarks, there = {}, decision.present or [True] * 6
+    never = [name for name, gone, was in zip(AXIS_NAMES, decision.not_finite, there, strict=True)
+             if gone and not was]
+    if never:
+        remarks['axis_not_finite'] = f'{", ".join(never)}: NaN or infinite, left out'
+    lasting: dict[int, list[str]] = {}
+    for name, gone, was in zip(AXIS_NAMES, presence.gone, there, strict=True):
+        if gone and was:
+            lasting.setdefault(gone, []).append(name)
+    if lasting:
+        told = '; '.join(f'{", ".join(names)} in {gone} of {counts.messages} messages'
+                         for gone, names in lasting.items())
+        remarks['axis_absent_in_part'] = (
+            f'no values for a while, NaN or declared absent (covariance[0] is -1): {told}; the '
+            'record of these axes is shorter by that, the others lose nothing')
+    return remarks
 
 
 def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:

@@ -26,7 +26,7 @@ from imu_allan.timeline.clock import (
 )
 from imu_allan.timeline.content import Content, Repeats
 from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import AXIS_NAMES, Decision
+from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.impostors import alternates, is_spiky, spikes
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
@@ -37,6 +37,7 @@ from imu_allan.timeline.pace import (
     spread_about,
 )
 from imu_allan.timeline.pending import Window
+from imu_allan.timeline.presence import Presence
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,16 +84,19 @@ class Intake:
         self._counts = counts
         self.decision = Decision()
         self.content = Content()
+        self.presence = Presence()
 
     def copy(self, counts: Counts) -> 'Intake':
         """Give an independent copy, which counts in `counts`."""
         twin = Intake(self._options, counts)
         twin.decision, twin.content = self.decision.copy(), self.content.copy()
+        twin.presence = self.presence.copy()
         return twin
 
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Everything needed to go on later, as a flat dict of arrays."""
         return {'decision': np.array(json.dumps(self.decision.to_plain())),
+                'presence': np.array(json.dumps(self.presence.to_plain())),
                 **self.content.to_state()}
 
     @classmethod
@@ -102,6 +106,10 @@ class Intake:
         intake = cls(options, counts)
         intake.decision = Decision.from_plain(json.loads(str(state['decision'])))
         intake.content = Content.from_state(state)
+        # A state from before axes could come and go knows those of the first messages alone.
+        intake.presence = (
+            Presence.from_plain(json.loads(str(state['presence']))) if 'presence' in state
+            else Presence(there=list(intake.decision.present or [True] * 6)))
         return intake
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
@@ -118,7 +126,7 @@ class Intake:
 
     def is_clean(self, window: Window) -> bool:
         """Tell whether every value of every axis is there and usable, as is usual."""
-        return bool(all(self.decision.present or [False]) and not self.decision.spiky
+        return bool(all(self.presence.there) and not self.decision.spiky
                     and not window.absent.any()
                     and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST
                     and self.content.is_fresh(window.samples[:window.consumed]))
@@ -190,7 +198,7 @@ class Intake:
         """
         counts, c = self._counts, window.consumed
         stamps, other = self.stamps(window)
-        unusable = self._unusable(window)
+        away, unusable = self._unusable(window)
         twice = self._twice(window, stamps, newest) if self.decision.unties else None
         held, frozen = repeats.held, repeats.frozen
         if frozen is not None:
@@ -213,9 +221,9 @@ class Intake:
             rows = np.flatnonzero(~(gone | twice))
             c = int(np.searchsorted(rows, c))
             stamps, other, samples, void = stamps[rows], other[rows], samples[rows], void[rows]
-        if not all(self.decision.present or ()):
-            samples = samples.copy()
-            samples[:, ~np.array(self.decision.present)] = np.nan
+            away = None if away is None else away[rows]
+        if away is not None:
+            samples = np.where(away, np.nan, samples)
         return Messages(stamps, other, samples, c, void)
 
     def _note_frozen(self, window: Window, stamps: Stamps, frozen: Bools) -> None:
@@ -242,11 +250,9 @@ class Intake:
             raise ImuAllanError(
                 'the messages carry neither angular velocity nor linear acceleration '
                 '(covariance[0] is -1 or every value is NaN): choose another topic')
-        decision.present = [bool(axis) for axis in present]
-        if np.any(declared & ~present):
-            missing = ', '.join(name for name, gone
-                                in zip(AXIS_NAMES, declared & ~present, strict=True) if gone)
-            decision.remarks['axis_not_finite'] = f'{missing}: NaN or infinite, left out'
+        decision.present = present.tolist()
+        decision.not_finite = (declared & ~present).tolist()
+        self.presence.there = present.tolist()
         self._choose_clock(window)
         self._counts.first_header_ns = int(window.header[0])
         self._counts.first_receive_ns = int(window.receive[0])
@@ -388,22 +394,35 @@ class Intake:
                        and bool(np.array_equal(window.samples[0, there], newest[there])))
         return same if same.any() else None
 
-    def _unusable(self, window: Window) -> Bools | None:
-        """Messages with NaN, infinite or absurd values, or with fields declared absent."""
-        samples = window.samples
-        present = np.array(self.decision.present)
-        bad: Bools | None = None
-        if window.absent.any():
-            declared = window.absent & np.array([present[:3].any(), present[3:].any()])
-            if declared.any():
-                bad = np.any(declared, axis=1)
-                self._counts.absent += int(np.count_nonzero(bad[:window.consumed]))
-        if not (present.all() and samples.max() < _LARGEST and samples.min() > -_LARGEST):
-            with np.errstate(invalid='ignore'):
-                wild: Bools = ~np.all(np.abs(samples[:, present]) < _LARGEST, axis=1)
-            if wild.any():
-                bad = wild if bad is None else bad | wild
-        return bad
+    def _unusable(self, window: Window) -> tuple[Bools | None, Bools | None]:
+        """
+        Find values that are NaN, infinite or absurd, or whose field is declared absent.
+
+        Returns
+        -------
+        ndarray of bool, shape (n, 6), or None
+            Axes that are gone.
+        ndarray of bool, shape (n,), or None
+            Messages of which some of the other axes, or all, cannot be used.
+
+        """
+        samples, presence = window.samples, self.presence
+        absent = bool(window.absent.any())
+        if (not absent and all(presence.there) and samples.max() < _LARGEST
+                and samples.min() > -_LARGEST):
+            return None, None
+        with np.errstate(invalid='ignore'):
+            bad: Bools = ~(np.abs(samples) < _LARGEST)
+        declared = np.repeat(window.absent, 3, axis=1)
+        gone = presence.look(bad | declared, window.consumed)
+        came = ~gone[:window.consumed].all(axis=0)
+        self.decision.present = (came | np.array(self.decision.present)).tolist()
+        spoilt: Bools = np.any((bad | declared) & ~gone, axis=1) | gone.all(axis=1)
+        if absent:
+            declared &= ~gone
+            self._counts.absent += int(np.count_nonzero(
+                declared[:window.consumed].any(axis=1)))
+        return gone if gone.any() else None, spoilt if spoilt.any() else None
 
 
 def _pace_of(stamps: Stamps, other: Stamps, bursts: bool) -> tuple[Pace | None, int]:

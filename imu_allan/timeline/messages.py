@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the parts of a timeline hand on: usable messages, then even pieces."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from imu_allan.block import EvenBlock
 from imu_allan.timeline.clock import Stamps
@@ -26,7 +28,7 @@ class Messages:
     stamps, other : ndarray of int64, shape (n,)
         Stamps of the clock in use, and of the other one.
     samples : ndarray of float64, shape (n, 6)
-        NaN only in columns of absent axes.
+        NaN only where an axis is absent.
     consumed : int
         The first so many are to be placed; the others only show what comes next.
     void : ndarray of bool, shape (n,), or None
@@ -59,7 +61,7 @@ class EvenPiece:
     Attributes
     ----------
     samples : ndarray of float64, shape (n, 6)
-        NaN only in columns of absent axes.
+        NaN only where an axis is absent.
     first_index : int
         Place of the first row on the grid.
     start_s : float
@@ -81,3 +83,16 @@ class EvenPiece:
         """Give all rows."""
         return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run,
                          start_s=self.start_s)
+
+    def by_axes(self, interval_s: float) -> Iterator['EvenPiece']:
+        """Give the piece in parts within which the same axes are there, and at least one."""
+        there = np.isfinite(self.samples)
+        edges = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
+        new_run = self.new_run
+        for first, last in pairwise([0, *edges.tolist(), len(self.samples)]):
+            if there[first].any():
+                begin = self.first_index + first
+                low, high = np.searchsorted(self.bridged, (begin, begin + last - first))
+                yield EvenPiece(self.samples[first:last], begin, self.start_s + first * interval_s,
+                                new_run, self.bridged[low:high])
+                new_run = False

@@ -184,7 +184,7 @@ class MotionDetector:
     """
 
     def __init__(self, interval_s: float) -> None:
-        self._interval_s = interval_s
+        self.interval_s = interval_s
         self._part = max(round(PART_S / interval_s), 1)
         self._size = _PARTS * self._part
         self._lags = tuple(lag for lag in _LAGS
@@ -231,6 +231,13 @@ class MotionDetector:
         twin._excursions = self._excursions.copy()
         return twin
 
+    def follow(self, before: 'MotionDetector') -> None:
+        """Go on with what another detector, of other axes, has told; it is flushed."""
+        self._summary, self._excursions.found = before._summary, before._excursions.found
+        self._run_pending, self._void = before._run_pending, before._void
+        self._rest_end, self._rest_lasts = before._rest_end, before._rest_lasts
+        self._span_end, self._span_end_s = before._span_end, before._span_end_s
+
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Everything needed to go on later, as a flat dict of arrays."""
         held = self._held
@@ -239,7 +246,7 @@ class MotionDetector:
                       'windows': len(s.means), 'judged': len(s.moving),
                       'bridged': len(s.bridged)} for s in held]
         text = json.dumps({
-            'interval_s': self._interval_s, 'summary': asdict(self._summary),
+            'interval_s': self.interval_s, 'summary': asdict(self._summary),
             'run_pending': self._run_pending, 'span_end': self._span_end,
             'quieter': self._quieter, 'void': self._void, 'rest_end': self._rest_end,
             'rest_lasts': self._rest_lasts,
@@ -325,7 +332,7 @@ class MotionDetector:
             self._held.append(last)
         else:
             grown = piece.first_index - last.first_index
-            last.start_s = piece.start_s - grown * self._interval_s
+            last.start_s = piece.start_s - grown * self.interval_s
         last.rows.append(piece.samples)
         last.held += len(piece.samples)
         if len(piece.bridged):
@@ -487,7 +494,7 @@ class MotionDetector:
             self._note_contrast(loudness[moving])
         if len(rest) and not short:
             self._excursions.take(rest, self._time(stretch, stretch.base + first),
-                                  self._size * self._interval_s)
+                                  self._size * self.interval_s)
         if not short:
             self._learn(np.hstack([loudness, wander]), moving, beyond,
                         self._time(stretch, stretch.base + last))
@@ -636,7 +643,7 @@ class MotionDetector:
             self._summary.changes = (*self._summary.changes[:9], (time_s, float(most)))
 
     def _time(self, stretch: _Stretch, window: int) -> float:
-        return max(stretch.start_s + window * self._size * self._interval_s, 0.0)
+        return max(stretch.start_s + window * self._size * self.interval_s, 0.0)
 
     def _give(self, stretch: _Stretch) -> list[EvenBlock]:
         """Give the rows at rest of the windows whose margin is known."""
@@ -674,7 +681,7 @@ class MotionDetector:
                 self._keep(first + begin, end - begin, self._time(stretch, stretch.given + left))
             stretch.new_run = False
         struck = int(np.count_nonzero(stretch.moving[context:context + count])) * size
-        newest = self._time(stretch, stretch.given) + length * self._interval_s
+        newest = self._time(stretch, stretch.given) + length * self.interval_s
         summary = self._summary
         summary.seen += length
         summary.struck += min(struck, length)
@@ -695,7 +702,7 @@ class MotionDetector:
     def _keep(self, first: int, rows: int, start_s: float) -> None:
         """Note rows at rest, as part of the stretch before if they follow it."""
         summary = self._summary
-        duration = rows * self._interval_s
+        duration = rows * self.interval_s
         rests = summary.rests
         if first == self._rest_end and rests:
             self._rest_lasts += duration
@@ -713,7 +720,7 @@ class MotionDetector:
     def _cut(self, first: int, rows: int, start_s: float) -> None:
         """Note rows that are left out, as part of the span before if they follow it."""
         summary = self._summary
-        duration = rows * self._interval_s
+        duration = rows * self.interval_s
         spans, count = summary.spans, summary.count
         if first == self._span_end and count:
             if count == len(spans):

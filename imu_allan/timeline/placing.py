@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 import json
-from math import sqrt
+from math import isnan, sqrt
 from typing import Any
 
 from imu_allan.timeline.clock import in_order, order_stamps, place_in_burst, SECOND, Stamps
@@ -440,8 +440,12 @@ class Placing:
                       np.concatenate([self._tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((self._decision.present or [False])[3:]):
             some = messages.samples[:c:_SPARSE, 3:]
-            counts.gravity = [a + b for a, b
-                              in zip(counts.gravity, some.sum(axis=0).tolist(), strict=True)]
+            total = some.sum(axis=0).tolist()
+            if isnan(sum(total)):
+                # For a while an axis is not there.
+                some = some[np.isfinite(some).all(axis=1)]
+                total = some.sum(axis=0).tolist()
+            counts.gravity = [a + b for a, b in zip(counts.gravity, total, strict=True)]
             counts.gravity_samples += len(some)
         if paced_steps > _LATELY and not self._decision.counted_only:
             lately_ns = paced_ns / paced_steps

@@ -28,6 +28,10 @@ from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray
 
+Axes = tuple[bool, ...]
+
+_MOST_WAITING = 4
+"""Detectors of other axes that are kept: with each of two sensors away in turn there are two."""
 WINDOW = 4096
 """Messages seen together; the last `LOOK_AHEAD` of them are worked off with the next window."""
 
@@ -57,6 +61,9 @@ class TimelineStage:
         self._intake = Intake(options, self._counts)
         self._placing = Placing(options, self._counts, self._intake.decision)
         self._motion: MotionDetector | None = None
+        # Axes that the detector judges by, and those that wait for theirs to come back.
+        self._axes: Axes | None = None
+        self._waiting: dict[Axes, MotionDetector] = {}
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
         """
@@ -125,6 +132,8 @@ class TimelineStage:
         twin._intake = self._intake.copy(twin._counts)
         twin._placing = self._placing.copy(twin._counts, twin._intake.decision)
         twin._motion = self._motion.copy() if self._motion is not None else None
+        twin._axes = self._axes
+        twin._waiting = {axes: motion.copy() for axes, motion in self._waiting.items()}
         return twin
 
     def to_state(self) -> dict[str, NDArray[Any]]:
@@ -135,6 +144,11 @@ class TimelineStage:
                  **self._placing.to_state()}
         if self._motion is not None:
             state |= self._motion.to_state()
+        if self._axes is not None:
+            state['axes'] = np.array([self._axes, *self._waiting])
+        for number, detector in enumerate(self._waiting.values()):
+            state |= {f'waiting{number}/{key}': value
+                      for key, value in detector.to_state().items()}
         return state
 
     @classmethod
@@ -157,6 +171,14 @@ class TimelineStage:
             stage._pending = Pending.from_state(state, decision.frame_id or '')
             if 'motion' in state:
                 stage._motion = MotionDetector.from_state(state)
+                # A state from before axes could come and go has those of the first messages.
+                table = np.asarray(state.get('axes', [decision.present]), dtype=bool)
+                stage._axes, *others = map(tuple, table.reshape(-1, 6).tolist())
+                for number, axes in enumerate(others[:_MOST_WAITING]):
+                    mark = f'waiting{number}/'
+                    stage._waiting[axes] = MotionDetector.from_state({
+                        key[len(mark):]: value for key, value in state.items()
+                        if key.startswith(mark)})
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ImuAllanError(f'saved timeline is damaged: {error}') from error
         return stage
@@ -173,7 +195,8 @@ class TimelineStage:
         detector = stage._motion
         motion = detector.summary if detector is not None else MotionSummary()
         return summarize(stage._counts, stage._intake.decision, stage._intake.content,
-                         stage._placing.cursor, self._options, motion, len(stage._pending),
+                         stage._intake.presence, stage._placing.cursor, self._options, motion,
+                         len(stage._pending),
                          detector.excursions if detector is not None else [])
 
     @property
@@ -206,13 +229,16 @@ class TimelineStage:
         messages = intake.usable(window, repeats, placing.newest)
         if repeats.woke:
             self._counts.forget()
-            self._motion = None
+            self._motion, self._axes, self._waiting = None, None, {}
             intake.decision.restart = placing.cursor.fresh_run = True
         return self._at_rest(placing.place(messages))
 
     def _at_rest(self, pieces: Iterable[EvenPiece]) -> list[EvenBlock]:
         """Leave out motion, unless the user keeps it or a window has no length yet."""
         blocks: list[EvenBlock] = []
+        if self._intake.presence.changed:
+            interval_s = self._intake.decision.pace.interval_ns / SECOND
+            pieces = [part for piece in pieces for part in piece.by_axes(interval_s)]
         for piece in pieces:
             first_interval_ns = self._intake.decision.first_interval_ns
             if self._options.motion == 'keep' or first_interval_ns is None:
@@ -220,8 +246,25 @@ class TimelineStage:
                 continue
             if self._motion is None:
                 self._motion = MotionDetector(first_interval_ns / SECOND)
+                self._axes = _axes_of(piece)
+            elif self._intake.presence.changed:
+                blocks += self._judge_by(_axes_of(piece))
             blocks += self._motion.push(piece)
         return self._marked(blocks)
+
+    def _judge_by(self, axes: Axes) -> list[EvenBlock]:
+        """Go on with the detector of some axes: what it knows of rest is not that of others."""
+        assert self._motion is not None
+        if axes == self._axes or self._axes is None:
+            return []
+        blocks = self._motion.flush()
+        self._waiting[self._axes] = self._motion
+        if len(self._waiting) > _MOST_WAITING:
+            del self._waiting[next(iter(self._waiting))]
+        found = self._waiting.pop(axes, None) or MotionDetector(self._motion.interval_s)
+        found.follow(self._motion)
+        self._motion, self._axes = found, axes
+        return blocks
 
     def _marked(self, blocks: list[EvenBlock]) -> list[EvenBlock]:
         """Let the first block after a restart say so."""
@@ -229,3 +272,8 @@ class TimelineStage:
             self._intake.decision.restart = False
             blocks[0] = replace(blocks[0], restart=True)
         return blocks
+
+
+def _axes_of(piece: EvenPiece) -> Axes:
+    """Tell which axes a piece has."""
+    return tuple(np.isfinite(piece.samples[0]).tolist())

@@ -19,6 +19,7 @@ from imu_allan.timeline.findings import mostly_motion, remarks_of
 from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Cursor
+from imu_allan.timeline.presence import Presence
 
 _CLEAR_RATE = 1e-3
 """Less than this the ends of a record do not matter. A judgment."""
@@ -47,7 +48,7 @@ class TimelineSummary:
     remarks : tuple of Remark
         Findings the user should know about.
     present : tuple of bool, length 6
-        Whether each axis is there; the others are NaN in every block.
+        Whether each axis was ever there; the others are NaN in every block.
     messages : int
         Messages seen, those still held back included.
     bridged : int
@@ -107,15 +108,15 @@ class TimelineSummary:
     noise_changes: tuple[tuple[float, float], ...] = ()
 
 
-def summarize(counts: Counts, decision: Decision, content: Content, cursor: Cursor,
-              options: TimelineOptions, motion: MotionSummary, held_back: int,
+def summarize(counts: Counts, decision: Decision, content: Content, presence: Presence,
+              cursor: Cursor, options: TimelineOptions, motion: MotionSummary, held_back: int,
               excursions: Sequence[Sequence[float]] = ()) -> TimelineSummary:
     """
     Tell what was seen.
 
     Parameters
     ----------
-    counts, decision, content, cursor, options, motion
+    counts, decision, content, presence, cursor, options, motion
         What the parts of a timeline remember, its options, and the spans cut out.
     held_back : int
         Messages that came but are not decided on.
@@ -151,7 +152,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, cursor: Curs
         clock=None if decision.counted_only else decision.clock,
         frame_id=decision.frame_id,
         start_time=start,
-        remarks=remarks_of(counts, decision, content, options, motion, excursions),
+        remarks=remarks_of(counts, decision, content, presence, options, motion, excursions),
         present=tuple(decision.present or [True] * 6),
         messages=counts.messages + held_back,
         bridged=counts.bridged,

@@ -19,6 +19,7 @@ from imu_allan.sensor.units import engineering
 from imu_allan.wording import counted, duration, listed, named, number, spoken
 
 TITLES = {
+    'axis_absent_in_part': 'absent in part',
     'band_limited': 'low-pass', 'coarse_resolution': 'coarse steps', 'constant_axis': 'constant',
     'gauss_markov': 'correlated noise', 'gravity': 'gravity', 'interpolated': 'interpolated',
     'motion': 'motion', 'mostly_motion': 'motion', 'noise_level_changed': 'noise level changes',

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole path with the faults of a real driver, held against the clean run."""
 
+from dataclasses import replace
+import json
+
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
@@ -168,6 +171,32 @@ def test_damaged_state_is_refused(damage):
     damage(state)
     with pytest.raises(ImuAllanError, match='damaged'):
         Characterization.from_state(state)
+
+
+def test_a_state_from_before_axes_could_come_and_go_is_gone_on_with():
+    rows = still_imu(20_000)
+    whole = Characterization(kind='topic', topic='/imu')
+    parts = list(blocks(rows, np.arange(len(rows))))
+    for block in parts[:len(parts) // 2]:
+        whole.update(block)
+    state = whole.to_state()
+    about = json.loads(str(state['about']))
+    about |= {'next': about['groups'][0]['next'], 'columns': about['groups'][0]['columns']}
+    del about['groups']
+    decision = json.loads(str(state['timeline/decision']))
+    del decision['not_finite']
+    state |= {'about': np.array(json.dumps(about)),
+              'timeline/decision': np.array(json.dumps(decision))}
+    del state['timeline/presence'], state['timeline/axes']
+    resumed = Characterization.from_state(state)
+    for block in parts[len(parts) // 2:]:
+        whole.update(block)
+        resumed.update(block)
+    assert resumed.result().to_dict() == whole.result().to_dict()
+    # What came and went is gone on with from there.
+    resumed.update(replace(block, absent=np.tile([False, True], (len(block), 1)),
+                           header_ns=block.header_ns + block.header_ns[-1] - block.header_ns[0]))
+    assert len(resumed.result().axes) == 6
 
 
 CONTAINERS = [('mcap', 'zstd'), ('mcap', 'lz4'), ('mcap', ''), ('sqlite3', '')]

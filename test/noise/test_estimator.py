@@ -353,3 +353,21 @@ def test_a_run_of_a_few_samples_has_no_spectrum_of_its_own():
     [one] = alone.finished().periodogram.pieces()
     [other] = followed.finished().periodogram.pieces()
     np.testing.assert_array_equal(one.power, other.power)
+
+
+def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
+    rows = np.random.default_rng(0).normal(size=(60_000, 5)) + 3.0
+    together, alone = Estimator(5), Estimator(2)
+    for part in np.array_split(rows[:40_000], 7):
+        together.update(part)
+        alone.update(part[:, [1, 4]])
+    taken = together.taken([1, 4])
+    for part in np.array_split(rows[40_000:], 3):
+        taken.update(part[:, [1, 4]])
+        alone.update(part[:, [1, 4]])
+    state, expected = taken.finished().to_state(), alone.finished().to_state()
+    assert state.keys() == expected.keys()
+    for key, value in expected.items():
+        np.testing.assert_allclose(state[key], value, rtol=1e-12, err_msg=key)
+    assert together.axes == 5
+    assert together.samples == 40_000

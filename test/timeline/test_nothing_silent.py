@@ -201,14 +201,58 @@ def test_clocks_of_different_speed_are_told(speed):
         f'header stamps run {messages.header[-1] / receive:.3g} times as fast as receive stamps')
 
 
-def test_a_field_declared_absent_later_is_told():
-    messages, truth, _ = rest()
-    messages.absent[5000:, 1] = True
-    result = characterized(messages)
+def numbers(result: Result, axes: str) -> list[float | None]:
+    return [axis.coefficients['noise_density'].value for name, axis in result.axes.items()
+            if name.startswith(axes)]
+
+
+@pytest.mark.parametrize('declared', [True, False])
+@pytest.mark.parametrize(('first', 'last', 'again'), [
+    (0, 6000, 15_000), (5000, 15_000, 15_000), (5000, 7000, 15_000), (1000, 2000, 4000)])
+def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_back(
+        declared, first, last, again):
+    messages, truth, rng = rest()
+    whole = characterized(messages)
+    gone = (messages.place % again >= first) & (messages.place % again < last)
+    if declared:
+        messages.absent[gone, 1] = True
+    else:
+        messages.samples[gone, 3:] = np.nan
+    result = characterized(messages, rng)
     assert_right(result, truth, 0.05)
-    assert told(result, 'field_absent') == (
-        '10000 messages declare angular velocity or linear acceleration as not provided '
-        '(covariance[0] is -1), others do not: they are left out')
+    assert result.timeline.samples == len(messages.place)
+    assert result.timeline.rejected == 0
+    assert result.timeline.motion == ()
+    assert numbers(result, 'gyro') == numbers(whole, 'gyro')
+    assert numbers(result, 'accel') != numbers(whole, 'accel')
+    assert told(result, 'axis_absent_in_part') == (
+        'no values for a while, NaN or declared absent (covariance[0] is -1): accel_x, accel_y, '
+        f'accel_z in {np.count_nonzero(gone)} of 15000 messages; the record of these axes is '
+        'shorter by that, the others lose nothing')
+
+
+def test_sensors_that_are_absent_in_turn_are_judged_alone_and_motion_is_seen_in_each():
+    messages, truth, rng = rest(duration_s=400)
+    messages.absent[5000:15_000, 1] = True
+    messages.absent[20_000:22_000, 0] = True
+    messages.samples[10_000:10_500, 0] += 0.5 * np.sin(0.05 * messages.place[:500])
+    result = characterized(keep(messages, rng.random(len(messages.place)) > 0.02), rng)
+    assert_right(result, truth, 0.05)
+    assert len(result.timeline.motion) == 1
+    assert result.timeline.motion[0].start_s == pytest.approx(100, abs=2)
+    assert result.timeline.rejected == 0
+    message = told(result, 'axis_absent_in_part')
+    assert message.count('gyro_x, gyro_y, gyro_z in') == message.count('accel_z in') == 1
+
+
+def test_blocks_and_saves_make_no_difference_where_axes_come_and_go():
+    messages, _, rng = rest(duration_s=120)
+    messages.absent[2000:7000, 1] = True
+    messages.samples[9000:9300, 0] = np.nan
+    messages.samples[rng.random(len(messages.place)) < 0.01, 4] = np.nan
+    alike = characterized(messages).to_dict()
+    for seed in range(3):
+        assert characterized(messages, np.random.default_rng(seed)).to_dict() == alike
 
 
 @pytest.mark.parametrize('first_s', [15.0, 41.0])
