@@ -11,7 +11,7 @@ from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise
-from imu_allan.noise.parts import part_groups
+from imu_allan.noise.parts import Part
 from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
@@ -76,6 +76,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         return [None] * finished.axes
     bins = bins_of(pieces, dt, finished.bridged / finished.samples)
     segments = segment_powers(finished.periodogram)
+    quarters = _quarters(finished, dt)
     found: list[AxisFit | None] = []
     for axis in range(finished.axes):
         if finished.lowest[axis] == finished.highest[axis]:
@@ -88,17 +89,19 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         steady = steadiness(segments, axis, dt, lines_hz) if segments else None
         record = RecordSpectrum(pieces, bins, axis, dt, keep)
         groups = whole if keep.all() else record.groups()
-        parts = partial(_parts, finished, axis, dt, lines_hz)
+        parts = partial(_spectra, quarters, axis, lines_hz)
         fitted = fit(groups, dt, first, record, steady, parts, temperature)
         found.append(AxisFit(fitted, lines, groups, whole, steady, segments))
     return found
 
 
-def _parts(finished: Estimator, axis: int, dt: float, lines_hz: Sequence[float]) -> list[Groups]:
-    """Spectra of the quarters of a record."""
-    periodogram = finished.periodogram
-    used = periodogram.segments.used
+def _quarters(finished: Estimator, dt: float) -> list[Part]:
+    """Quarters of a record."""
+    used = finished.periodogram.segments.used
     ends = [round(part * used / PARTS) for part in range(PARTS + 1)]
-    return [part_groups(periodogram, axis, dt, first, last, lines_hz,
-                        finished.bridged / finished.samples)
+    return [Part(finished.periodogram, dt, first, last, finished.bridged / finished.samples)
             for first, last in pairwise(ends) if last > first]
+
+
+def _spectra(parts: Sequence[Part], axis: int, lines_hz: Sequence[float]) -> list[Groups]:
+    return [part.groups(axis, lines_hz) for part in parts]

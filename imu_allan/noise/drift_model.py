@@ -19,6 +19,8 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 
 """
 
+from dataclasses import replace
+
 from imu_allan.noise.likelihood import Groups, maximise, QUANTIZATION, Solution, WALK, WHITE
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import gauss_markov_avar, line_avar
@@ -40,6 +42,8 @@ _PRIOR_DOF = 4.0        # pseudo-observations a half-octave: fewer lets a short 
 _PER_DECADE = 2         # correlation times to choose from
 _LONGEST_SHARE = 3.0    # of the record: what is slower is a walk to it
 _CLOSE = 1 / 3          # of a decade: neighbours that are one process
+_ROUGH = 1e-2
+"""Loss to which a choice of processes is tried first; the best are then fitted to the end."""
 _FEWEST_GROUPS = 8
 """An octave, at eight to one: of less no process is told from white noise. A judgment."""
 
@@ -193,13 +197,6 @@ def _most_walk(band: Groups, best: Solution) -> Solution:
     return upper
 
 
-def _columns(band: Groups, dt: float, times: Array) -> Groups:
-    """White noise, walk and processes of unit variance as the columns."""
-    processes = [_process_column(band, dt, float(time)) for time in times]
-    return band.with_design(np.stack((band.design[:, WHITE], band.design[:, WALK], *processes),
-                                     axis=1))
-
-
 def _process_column(groups: Groups, dt: float, time: float) -> Array:
     """Power that a process of unit variance gives."""
     nu = np.minimum(groups.frequency * dt, 0.5)
@@ -208,26 +205,41 @@ def _process_column(groups: Groups, dt: float, time: float) -> Array:
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
     """Fit processes of the given correlation times and keep those that matter, at most four."""
-    def fitted(of: Array) -> tuple[Array, Solution]:
-        solution = maximise(_columns(band, dt, of))
-        there = solution.theta[2:] > 0
-        theta = np.concatenate((solution.theta[:2], solution.theta[2:][there]))
-        return of[there], Solution(theta, 0.0, solution.loss)
+    rows = {float(time): _process_column(band, dt, float(time)) for time in times}
 
-    times, solution = fitted(times)
+    def fitted(of: Array, start: Array | None = None, tolerance: float = 1e-7) -> Solution:
+        for time in of.tolist():
+            if time not in rows:
+                rows[time] = _process_column(band, dt, time)
+        columns = (band.design[:, WHITE], band.design[:, WALK], *(rows[t] for t in of.tolist()))
+        return maximise(band.with_design(np.stack(columns, axis=1)), tolerance=tolerance,
+                        start=None if start is None else Solution(start, 0.0, np.inf))
+
+    def there(of: Array, found: Solution) -> tuple[Array, Solution]:
+        seen = found.theta > 0
+        seen[:2] = True
+        return of[seen[2:]], replace(found, theta=found.theta[seen])
+
+    times, solution = there(times, fitted(times))
     close = np.flatnonzero(np.diff(np.log10(times)) < _CLOSE)
     if len(close):
-        times, solution = fitted(_joined(times, solution.theta[2:], int(close[0])))
+        times, start = _joined(times, solution.theta, int(close[0]))
+        times, solution = there(times, fitted(times, start))
     while len(times) > MOST_PROCESSES:
-        variances = solution.theta[2:]
-        fewer = [np.delete(times, i) for i in range(len(times))]
-        fewer += [_joined(times, variances, i) for i in range(len(times) - 1)]
-        times, solution = min((fitted(some) for some in fewer), key=lambda found: found[1].loss)
+        theta = solution.theta
+        fewer = [(np.delete(times, i), np.delete(theta, 2 + i)) for i in range(len(times))]
+        fewer += [_joined(times, theta, i) for i in range(len(times) - 1)]
+        rough = [fitted(*some, tolerance=_ROUGH) for some in fewer]
+        near = min(found.loss for found in rough) + 2 * _ROUGH
+        times, solution = min((there(of, fitted(of, found.theta))
+                               for (of, _), found in zip(fewer, rough, strict=True)
+                               if found.loss <= near), key=lambda found: found[1].loss)
     return times, solution
 
 
-def _joined(times: Array, variances: Array, at: int) -> Array:
+def _joined(times: Array, theta: Array, at: int) -> tuple[Array, Array]:
     """Put one process in the place of two neighbours: the weighted mean of the logarithms."""
-    pair = slice(at, at + 2)
-    mean = np.exp(np.average(np.log(times[pair]), weights=variances[pair]))
-    return np.concatenate((times[:at], [mean], times[at + 2:]))
+    pair, variances = slice(at, at + 2), slice(at + 2, at + 4)
+    mean = np.exp(np.average(np.log(times[pair]), weights=theta[variances]))
+    return (np.concatenate((times[:at], [mean], times[at + 2:])),
+            np.concatenate((theta[:at + 2], [theta[variances].sum()], theta[at + 4:])))

@@ -13,7 +13,7 @@ markedly less likely; otherwise there is an upper bound.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from imu_allan.noise.agreement import Agreement, agreement
+from imu_allan.noise.agreement import Agreement, agreements
 from imu_allan.noise.band import effective_window, narrowed
 from imu_allan.noise.correlated import (
     levels_off,
@@ -37,11 +37,11 @@ from imu_allan.noise.likelihood import (
     WALK,
     WHITE,
 )
-from imu_allan.noise.moving_mean import moving_mean, MovingMean, walk_ratio, Warming
+from imu_allan.noise.moving_mean import has_walk, moving_mean, MovingMean, Warming
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.temperature import asked_for, Dependence, dependence, TemperatureCourse
 from imu_allan.noise.trends import RecordSpectrum
-from imu_allan.noise.trial import banded, fit_band, OBSERVABLE, Trial
+from imu_allan.noise.trial import banded, fit_band, Trial
 import numpy as np
 
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
@@ -216,7 +216,8 @@ def _said_by_parts(trial: Trial, parts: Sequence[Groups], dt: float, process: Pr
                   for part in groups]
     if min((len(part.frequency) for part in groups), default=0) < FEWEST_GROUPS:
         return {}
-    return {key: agreement(trial, groups, COLUMNS[key]) for key in keys}
+    found = agreements(trial, groups, [COLUMNS[key] for key in keys])
+    return dict(zip(keys, found, strict=True))
 
 
 def _widening(said: dict[str, Agreement], key: str) -> float:
@@ -244,6 +245,6 @@ def _levelled_off(trial: Trial, dt: float) -> tuple[Trial, Process | None]:
     found = None
     if levels_off(trial):
         found = with_gauss_markov(trial, dt)
-    elif trial.solution.theta[WALK] > 0 and walk_ratio(trial) >= OBSERVABLE:
+    elif trial.solution.theta[WALK] > 0 and has_walk(trial):
         found = with_gauss_markov(trial, dt, slow=True)
     return found or (trial, None)

@@ -44,9 +44,12 @@ def estimate(trial: Trial, column: int, widening: float = 1.0) -> Estimate:
 
     value = float(np.sqrt(best.theta[column]))
     # That the parts of a record differ makes a value less certain, not its being there.
-    ratio = rise(0.0) * widening if value > 0 else 0.0
+    limit = best.loss + OBSERVABLE * trial.dispersion / widening / 2
+    there = value > 0 and maximise(
+        trial.groups, best, fixed={**others, column: 0.0}, trend='restricted', tolerance=1e-3,
+        limit=limit).loss >= limit
     scale = spread(trial, best, column)
-    if ratio < OBSERVABLE:
+    if not there:
         # A term that the model was fitted without stands at zero there.
         kept = 0.0 if column in trial.fixed else value
         return Estimate(False, kept, 0.0, 0.0, crossing(rise, value, scale, CI95))

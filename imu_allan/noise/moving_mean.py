@@ -131,7 +131,7 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     time, gain = _best(trial, record, still, times, lambda value: [warming(value)])
     if gain >= _WARMING:
         warm = with_courses(trial, record, [warming(time)])
-        beside = walk_ratio(warm) >= OBSERVABLE
+        beside = has_walk(warm)
         if likelihood_ratio(trial, warm) >= _WARMING or (not beside and _instead(trial, warm)):
             walks = walks and beside and _walks(trial, record, [warming(time)])
             return MovingMean(warm, walks, Warming(*amplitude_of(warm, -1), time))
@@ -142,7 +142,7 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     frequency, gain = _best(trial, record, still, _CYCLES / record.duration_s, cycle)
     if gain >= _DOUBTFUL_CYCLE:
         turning = with_courses(trial, record, cycle(frequency))
-        beside = walk_ratio(turning) >= OBSERVABLE
+        beside = has_walk(turning)
         ratio = likelihood_ratio(trial, turning)
         if ratio >= _CYCLING:
             return MovingMean(turning, beside, cycle_s=1 / frequency)
@@ -167,14 +167,14 @@ def _walks(trial: Trial, record: RecordSpectrum, courses: Sequence[Course]) -> b
     """Whether the walk is observable beside what bends, too."""
     duration = record.duration_s
     bends = [legendre(2, duration), legendre(3, duration)]
-    return walk_ratio(with_courses(trial, record, [*courses, *bends])) >= OBSERVABLE
+    return has_walk(with_courses(trial, record, [*courses, *bends]))
 
 
-def walk_ratio(trial: Trial) -> float:
-    """Likelihood ratio of the walk."""
-    without = maximise(trial.groups, trial.solution, fixed={**trial.fixed, WALK: 0.0},
-                       trend='restricted', tolerance=1e-3)
-    return 2 * (without.loss - trial.solution.loss) / trial.dispersion
+def has_walk(trial: Trial) -> bool:
+    """Whether the walk of a fit is observable."""
+    limit = trial.solution.loss + OBSERVABLE * trial.dispersion / 2
+    return maximise(trial.groups, trial.solution, fixed={**trial.fixed, WALK: 0.0},
+                    trend='restricted', tolerance=1e-3, limit=limit).loss >= limit
 
 
 def _instead(walking: Trial, warm: Trial) -> bool:

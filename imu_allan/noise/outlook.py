@@ -47,7 +47,7 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
     if theta[0] <= 0 or duration_s < 4 * dt:
         return dict.fromkeys(_KEYS, (None, None))
     lengths: Array = duration_s * np.exp2(np.arange(_OCTAVES + 1))
-    errors = np.array([_standard_errors(theta, dt, length) for length in lengths])
+    errors = _standard_errors(theta, dt, lengths)
     for i, key in enumerate(_KEYS):
         if theta[i] <= 0:
             found[key] = (None, None)
@@ -75,19 +75,20 @@ def _first(lengths: Array, errors: Array, wanted: float, reached: NDArray[np.boo
     return float(lengths[k - 1] * (lengths[k] / lengths[k - 1]) ** share - lengths[0])
 
 
-def _standard_errors(theta: Array, dt: float, duration: float) -> Array:
-    """Cramer-Rao bound of the squared coefficients, shape (3,)."""
-    n = duration / dt
-    single = np.arange(1, min(_SINGLE, n))
-    edges = np.geomspace(_SINGLE, max(n, _SINGLE + 1), 120) - 0.5
-    j = np.concatenate((single, np.sqrt(edges[1:] * edges[:-1])))
-    modes = np.concatenate((np.ones(len(single)), np.diff(edges)))
+def _standard_errors(theta: Array, dt: float, durations: Array) -> Array:
+    """Cramer-Rao bounds of the squared coefficients, shape (durations, 3)."""
+    n = (durations / dt)[:, None]
+    single = np.broadcast_to(np.arange(1, _SINGLE), (len(n), _SINGLE - 1))
+    edges = np.geomspace(_SINGLE, np.maximum(n[:, 0], _SINGLE + 1), 120, axis=1) - 0.5
+    j = np.concatenate((single, np.sqrt(edges[:, 1:] * edges[:, :-1])), axis=1)
+    modes: Array = np.concatenate((single < n, np.diff(edges)), axis=1)
     nu = np.minimum(j / (2 * n), 0.5)
     shapes = np.stack((spectrum.white(nu, dt), spectrum.flicker(nu, dt),
-                       spectrum.random_walk(nu, dt)), axis=1)
+                       spectrum.random_walk(nu, dt)), axis=2)
     # A term at zero counts too: it may pass for the one that is awaited.
-    relative = shapes / (shapes @ theta)[:, None]
-    information = (relative * modes[:, None] / 2).T @ relative
-    scale = np.sqrt(np.diag(information))
-    inverse = np.linalg.pinv(information / np.outer(scale, scale))
-    return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0)) / scale)
+    relative = shapes / (shapes @ theta)[..., None]
+    information = np.swapaxes(relative * modes[..., None] / 2, 1, 2) @ relative
+    scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
+    inverse = np.linalg.pinv(information / (scale[:, :, None] * scale[:, None]))
+    variances = np.diagonal(inverse, axis1=1, axis2=2)
+    return np.asarray(np.sqrt(np.maximum(variances, 0)) / scale)

@@ -3,10 +3,11 @@
 """The spectrum and the means of part of a record, read off a finished periodogram."""
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 
 from imu_allan.noise.cells import Cells
-from imu_allan.noise.likelihood import bins_of, grouped, Groups
+from imu_allan.noise.likelihood import Bins, bins_of, grouped, Groups
 from imu_allan.noise.periodogram import BLOCK, Periodogram, Piece, unbroken
 from imu_allan.noise.segments import Layout, layout, MEANS, OCTAVES, PER_OCTAVE, SHORTEST_SEGMENT
 import numpy as np
@@ -45,88 +46,113 @@ def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
     return series.take((first <= number) & (number < last))
 
 
-def part_groups(periodogram: Periodogram, axis: int, dt: float, first: int, last: int,
-                lines_hz: Sequence[float] = (), bridged_share: float = 0.0) -> Groups:
+@dataclass(frozen=True)
+class Part:
     """
-    Spectrum of some neighbouring segments of one axis.
+    Some neighbouring segments of a record, for all axes.
 
-    Parameters
+    Attributes
     ----------
     periodogram : Periodogram
         Finished.
-    axis : int
-        Column of the axis.
     dt : float
         Sample interval in seconds.
     first, last : int
         The segments, `first` up to and without `last`.
-    lines_hz : sequence of float, optional
-        Frequencies of lines, whose bands and those beside them are left out.
-    bridged_share : float, optional
+    bridged_share : float
         Share of the samples that stand in for missing ones.
 
-    Returns
-    -------
-    Groups
-        From the slowest to the fastest, as `grouped` gives them for the whole record; without any
-        where the part is too short.
-
     """
-    found = []
-    cells = part_cells(periodogram, first, last)
-    border = _border(periodogram, first, last)
-    pieces = []
-    for points, gaps, start in unbroken(cells, periodogram.cell):
-        length = points.shape[1]
-        end = min(length, int(np.ceil(2 * length * periodogram.cell * border)))
-        if end > 1:
-            coefficients = dct(points, norm='ortho')
-            pieces.append(Piece(periodogram.cell, length, 1, 1, end, coefficients**2,
-                                coefficients, gaps, start))
-    if pieces:
-        found.append(grouped(bins_of(pieces, dt, bridged_share), axis))
-    if periodogram.cell > 1:
-        found.append(_banded(periodogram, axis, dt, first, last, border, bridged_share))
-    groups = Groups(*(np.concatenate([getattr(part, field.name) for part in found])
-                      for field in fields(Groups)))
-    keep = np.ones(len(groups.frequency), dtype=bool)
-    for line in lines_hz:
-        keep &= np.abs(np.log2(groups.frequency / line)) > 1.5 / PER_OCTAVE
-    return groups.taken(keep)
+
+    periodogram: Periodogram
+    dt: float
+    first: int
+    last: int
+    bridged_share: float = 0.0
+
+    def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
+        """
+        Spectrum of one axis.
+
+        Parameters
+        ----------
+        axis : int
+            Column of the axis.
+        lines_hz : sequence of float, optional
+            Frequencies of lines, whose bands and those beside them are left out.
+
+        Returns
+        -------
+        Groups
+            From the slowest to the fastest, as `grouped` gives them for the whole record; without
+            any where the part is too short.
+
+        """
+        found = [] if self._slow is None else [grouped(self._slow, axis)]
+        if self.periodogram.cell > 1:
+            found.append(self._banded(axis))
+        groups = Groups(*(np.concatenate([getattr(part, field.name) for part in found])
+                          for field in fields(Groups)))
+        keep = np.ones(len(groups.frequency), dtype=bool)
+        for line in lines_hz:
+            keep &= np.abs(np.log2(groups.frequency / line)) > 1.5 / PER_OCTAVE
+        return groups.taken(keep)
+
+    @cached_property
+    def _slow(self) -> Bins | None:
+        """Spectrum of the series, up to the border."""
+        cell = self.periodogram.cell
+        pieces = []
+        for points, gaps, start in unbroken(
+                part_cells(self.periodogram, self.first, self.last), cell):
+            length = points.shape[1]
+            end = min(length, int(np.ceil(2 * length * cell * self._border)))
+            if end > 1:
+                coefficients = dct(points, norm='ortho')
+                pieces.append(Piece(cell, length, 1, 1, end, coefficients**2, coefficients, gaps,
+                                    start))
+        return bins_of(pieces, self.dt, self.bridged_share) if pieces else None
+
+    @cached_property
+    def _border(self) -> float:
+        """Cycles per sample up to which the series speaks, and above which the bands do."""
+        segments = self.periodogram.segments
+        if self.periodogram.cell == 1:
+            return 0.5
+        highest = _HIGHEST_OF_MEANS / self.periodogram.cell
+        slow = layout(SHORTEST_SEGMENT // MEANS, MEANS)
+        seen = segments.dof[self.first:self.last, slow.bands].sum() / slow.counts.sum()
+        samples = min(self.last * segments.width, segments.samples) - self.first * segments.width
+        whole = seen * SHORTEST_SEGMENT > _ENOUGH * samples
+        return float(min(highest, 2.0**-OCTAVES if whole else 1 / 256))
+
+    def _banded(self, axis: int) -> Groups:
+        """Spectrum of the bands above the border."""
+        segments = self.periodogram.segments
+        dof = segments.dof[self.first:self.last].sum(axis=0)
+        power = segments.power[axis, self.first:self.last].sum(axis=0)
+        parts = []
+        for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
+            place = layout(length, step)
+            frequency, design, ramp = _shapes(length, step, self.dt, self.bridged_share)
+            keep = (dof[place.bands] > 0) & (frequency * self.dt >= self._border)
+            bands = place.bands[keep]
+            nothing = np.zeros(len(bands))
+            parts.append((frequency[keep], dof[bands].astype(np.float64),
+                          power[bands] / dof[bands], design[keep], nothing, ramp[keep],
+                          nothing[:, None], nothing[:, None, None]))
+        return Groups(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _border(periodogram: Periodogram, first: int, last: int) -> float:
-    """Cycles per sample up to which the series speaks, and above which the bands do."""
-    if periodogram.cell == 1:
-        return 0.5
-    highest = _HIGHEST_OF_MEANS / periodogram.cell
-    slow = layout(SHORTEST_SEGMENT // MEANS, MEANS)
-    seen = periodogram.segments.dof[first:last, slow.bands].sum() / slow.counts.sum()
-    samples = min(last * periodogram.segments.width, periodogram.segments.samples) \
-        - first * periodogram.segments.width
-    whole = seen * SHORTEST_SEGMENT > _ENOUGH * samples
-    return float(min(highest, 2.0**-OCTAVES if whole else 1 / 256))
-
-
-def _banded(periodogram: Periodogram, axis: int, dt: float, first: int, last: int,
-            border: float, bridged_share: float) -> Groups:
-    """Spectrum of the bands above `border`, in cycles per sample."""
-    segments = periodogram.segments
-    dof = segments.dof[first:last].sum(axis=0)
-    power = segments.power[axis, first:last].sum(axis=0)
-    parts = []
-    for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
-        place = layout(length, step)
-        nothing = Piece(step, length, 1, place.first, place.last, np.zeros((1, length)))
-        bins = bins_of([nothing], dt, bridged_share)
-        frequency = _by_band(bins.frequency, place)
-        keep = (dof[place.bands] > 0) & (frequency * dt >= border)
-        bands = place.bands[keep]
-        parts.append((frequency[keep], dof[bands].astype(np.float64), power[bands] / dof[bands],
-                      _by_band(bins.design, place)[keep], np.zeros(len(bands)),
-                      _by_band(bins.ramp, place)[keep], np.zeros((len(bands), 1)),
-                      np.zeros((len(bands), 1, 1))))
-    return Groups(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+@lru_cache(maxsize=16)
+def _shapes(length: int, step: int, dt: float, bridged_share: float
+            ) -> tuple[Array, Array, Array]:
+    """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
+    place = layout(length, step)
+    nothing = Piece(step, length, 1, place.first, place.last, np.zeros((1, length)))
+    bins = bins_of([nothing], dt, bridged_share)
+    return (_by_band(bins.frequency, place), _by_band(bins.design, place),
+            _by_band(bins.ramp, place))
 
 
 def _by_band(values: Array, place: Layout) -> Array:

@@ -101,7 +101,8 @@ def fit_columns(groups: Groups, edge_hz: float | None, rolling: bool,
     fixed: dict[int, float] = {}
     solution = maximise(groups, start, trend='restricted')
     if not rolling and solution.theta[QUANTIZATION] > 0:
-        without = maximise(groups, solution, fixed={QUANTIZATION: 0.0}, trend='restricted')
+        without = maximise(groups, solution, fixed={QUANTIZATION: 0.0}, trend='restricted',
+                           limit=solution.loss + OBSERVABLE / 2)
         if 2 * (without.loss - solution.loss) < OBSERVABLE:
             fixed, solution = {QUANTIZATION: 0.0}, without
     elif not rolling:

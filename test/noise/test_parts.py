@@ -4,7 +4,7 @@
 
 from imu_allan.noise.estimator import CHUNK, Estimator
 from imu_allan.noise.fit import fit
-from imu_allan.noise.parts import part_cells, part_groups
+from imu_allan.noise.parts import Part, part_cells
 from imu_allan.noise.segments import SEGMENTS, Segments, SHORTEST_SEGMENT
 from imu_allan.noise.simulate import simulate
 import numpy as np
@@ -45,7 +45,7 @@ def test_there_are_never_more_than_sixteen_segments_and_all_samples_are_in_them(
 def test_any_part_of_a_record_gives_the_coefficients_of_the_whole(finished):
     used = finished.segments.used
     for first, last in ((0, used), (0, used // 2), (used // 2, used), (3, 5)):
-        groups = part_groups(finished, 0, DT, first, last)
+        groups = Part(finished, DT, first, last).groups(0)
         assert (np.diff(groups.frequency) > 0).all()
         found = fit(groups, DT)
         assert found.p_value > 1e-3
@@ -68,21 +68,21 @@ def test_the_part_whose_noise_is_higher_has_the_higher_spectrum():
     periodogram = lived(record).finished().periodogram
     used, white = periodogram.segments.used, 1e-6
     ratios = [np.average(groups.power / (groups.design[:, 1] * white), weights=groups.dof)
-              for groups in (part_groups(periodogram, 0, DT, number, number + 1)
+              for groups in (Part(periodogram, DT, number, number + 1).groups(0)
                              for number in range(used))]
     np.testing.assert_allclose(ratios[:6], 4, rtol=0.05)
     np.testing.assert_allclose(ratios[7:], 1, rtol=0.05)
 
 
 def test_bands_of_lines_are_left_out(finished):
-    groups = part_groups(finished, 0, DT, 0, 4, lines_hz=[17.0])
+    groups = Part(finished, DT, 0, 4).groups(0, lines_hz=[17.0])
     assert not ((groups.frequency > 15.5) & (groups.frequency < 18.5)).any()
     assert ((groups.frequency > 13) & (groups.frequency < 15)).any()
 
 
 def test_a_record_too_short_for_blocks_is_one_part():
     periodogram = lived(simulate(SENSOR, 5000, 100, 4)).finished().periodogram
-    groups = part_groups(periodogram, 0, DT, 0, 1)
+    groups = Part(periodogram, DT, 0, 1).groups(0)
     assert groups.dof.sum() == 4999
 
 
