@@ -6,6 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
+from heapq import merge
+from itertools import count as naturals
+from operator import itemgetter
 from pathlib import Path
 from typing import Literal, TYPE_CHECKING
 
@@ -92,7 +95,13 @@ def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
             raise ImuAllanError(f'{path}: topic {stream.topic} holds no usable sample'
                                 + (' in the chosen part' if start_s or duration_s else ''))
         results.append(result)
-    return results[0] if len(results) == 1 else _as_one([stream for stream, *_ in taken], results)
+    return _as_one([stream for stream, *_ in taken], results)
+
+
+def result_of(taken: Sequence[Taken]) -> Result:
+    """Return the result of what was taken so far of a recording, of one stream or two halves."""
+    return _as_one([stream for stream, *_ in taken],
+                   [characterization.result(remarks) for _, characterization, remarks in taken])
 
 
 def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),  # noqa: B008
@@ -154,8 +163,7 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
     results = [joint_result([characterization for _, characterization, _ in half],
                             [remarks for *_, remarks in half])
                for half in zip(*recordings, strict=True)]
-    streams = [stream for stream, *_ in recordings[0]]
-    return results[0] if len(results) == 1 else _as_one(streams, results)
+    return _as_one([stream for stream, *_ in recordings[0]], results)
 
 
 def _counted_on(progress: Callable[[int], None] | None, before: int
@@ -192,58 +200,75 @@ def _at_own_rate(stream: Stream, streams: Sequence[Stream], options: TimelineOpt
 def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int], *,
             options: TimelineOptions = TimelineOptions(),  # noqa: B008
             reading: RecordingOptions = RecordingOptions(),  # noqa: B008
+            start_s: float = 0.0, duration_s: float | None = None,
             progress: Callable[[int], None] | None = None
-            ) -> Generator[tuple[Characterization, list[Remark]], None, None]:
+            ) -> Generator[list[Taken], None, None]:
     """
     Read a recording as if it came live.
 
     Parameters
     ----------
-    path, topic, options, reading, progress
+    path, topic, options, reading, start_s, duration_s, progress
         As in `analyze`.
     next_look : callable
-        Number of messages at which to look next, given that at which one has looked.
+        Number of messages at which to look next, given that at which one has looked; where the
+        gyroscope has a topic of its own, of its messages.
 
     Yields
     ------
-    stream : Characterization
-        With all that came so far; once more when the recording has ended.
-    remarks : list of Remark
-        Findings about the recording itself.
+    list of (Stream, Characterization, list of Remark)
+        With all that came so far, one for each half of the IMU where it comes in halves; once more
+        when the recording has ended.
 
     Raises
     ------
     ImuAllanError
-        If it cannot be read, or has not one Imu topic.
+        If it cannot be read, or does not hold one IMU.
 
     """
     with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
         streams = choose_streams(recording, topic)
-        if len(streams) > 1:
-            raise ImuAllanError(f'{path}: has the IMU on {len(streams)} topics; choose one of '
-                                'them with --topic')
-        characterization, blocks, remarks = _begun(recording, streams[0], options, progress)
+        begun = [_begun(recording, stream, _at_own_rate(stream, streams, options, reading),
+                        start_s, duration_s,
+                        _shared(progress, number, len(streams), recording.size_bytes))
+                 for number, stream in enumerate(streams)]
+
+        def so_far() -> list[Taken]:
+            return [(stream, characterization, remarks()) for stream, (
+                characterization, _, remarks) in zip(streams, begun, strict=True)]
+
         taken, look = 0, next_look(0)
-        for block in blocks:
-            start = 0
+        for number, block in _side_by_side([blocks for _, blocks, _ in begun]):
+            characterization, start = begun[number][0], 0
             while start < len(block):
-                stop = min(len(block), start + look - taken)
+                stop = min(len(block), start + look - taken) if number == 0 else len(block)
                 characterization.take([_part(block, slice(start, stop))])
-                taken, start = taken + stop - start, stop
+                taken, start = taken + (stop - start if number == 0 else 0), stop
                 if taken == look:
-                    yield characterization, remarks()
+                    yield so_far()
                     look = next_look(taken)
-        characterization.finish()
-        yield characterization, remarks()
+        for characterization, *_ in begun:
+            characterization.finish()
+        yield so_far()
+
+
+def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, ImuBlock]]:
+    """Give the blocks of all streams in the order they were received, with the stream's number."""
+    def numbered(number: int, blocks: Iterable[ImuBlock]) -> Iterator[tuple[int, int, ImuBlock]]:
+        for block in blocks:
+            if len(block):
+                yield int(block.receive_ns[0]), number, block
+
+    for _, number, block in merge(*map(numbered, naturals(), streams), key=itemgetter(0)):
+        yield number, block
 
 
 def _characterized(recording: Recording, stream: Stream, options: TimelineOptions,
                    start_s: float, duration_s: float | None,
                    progress: Callable[[int], None] | None
                    ) -> tuple[Characterization, list[Remark]]:
-    characterization, blocks, remarks = _begun(recording, stream, options, progress)
-    if start_s > 0 or duration_s is not None:
-        blocks = between(blocks, start_s, duration_s)
+    characterization, blocks, remarks = _begun(recording, stream, options, start_s, duration_s,
+                                               progress)
     characterization.take(blocks)
     for stamps, celsius in temperatures(recording, stream.topic,
                                         characterization.summary().clock):
@@ -251,8 +276,8 @@ def _characterized(recording: Recording, stream: Stream, options: TimelineOption
     return characterization, remarks()
 
 
-def _begun(recording: Recording, stream: Stream, options: TimelineOptions,
-           progress: Callable[[int], None] | None
+def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start_s: float,
+           duration_s: float | None, progress: Callable[[int], None] | None
            ) -> tuple[Characterization, Iterable[ImuBlock], Callable[[], list[Remark]]]:
     """Begin to read; the remarks are complete when the blocks are through."""
     blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
@@ -263,6 +288,8 @@ def _begun(recording: Recording, stream: Stream, options: TimelineOptions,
     unit = AccelerationUnit()
     if recording.options.accel_unit is None and recording.options.accel is None:
         blocks = unit.each(blocks)
+    if start_s > 0 or duration_s is not None:
+        blocks = between(blocks, start_s, duration_s)
     characterization = Characterization(
         kind='recording', path=str(recording.path), topic=stream.topic, options=options)
     return characterization, blocks, lambda: [*recording.remarks, *unit.remarks]
@@ -283,6 +310,8 @@ def _shared(progress: Callable[[int], None] | None, number: int, parts: int, siz
 
 def _as_one(streams: Sequence[Stream], results: Sequence[Result]) -> Result:
     """Join the results of gyroscope and accelerometer; each axis tells its own rate."""
+    if len(results) == 1:
+        return results[0]
     axes = {name: replace(axis, sample_rate_hz=result.timeline.sample_rate_hz)
             for stream, result in zip(streams, results, strict=True)
             for name, axis in result.axes.items() if name.startswith(f'{stream.half}_')}

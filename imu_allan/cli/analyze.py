@@ -10,9 +10,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli.arguments import (
     add_inspection,
     count,
-    duration,
     inspection_of,
-    start,
 )
 from imu_allan.cli.fleet import (
     complaint_of,
@@ -23,7 +21,12 @@ from imu_allan.cli.fleet import (
     without_coefficient,
 )
 from imu_allan.cli.progress import progress_bar
-from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.recording_options import (
+    add_recording_options,
+    add_timeline_options,
+    recording_options,
+    timeline_options,
+)
 from imu_allan.cli.workers import executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.consumers import CONSUMER_TITLES
@@ -70,17 +73,7 @@ def register(verbs: Any) -> None:
     parser.add_argument('--units', choices=('datasheet', 'si'), default='datasheet',
                         help='of the table (default: %(default)s)')
     add_recording_options(parser)
-    parser.add_argument('--force-rate', action='store_true',
-                        help='use --rate even if the stamps advance at another rate')
-    parser.add_argument('--clock', choices=('header', 'receive'),
-                        help='stamps to trust (default: header, unless they are unusable)')
-    parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
-                        help='leave out the beginning, as long as this (10 or 10s, 5min, 2h), or '
-                             'auto: the warm-up')
-    parser.add_argument('--duration', metavar='TIME', type=duration,
-                        help='use only as much (30min, 3h)')
-    parser.add_argument('--motion', choices=('exclude', 'keep'), default='exclude',
-                        help='what to do with knocks and motion (default: %(default)s)')
+    add_timeline_options(parser)
     workers = parser.add_mutually_exclusive_group()
     workers.add_argument('--jobs', metavar='N', type=count, default=1,
                          help='recordings to work on at a time (default: %(default)s)')
@@ -102,15 +95,14 @@ def run(args: argparse.Namespace) -> int:
         args.parser.error('--json takes one recording; use --output DIR for several')
     if args.consumers and args.output is None and apart:
         args.parser.error('--for takes one recording; use --output DIR for several')
-    if args.force_rate and args.rate is None:
-        args.parser.error('--force-rate needs --rate')
     if args.serial is not None and apart:
         args.parser.error('--serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
         args.parser.error('--resume needs --output')
+    options = timeline_options(args)
     complaints: list[ImuAllanError] = []
     gathering = Gathering(None if args.output is None else Path(args.output))
-    tasks = _tasks(args, complaints, gathering)
+    tasks = _tasks(args, options, complaints, gathering)
     if args.json is not None and len(tasks) > 1:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             '--json; choose one with --topic or use --output DIR')
@@ -154,14 +146,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tasks(args: argparse.Namespace, complaints: list[ImuAllanError], gathering: Gathering
-           ) -> list[Task]:
+def _tasks(args: argparse.Namespace, options: dict[str, Any], complaints: list[ImuAllanError],
+           gathering: Gathering) -> list[Task]:
     """List what is to be done; what cannot be opened is added to `complaints`."""
     from imu_allan.fleet.names import name_pattern, unit_name
     from imu_allan.recordings import open_recording
 
-    options = {'clock': args.clock or 'auto', 'rate_hz': args.rate,
-               'force_rate': args.force_rate, 'motion': args.motion}
     reading = recording_options(args)
     source = name_pattern(args.name_from)
     units = {path: unit_name(path, source) for path in args.recordings}

@@ -14,7 +14,12 @@ from imu_allan.cli.arguments import (
     inspected,
     positive_number,
 )
-from imu_allan.cli.recording_options import add_recording_options, recording_options
+from imu_allan.cli.recording_options import (
+    add_recording_options,
+    add_timeline_options,
+    recording_options,
+    timeline_options,
+)
 from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:
@@ -57,6 +62,7 @@ def register(verbs: Any) -> None:
     add_inspection(parser)
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
     add_recording_options(parser)
+    add_timeline_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, parser=parser)
 
@@ -66,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.recordings import recordings_in
     from imu_allan.sensor.noise_model import load_model
 
+    if args.live and args.start == 'auto':
+        args.parser.error('--start auto looks at the whole recording; with --live name a time')
     specification = load_model(args.spec)
     sources = [str(path) for path in recordings_in(args.source)]
     if len(sources) > 1 and any((args.json, args.junit, args.certificate, args.serial)):
@@ -126,7 +134,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
 def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read until the verdict is certain, and say after how long it was."""
-    from imu_allan.analysis import growing
+    from imu_allan.analysis import growing, result_of
     from imu_allan.timeline import TimelineOptions
     from imu_allan.wording import duration as said
     from imu_allan.writers.datasheet.live import next_look, standing
@@ -134,15 +142,19 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
     if Path(source).suffix == '.json':
         raise ImuAllanError(f'{source}: --live needs a recording, not a result')
     looks = growing(source, args.topic, next_look, reading=recording_options(args),
-                    options=TimelineOptions(rate_hz=args.rate))
+                    options=TimelineOptions(**timeline_options(args)), start_s=args.start,
+                    duration_s=args.duration)
     with closing(looks):
-        for stream, _ in looks:
-            found = standing(stream, specification, margin=args.margin / 100,
-                             shortest_s=args.min_duration)
+        for taken in looks:
+            result = result_of(taken)
+            found = standing({f'{stream.half or ""}': characterization
+                              for stream, characterization, _ in taken}, specification,
+                             margin=args.margin / 100, shortest_s=args.min_duration,
+                             result=result)
             if found.decided:
                 break
         print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
-        return stream.result(), list(found.verdicts)
+        return result, list(found.verdicts)
 
 
 def _result(source: str, args: argparse.Namespace) -> 'Result':
@@ -161,4 +173,5 @@ def _result(source: str, args: argparse.Namespace) -> 'Result':
         size = recording.size_bytes
     with progress_bar(printable(source), size, wanted=not args.no_progress) as progress:
         return imu_allan.analyze(source, args.topic, progress=progress, reading=reading,
-                                 options=TimelineOptions(rate_hz=args.rate))
+                                 options=TimelineOptions(**timeline_options(args)),
+                                 start_s=args.start, duration_s=args.duration)

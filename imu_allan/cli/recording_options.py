@@ -1,11 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The options that say how a recording is to be read; the same for every verb that reads one."""
+"""
+The options that say how a recording is to be read; the same for every verb that reads one.
+
+Some belong to messages and files, others to the timeline: in one module because every verb that
+characterizes takes both.
+"""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import positive_number
+from imu_allan.cli.arguments import duration, positive_number, start
 from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
@@ -42,6 +47,29 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument('--columns', metavar='AXIS=NAME', action='append', default=[],
                        help='column of a CSV: gyro_x=w0,gyro_y=w1,accel_x=a0,time=t; units as '
                             'in --gyro-unit and --accel-unit')
+
+
+def add_timeline_options(parser: argparse.ArgumentParser) -> None:
+    """Add those that say which part of the recording counts, and by which clock."""
+    parser.add_argument('--force-rate', action='store_true',
+                        help='use --rate even if the stamps advance at another rate')
+    parser.add_argument('--clock', choices=('header', 'receive'),
+                        help='stamps to trust (default: header, unless they are unusable)')
+    parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
+                        help='leave out the beginning, as long as this (10 or 10s, 5min, 2h), or '
+                             'auto: the warm-up')
+    parser.add_argument('--duration', metavar='TIME', type=duration,
+                        help='use only as much (30min, 3h)')
+    parser.add_argument('--motion', choices=('exclude', 'keep'), default='exclude',
+                        help='what to do with knocks and motion (default: %(default)s)')
+
+
+def timeline_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what the arguments say of `TimelineOptions`; wrong usage ends the program."""
+    if args.force_rate and args.rate is None:
+        args.parser.error('--force-rate needs --rate')
+    return {'clock': args.clock or 'auto', 'rate_hz': args.rate, 'force_rate': args.force_rate,
+            'motion': args.motion}
 
 
 def recording_options(args: argparse.Namespace) -> 'RecordingOptions':

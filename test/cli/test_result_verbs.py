@@ -183,6 +183,27 @@ def test_a_live_check_ends_as_soon_as_the_verdict_is_certain(
         assert f' {limit}' in said.splitlines()[-1]
 
 
+def test_check_takes_the_part_and_the_clock_that_analyze_takes(recording, tmp_path, capsys):
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 deg/s/sqrt(Hz)}')
+    command = ['check', str(recording), '--spec', str(tmp_path / 'spec.yaml'),
+               '--min-duration', '40s', '--json', str(tmp_path / 'c.json')]
+    for options, word in (
+            (['--start', '250s', '--motion', 'keep', '--clock', 'receive'], 'pass'),
+            (['--start', '270s'], 'cannot tell'), (['--duration', '30s'], 'cannot tell'),
+            (['--duration', '12s', '--live'], 'cannot tell')):
+        assert main([*command, *options]) == 0
+        assert json.loads((tmp_path / 'c.json').read_text())['verdict'] == word
+    assert '\nnot certain after 12 s\n' in capsys.readouterr().out
+    for options, reason in (
+            (['--force-rate'], '--force-rate needs --rate'),
+            (['--start', 'auto', '--live'],
+             '--start auto looks at the whole recording; with --live name a time')):
+        with pytest.raises(SystemExit) as stop:
+            main([*command, *options])
+        assert stop.value.code == 2
+        assert reason in capsys.readouterr().err
+
+
 def test_a_live_check_of_a_constant_sensor_fails_at_once(tmp_path, capsys):
     rows = '\n'.join(f'{i / 100},0.5' for i in range(5000))
     (tmp_path / 'dead.csv').write_text(f'time_s,gyro_x\n{rows}\n')

@@ -3,7 +3,9 @@
 """Sensors in halves: two topics, one IMU; united by copying or interpolating."""
 
 from dataclasses import replace
+import json
 from pathlib import Path
+import re
 
 from bags import IMU, START_NS
 from imu_allan import analyze
@@ -67,6 +69,25 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
     assert remark.message == (
         'the gyroscope from /camera/gyro/sample at 400 Hz and the accelerometer from '
         '/camera/accel/sample at 250 Hz; rate, gaps and faults are those of the gyroscope')
+
+
+@pytest.mark.parametrize(('limit', 'status'), [(0.15, 0), (0.07, 3)])
+def test_a_live_check_decides_on_both_halves_of_an_imu(tmp_path, capsys, limit, status):
+    path = write(tmp_path / 'a.mcap', {
+        '/accel': block(100, 6_000, False, True), '/gyro': block(200, 12_000, True, False)})
+    (tmp_path / 'spec.yaml').write_text(
+        f'gyro: {{noise_density: {limit / 200**.5} rad/s/sqrt(Hz)}}\n'
+        f'accel: {{noise_density: {limit / 100**.5} m/s^2/sqrt(Hz)}}\n')
+    assert main(['check', str(path), '--spec', str(tmp_path / 'spec.yaml'), '--live',
+                 '--json', str(tmp_path / 'c.json')]) == status
+    shown = capsys.readouterr().out
+    seconds = float(re.match(r'certain after ([\d.]+) s', shown)[1])
+    # Of the 60 s of either topic.
+    assert seconds < 40
+    found = {each['axis']: each['verdict']
+             for each in json.loads((tmp_path / 'c.json').read_text())['checks']}
+    assert found == {f'{sensor}_{axis}': 'fail' if sensor == 'accel' and status else 'pass'
+                     for sensor in ('gyro', 'accel') for axis in 'xyz'}
 
 
 def test_info_says_what_is_joined(tmp_path, capsys):

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The check of a unit on the bench, over as soon as the verdict is certain."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from imu_allan.characterization import Characterization
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.fit import COLUMNS
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
+from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
 from imu_allan.writers.datasheet.verdicts import check, overall, Verdict
@@ -41,8 +43,9 @@ class Standing:
     recorded_s: float
 
 
-def standing(stream: Characterization, specification: NoiseModel, *, margin: float = MARGIN,
-             error: float = ERROR, shortest_s: float = 0.0) -> Standing:
+def standing(stream: Characterization | Mapping[str, Characterization],
+             specification: NoiseModel, *, margin: float = MARGIN, error: float = ERROR,
+             shortest_s: float = 0.0, result: Result | None = None) -> Standing:
     """
     Look how a unit stands against its datasheet.
 
@@ -52,8 +55,8 @@ def standing(stream: Characterization, specification: NoiseModel, *, margin: flo
 
     Parameters
     ----------
-    stream : Characterization
-        What came so far; left as it is.
+    stream : Characterization, or a mapping of str to it
+        What came so far; left as it is. Of an IMU in halves each, by ``gyro`` and ``accel``.
     specification : NoiseModel
         The limits.
     margin : float, optional
@@ -63,6 +66,8 @@ def standing(stream: Characterization, specification: NoiseModel, *, margin: flo
         each at most.
     shortest_s : float, optional
         From a shorter record nothing passes.
+    result : Result, optional
+        What `stream` makes; needed where it is two halves.
 
     Returns
     -------
@@ -74,13 +79,20 @@ def standing(stream: Characterization, specification: NoiseModel, *, margin: flo
         If the specification limits nothing.
 
     """
-    result = stream.result()
+    halves = {'': stream} if isinstance(stream, Characterization) else stream
+    if result is None:
+        [alone] = halves.values()
+        result = alone.result()
     verdicts = check(result, specification, shortest_s=shortest_s)
-    record = stream.record()
-    if record is None or record.estimator.samples < SMALLEST_RECORD:
-        return Standing(False, tuple(_open(verdict) for verdict in verdicts), 0.0)
-    recorded = record.estimator.samples / record.rate_hz
-    fits = dict(zip(record.names, fit_axes(record.estimator, 1 / record.rate_hz), strict=True))
+    records = {half: each.record() for half, each in halves.items()}
+    fits: dict[str, AxisFit | None] = {}
+    recorded = float('inf')
+    for half, record in records.items():
+        if record is None or record.estimator.samples < SMALLEST_RECORD:
+            return Standing(False, tuple(_open(verdict) for verdict in verdicts), 0.0)
+        recorded = min(recorded, record.estimator.samples / record.rate_hz)
+        fitted = zip(record.names, fit_axes(record.estimator, 1 / record.rate_hz), strict=True)
+        fits |= {name: fit for name, fit in fitted if name.startswith(half)}
     limited = sum(verdict.key in COLUMNS for verdict in verdicts)
     settled = [_settled(verdict, fits.get(verdict.axis), margin, error, max(limited, 1), recorded)
                if verdict.key in COLUMNS else (verdict, verdict.verdict != 'cannot tell')
