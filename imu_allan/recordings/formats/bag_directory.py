@@ -23,6 +23,9 @@ from imu_allan.recordings.recording import ImuTopic, Recording
 import yaml
 
 _SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+_TOLD_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
+                'unfinished_recording'}
+"""Remarks that say why there are fewer messages than metadata.yaml counts."""
 
 
 class BagDirectory(Recording):
@@ -90,7 +93,8 @@ class BagDirectory(Recording):
                     self._adopt(part)
             before += file.stat().st_size
         expected = self.imu(topic).count or 0
-        if messages < expected and not self.remarks:
+        if messages < expected and _TOLD_LOSSES.isdisjoint(
+                remark.code for remark in self.remarks):
             self.remark(
                 'lost_messages',
                 f'{messages} of the {expected} messages of {printable(topic)} that metadata.yaml '

@@ -6,8 +6,9 @@ CSV files: a header line that names the columns, then one sample a line.
 Which names are understood stands in `imu_allan.recordings.formats.csv_header`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 
 from imu_allan.block import ImuBlock
@@ -174,12 +175,12 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     time_unit_s : float or None
         Seconds in one unit of time; None as long as there is none.
     bad : list of int
-        The other lines.
+        The other lines, in order.
 
     """
     width = len(columns.used)
     bad: list[int] = []
-    kept = lines
+    kept, places = lines, np.arange(len(lines))
     try:
         table = np.loadtxt(lines, delimiter=columns.delimiter, usecols=columns.used, ndmin=2,
                            comments=None)
@@ -188,7 +189,7 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
         whole = False
     if not whole:
         rows: list[list[float]] = []
-        kept = []
+        kept, numbers = [], []
         for number, line in enumerate(lines):
             if not line.strip():
                 continue
@@ -197,30 +198,34 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
                 rows.append([float(cells[column].strip(_QUOTES) or 'nan')
                              for column in columns.used])
                 kept.append(line)
+                numbers.append(number)
             except (ValueError, IndexError):
                 bad.append(number)
         table = np.array(rows, np.float64).reshape(-1, width)
+        places = np.array(numbers, np.intp)
     if columns.time is None:
         return table, None, None, bad
-    if time_unit_s is None and len(table):
-        time_unit_s = seconds_in(columns.time_unit, float(table[0, 0]))
+    times = table[:, 0]
+    known = np.isfinite(times)
+    if time_unit_s is None and known.any():
+        time_unit_s = seconds_in(columns.time_unit, float(times[known][0]))
     unit = time_unit_s or 1.0
-    timely = np.abs(table[:, 0] * unit) < _LATEST_S
+    timely = np.abs(times * unit) < _LATEST_S
     if not timely.all():
-        bad += np.flatnonzero(~timely).tolist()
+        bad = sorted([*bad, *places[~timely].tolist()])
     with_numbers = 1 if columns.nanoseconds is None else 2
     some = timely
     if columns.ignored:
         some = timely & ~np.isnan(table[:, with_numbers:]).all(axis=1)
-    stamps = (_exact(kept, columns) if unit == 1e-9 else None)
-    if stamps is None:
-        stamps = np.rint(np.where(timely, table[:, 0], 0) * (unit * 1e9)).astype(np.int64)
+    stamps = np.zeros(len(times), np.int64)
+    exact = _exact(compress(kept, timely), columns) if unit == 1e-9 else None
+    stamps[timely] = np.rint(times[timely] * (unit * 1e9)) if exact is None else exact
     if columns.nanoseconds is not None:
         stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
 
 
-def _exact(lines: list[str], columns: Columns) -> NDArray[np.int64] | None:
+def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:
     """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
     assert columns.time is not None
     try:

@@ -18,7 +18,7 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings.formats.csv_header import meaning_of
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import FileRecording, ImuTopic
 import numpy as np
 
 HEADER = b'receive time,header.stamp,topic,value'
@@ -37,7 +37,7 @@ _BLOCK = 1 << 14
 _Series: TypeAlias = 'tuple[array[int], array[int], array[float]]'
 
 
-class FoxgloveCsv(Recording):
+class FoxgloveCsv(FileRecording):
     """
     Plot data exported from Foxglove.
 
@@ -56,9 +56,7 @@ class FoxgloveCsv(Recording):
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, options)
-        self._stored = stored
-        self.size_bytes = stored.stat().st_size
+        super().__init__(path, stored, options)
         series = self._series()
         for topic in sorted({topic for topic, _ in series}):
             longest = max(len(found[2]) for (name, _), found in series.items() if name == topic)
@@ -68,22 +66,28 @@ class FoxgloveCsv(Recording):
                 f'{printable(path)}: no path in it is an axis of an IMU; plot paths such as '
                 '/imu.angular_velocity.x and export them')
 
-    def close(self) -> None:
-        """Release nothing: each reading opens and closes the file itself."""
-
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Put the axes of a topic together by receive time; each block with its share of bytes."""
         series = {axis: [np.array(values) for values in found]
                   for (name, axis), found in self._series().items() if name == topic}
-        receive = np.unique(np.concatenate([found[0] for found in series.values()]))
-        header = np.zeros(len(receive), np.int64)
+        # Messages that came at once share a receive time, not a stamp.
+        moments, rows = np.unique(
+            np.concatenate([np.stack(found[:2], axis=1) for found in series.values()]),
+            axis=0, return_inverse=True)
+        receive, header = np.ascontiguousarray(moments.T)
+        rows = rows.reshape(-1)     # numpy 2.0 alone gives a column
         samples = np.full((len(receive), 6), np.nan)
         absent = np.ones((len(receive), 2), np.bool_)
-        for axis, (received, stamped, values) in series.items():
-            place = np.searchsorted(receive, received)
-            header[place] = stamped
+        merged = 0
+        for axis, (_, _, values) in series.items():
+            place, rows = np.split(rows, [len(values)])
+            merged = max(merged, len(values) - len(np.unique(place)))
             samples[place, axis] = values * self.options.factors[axis // 3]
             absent[:, axis // 3] = False
+        if merged:
+            self.remark('merged_messages',
+                        f'{merged} messages share receive time and stamp with another, of which '
+                        'the last counts: nothing else in such a file tells them apart')
         for start in range(0, len(receive), _BLOCK):
             part = slice(start, start + _BLOCK)
             yield (ImuBlock(header[part], receive[part], samples[part], absent[part], ''),

@@ -117,6 +117,28 @@ def test_lines_that_are_not_numbers_are_counted_and_empty_cells_are_not_a_number
         f'{path}: 4 lines are not numbers and were left out; the first: line 3: x,6')
 
 
+def test_an_empty_first_time_costs_its_line_alone(path):
+    start = 1_700_000_000_000_000_000
+    path.write_text('time,gyro_x\n,0.5\n' + ''.join(
+        f'{start + n * 5_000_001},{n}\n' for n in range(100)))
+    messages, [remark] = read(path)
+    assert messages.header_ns.tolist() == [start + n * 5_000_001 for n in range(100)]
+    assert remark.message == (f'{path}: 1 lines are not numbers and were left out; the first: '
+                              'line 2: ,0.5')
+
+
+def test_the_line_without_a_time_is_the_one_that_is_named(path):
+    path.write_text('time_s,gyro_x\n0.0,1\n\n\nnothing,1\n0.1,2\n1e300,3\n0.2,4\n1e300,5\nx\n')
+    messages, [remark] = read(path)
+    assert messages.samples[:, 0].tolist() == [1, 2, 4]
+    assert remark.message == (f'{path}: 4 lines are not numbers and were left out; the first: '
+                              'line 5: nothing,1')
+    path.write_text('time_s,gyro_x\n0.0,1\n\n\n0.1,2\n1e300,3\nx\n')
+    _, [remark] = read(path)
+    assert remark.message == (f'{path}: 2 lines are not numbers and were left out; the first: '
+                              'line 6: 1e300,3')
+
+
 def test_other_columns_are_left_out_and_named(path):
     path.write_text('time_s,gyro_q,gyro_y,mag_x\n1,2,3,warm\n')
     messages, [remark] = read(path)

@@ -51,6 +51,31 @@ def test_the_lines_of_a_message_come_together_to_the_bit(tmp_path):
         int(row['receive time'].replace('.', '')) for row in rows]
 
 
+def test_messages_received_at_once_are_told_apart_by_their_stamps(tmp_path):
+    path = write(tmp_path / 'pairs.csv', {'/imu': 1.0})
+    lines = path.read_text().split('\n')
+    for number, line in enumerate(lines[1:], 1):
+        cells = line.split(',')
+        cells[1] = stamp((number - 1) % COUNT // 2 * 2)
+        lines[number] = ','.join(cells)
+    path.write_text('\n'.join(lines))
+    messages, remarks = read(path, '/imu')
+    assert messages.samples.tobytes() == SAMPLES.tobytes()
+    assert remarks == []
+
+
+def test_messages_that_nothing_tells_apart_are_counted(tmp_path):
+    path = write(tmp_path / 'twins.csv', {'/imu': 1.0})
+    lines = path.read_text().split('\n')
+    path.write_text('\n'.join(lines + [
+        line.rsplit(',', 1)[0] + ',7.0' for line in lines if line.startswith('0.0,')]))
+    messages, [remark] = read(path, '/imu')
+    assert messages.samples.tolist() == [[7.0] * 6, *SAMPLES[1:].tolist()]
+    assert (remark.code, remark.message) == (
+        'merged_messages', f'{path}: 1 messages share receive time and stamp with another, of '
+        'which the last counts: nothing else in such a file tells them apart')
+
+
 def test_what_is_missing_or_no_number_is_told(tmp_path):
     path = write(tmp_path / 'a.csv', {'/imu': 1.0}, '\n1,2,3\n1,x,,/imu.angular_velocity.x,5\n'
                  '1,1700000000.0,,/imu.orientation.x,5\n', headers=False)
