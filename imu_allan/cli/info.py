@@ -191,13 +191,14 @@ def _timeline_rows(summary: 'TimelineSummary') -> list[tuple[str, str]]:
     }
     found = [f'{number:,} {what}' for what, number in faults.items() if number]
     rows.append(('faults', ', '.join(found) or 'none'))
-    for name, spans in (('gaps', timeline.gaps), ('motion', timeline.motion)):
+    for name, spans, count, total in (
+            ('gaps', timeline.gaps, summary.gaps, summary.gaps_s),
+            ('motion', timeline.motion, summary.motions, summary.excluded_s)):
         if spans:
-            total = sum(span.duration_s for span in spans)
             where = ', '.join(f'{duration(span.duration_s)} at {span.start_s:.6g} s'
                               for span in spans[:_LISTED])
-            more = f' and {len(spans) - _LISTED} more' if len(spans) > _LISTED else ''
-            rows.append((name, f'{len(spans)}, {duration(total)} in all: {where}{more}'))
+            more = f' and {count - _LISTED} more' if count > _LISTED else ''
+            rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
     rows.extend(('warning', remark.message) for remark in summary.remarks)
     return rows
 

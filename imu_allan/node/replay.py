@@ -52,8 +52,9 @@ class LoopWatch:
         if not back.any():
             return False
         for row in np.flatnonzero(back & np.isin(block.header_ns, self._stamps)):
-            same = self._stamps == block.header_ns[row]
-            if np.any(np.all(self._samples[same] == block.samples[row], axis=1)):
+            same = self._samples[self._stamps == block.header_ns[row]]
+            # An axis that is absent is NaN, which equals nothing.
+            if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
                 return True
         return False
 

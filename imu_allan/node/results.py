@@ -21,7 +21,7 @@ from imu_allan.result import Result
 from sensor_msgs.msg import CompressedImage
 
 FIT_SHARE = 5.0
-"""On a slow computer a fit is followed by so many times its own duration without one."""
+"""On a slow computer fits begin so many times their own duration apart: a fifth of a core."""
 FIT_GROWTH = 0.03
 """The next fit waits until the record is longer by this: it narrows an interval by 1.5 %."""
 SETTLED_S = 2.0

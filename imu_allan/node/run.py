@@ -89,10 +89,12 @@ class Run:
 
     def update(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages; those that the timeline cannot use are told of in `error`."""
-        for block in self._loop.unseen(blocks):
+        blocks = self._loop.unseen(blocks)
+        if blocks:
+            self.error = ''
+        for block in blocks:
             try:
                 self.characterization.update(block)
-                self.error = ''
             except ImuAllanError as error:
                 self.error = str(error)
             self.fed += len(block)

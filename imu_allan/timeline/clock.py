@@ -67,7 +67,9 @@ def judge_clock(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> Clo
         return ClockQuality(True)
     steps = np.diff(stamps)
     if not steps.any():
-        return ClockQuality(bool(repeats.all()) and len(stamps) < 8, 'constant')
+        # A few messages that came several times say nothing of the clock.
+        return (ClockQuality(True) if repeats.all() and len(stamps) < 8
+                else ClockQuality(False, 'constant'))
     if len(stamps) >= 8 and not np.any(stamps % SECOND) and np.mean(steps == 0) > 0.2:
         return ClockQuality(False, 'in whole seconds')
     distinct = steps[~(repeats & (steps == 0))]

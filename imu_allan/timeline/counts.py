@@ -46,6 +46,8 @@ class Counts(Record):
         Jumps of the clock in use.
     gaps, gaps_ns : int
         Gaps that are not bridged, and their total duration.
+    longest_gap_ns : int
+        Duration of the longest one.
     listed_gaps : list of (float, float)
         Start and duration in seconds of the first ones.
     other_frames : dict
@@ -83,6 +85,7 @@ class Counts(Record):
     clock_jumps: int = 0
     gaps: int = 0
     gaps_ns: int = 0
+    longest_gap_ns: int = 0
     listed_gaps: list[tuple[float, float]] = field(default_factory=list)
     other_frames: dict[str, int] = field(default_factory=dict)
     at_other_rate: int = 0
@@ -105,7 +108,8 @@ class Counts(Record):
     def forget(self) -> None:
         """Call all samples so far rejected: they were one value, repeated."""
         self.rejected += self.samples
-        self.samples = self.missing = self.bridged = self.gaps = self.gaps_ns = 0
+        self.samples = self.missing = self.bridged = 0
+        self.gaps = self.gaps_ns = self.longest_gap_ns = 0
         self.paced_ns = self.paced_steps = self.gravity_samples = 0
         self.listed_gaps, self.gravity = [], [0.0, 0.0, 0.0]
 
@@ -113,6 +117,7 @@ class Counts(Record):
         """Note a gap that is not bridged."""
         self.gaps += 1
         self.gaps_ns += round(duration_ns)
+        self.longest_gap_ns = max(self.longest_gap_ns, round(duration_ns))
         if len(self.listed_gaps) < LISTED_GAPS:
             self.listed_gaps.append((start_ns / SECOND, duration_ns / SECOND))
 

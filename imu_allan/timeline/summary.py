@@ -53,8 +53,8 @@ class TimelineSummary:
         Messages seen, those still held back included.
     bridged : int
         Missing samples that were bridged by the local mean.
-    gaps, gaps_s : int, float
-        Number and total duration of the gaps that were not bridged, listed or not.
+    gaps, gaps_s, longest_gap_s : int, float, float
+        Number, total and longest duration of the gaps that were not bridged, listed or not.
     measured_rate_hz : float or None
         Rate by the clock, whatever rate was stated.
     stamps_read : str
@@ -91,6 +91,7 @@ class TimelineSummary:
     bridged: int = 0
     gaps: int = 0
     gaps_s: float = 0.0
+    longest_gap_s: float = 0.0
     measured_rate_hz: float | None = None
     stamps_read: str = ''
     jitter_s: float | None = None
@@ -157,6 +158,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         messages=counts.messages + held_back,
         bridged=counts.bridged,
         gaps=counts.gaps, gaps_s=counts.gaps_ns / SECOND,
+        longest_gap_s=counts.longest_gap_ns / SECOND,
         measured_rate_hz=None if decision.counted_only else measured,
         stamps_read=_how_read(decision),
         jitter_s=jitter,

@@ -235,9 +235,9 @@ def test_the_queue_holds_two_seconds_at_every_rate(rate_hz: float) -> None:
 
 
 def test_gaps_are_counted_with_the_longest() -> None:
-    timeline = Timeline(100.0, 1000, 20.0, missing=700,
-                        gaps=(Span(1.0, 2.0), Span(5.0, 5.0)))
-    array = diagnostics_message('imu_allan', STAMP, facts(), summary(timeline=timeline), None)
+    seen = summary(timeline=Timeline(100.0, 1000, 20.0, missing=700, gaps=(Span(1.0, 2.0),)),
+                   gaps=2, gaps_s=7.0, longest_gap_s=5.0)
+    array = diagnostics_message('imu_allan', STAMP, facts(), seen, None)
     [status] = [s for s in array.status if s.name == 'imu_allan: timeline']
     assert entries(status)['gaps'] == '2'
     assert entries(status)['longest_gap_s'] == '5.0'
