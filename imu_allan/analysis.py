@@ -18,12 +18,14 @@ from imu_allan.recordings import open_recording, read_blocks, Recording, Recordi
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
-from imu_allan.timeline import TimelineOptions
+from imu_allan.sensor.acceleration_unit import AccelerationUnit
+from imu_allan.timeline import TimelineOptions, TimelineStage
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
+    from imu_allan.tuning.means import Means
 
 _LATEST_NS = 2**63 - 1
 """The latest stamp that 64 bits of nanoseconds hold."""
@@ -263,6 +265,46 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
         yield number, block
 
 
+def second_means(path: str | Path, topic: str | None = None, *,
+                 options: TimelineOptions = TimelineOptions(),  # noqa: B008
+                 reading: RecordingOptions = RecordingOptions(),  # noqa: B008
+                 progress: Callable[[int], None] | None = None) -> list[Means]:
+    """
+    Read a recording for its means over a second, at rest, in constant memory.
+
+    Parameters
+    ----------
+    path, topic, options, reading, progress
+        As in `analyze`.
+
+    Returns
+    -------
+    list of Means
+        One, or one for each half of an IMU that comes in two.
+
+    Raises
+    ------
+    ImuAllanError
+        If it cannot be read, or the topic is not clear.
+
+    """
+    found = []
+    with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
+        streams = choose_streams(recording, topic)
+        for number, stream in enumerate(streams):
+            part = _shared(progress, number, len(streams), recording.size_bytes)
+            blocks, _ = _in_si_units(recording, stream, part)
+            # Numerics are imported while a process of its own reads.
+            from imu_allan.tuning.means import Means
+
+            stage = TimelineStage(_at_own_rate(stream, streams, options, reading))
+            found.append(Means())
+            for block in blocks:
+                found[-1].take(stage.push(block), stage.interval_ns)
+            found[-1].take(stage.flush(), stage.interval_ns)
+    return found
+
+
 def _characterized(recording: Recording, stream: Stream, options: TimelineOptions,
                    start_s: float, duration_s: float | None,
                    progress: Callable[[int], None] | None
@@ -280,19 +322,25 @@ def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start
            duration_s: float | None, progress: Callable[[int], None] | None
            ) -> tuple[Characterization, Iterable[ImuBlock], Callable[[], list[Remark]]]:
     """Begin to read; the remarks are complete when the blocks are through."""
-    blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
+    blocks, unit = _in_si_units(recording, stream, progress)
     # Reading has begun in a process of its own: numerics are imported meanwhile.
     from imu_allan.characterization import Characterization
-    from imu_allan.sensor.acceleration_unit import AccelerationUnit
 
-    unit = AccelerationUnit()
-    if recording.options.accel_unit is None and recording.options.accel is None:
-        blocks = unit.each(blocks)
     if start_s > 0 or duration_s is not None:
         blocks = between(blocks, start_s, duration_s)
     characterization = Characterization(
         kind='recording', path=str(recording.path), topic=stream.topic, options=options)
     return characterization, blocks, lambda: [*recording.remarks, *unit.remarks]
+
+
+def _in_si_units(recording: Recording, stream: Stream, progress: Callable[[int], None] | None
+                 ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
+    """Begin to read; what turns g into m/s^2 tells when it did."""
+    blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
+    unit = AccelerationUnit()
+    if recording.options.accel_unit is None and recording.options.accel is None:
+        blocks = unit.each(blocks)
+    return blocks, unit
 
 
 def _part(block: ImuBlock, part: slice | NDArray[np.bool_]) -> ImuBlock:

@@ -3,6 +3,7 @@
 """Show what a filter needs, and what it would reach with other numbers."""
 
 import argparse
+from dataclasses import replace
 import json
 from pathlib import Path
 import sys
@@ -13,6 +14,8 @@ from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
+    from imu_allan.tuning.field_test import FieldTest
+    from imu_allan.tuning.means import Means
 
 
 def register(verbs: Any) -> None:
@@ -34,8 +37,9 @@ def register(verbs: Any) -> None:
     parser.add_argument('--calibration', metavar='TIME', type=duration, default=60.0,
                         help='how long the bias is averaged before a drift (default: 60s)')
     parser.add_argument('--verify', metavar='OTHER',
-                        help='hold the numbers against another recording or result: another day, '
-                             'or with the motors on, standing still now and then')
+                        help='run filters with the numbers over another recording: another day, '
+                             'or with the motors on, standing still now and then; a result in '
+                             'its place compares the models alone')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     parser.add_argument('--rate', metavar='HZ', type=positive_number,
                         help='sample rate of the other recording, instead of the one measured')
@@ -70,13 +74,16 @@ def run(args: argparse.Namespace) -> int:
         print(sentence)
     for sentence in _beyond(result, args.coast):
         print(sentence)
+    tables, verified = ([], {}) if args.verify is None else _verification(args, result)
+    for table in tables:
+        console.print(table)
     if args.json is not None:
         document = tuning_document(result, args.aiding, args.coast, args.bias,
                                    args.calibration)
+        if args.verify is not None:
+            document['verification'] = {'other': printable(args.verify), 'axes': verified}
         write_atomically(args.json, (json.dumps(document, indent=2, allow_nan=False)
                                      + '\n').encode())
-    if args.verify is not None:
-        console.print(_verification(args, result))
     return 0
 
 
@@ -92,33 +99,61 @@ def _beyond(result: 'Result', coast_s: float) -> list[str]:
             f'{spoken(3 * coast_s)} to know.']
 
 
-def _verification(args: argparse.Namespace, result: 'Result') -> Any:
+def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any], dict[str, Any]]:
+    """Give the tables of the other recording, and the same as plain numbers."""
+    from imu_allan.tuning.field_test import field_test
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
-    from imu_allan.writers.tuning_table import verification_table
+    from imu_allan.writers.tuning_table import (
+        field_test_document,
+        field_test_table,
+        verification_table,
+    )
 
-    other = _other(args)
-    found = {name: verify(axis, other.axes[name], tune(axis, args.aiding, args.coast))
-             for name, axis in result.axes.items()
-             if axis.drift_model is not None and name in other.axes
-             and other.axes[name].drift_model is not None}
-    if not found:
+    other, means = _other(args)
+    axes = {name: axis for name, axis in result.axes.items()
+            if axis.drift_model is not None and name in other.axes
+            and other.axes[name].drift_model is not None}
+    if not axes:
         raise ImuAllanError(f'{args.verify}: no axis has a drift model in both recordings')
-    return verification_table(found, printable(args.verify))
+    tested: dict[str, FieldTest] = {}
+    for part in means:
+        tested |= field_test(axes, part, args.aiding, args.coast)
+    found = {name: verify(axis, other.axes[name], tune(axis, args.aiding, args.coast))
+             for name, axis in axes.items()}
+    for name, one in tested.items():
+        found[name] = replace(found[name], noise_factor=one.noise_factor,
+                              noise_ci95=one.noise_ci95, walk_factor=one.walk_factor,
+                              walk_ci95=one.walk_ci95)
+    name = printable(args.verify)
+    tables: list[Any] = [verification_table(found, name, run=bool(tested))]
+    if tested:
+        tables.insert(0, field_test_table(tested, name, {key: axis.unit
+                                                         for key, axis in axes.items()}))
+    return tables, field_test_document(tested, found)
 
 
-def _other(args: argparse.Namespace) -> 'Result':
+def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
+    """Read a result, or a recording twice: for its result, and to run filters over it."""
     from imu_allan.writers.result_file import load_result
 
     if Path(args.verify).suffix == '.json':
-        return load_result(args.verify)
+        return load_result(args.verify), []
     import imu_allan
+    from imu_allan.analysis import second_means
     from imu_allan.cli.progress import progress_bar
     from imu_allan.recordings import open_recording
     from imu_allan.timeline import TimelineOptions
 
+    options = TimelineOptions(rate_hz=args.rate)
     with open_recording(args.verify, rate_hz=args.rate) as recording:
         size = recording.size_bytes
     with progress_bar(printable(args.verify), size, wanted=not args.no_progress) as progress:
-        return imu_allan.analyze(args.verify, args.topic, progress=progress,
-                                 options=TimelineOptions(rate_hz=args.rate))
+        def half(done: int) -> None:
+            progress(done // 2)
+
+        def rest(done: int) -> None:
+            progress((size + done) // 2)
+
+        result = imu_allan.analyze(args.verify, args.topic, progress=half, options=options)
+        return result, second_means(args.verify, args.topic, progress=rest, options=options)

@@ -82,7 +82,7 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
     expected = groups
     if correlation_time_s is not None:
         expected = groups.with_design(np.column_stack(
-            (groups.design, _process_column(groups, dt, correlation_time_s))))
+            (groups.design, process_column(groups, dt, correlation_time_s))))
     edge, band, terms = _edge(expected, dt)
     smooth = _shrunk(band, terms)
     count = max(int(np.floor(_PER_DECADE * np.log10(longest * edge))) + 1, 1)
@@ -139,7 +139,7 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
         below = groups.below(hz * scale)
         if len(below.dof) < _FEWEST_GROUPS and terms is not None:
             break
-        edge, band = hz * scale, _capped(below if len(below.dof) >= _FEWEST_GROUPS else groups)
+        edge, band = hz * scale, capped(below if len(below.dof) >= _FEWEST_GROUPS else groups)
         terms = maximise(band, fixed={QUANTIZATION: 0.0})
         octave, dof = _half_octaves(below)
         ratio = below.power / np.maximum(below.design @ terms.theta, 1e-300)
@@ -153,7 +153,7 @@ def _edge(groups: Groups, dt: float) -> tuple[float, Groups, Solution]:
     return edge, band, terms
 
 
-def _capped(groups: Groups) -> Groups:
+def capped(groups: Groups) -> Groups:
     """Count each half-octave for no more than a misfit of 10 % leaves it worth."""
     octave, dof = _half_octaves(groups)
     return _with(groups, groups.dof / (1 + dof[octave] * _MISFIT**2 / 2), groups.power)
@@ -197,7 +197,7 @@ def _most_walk(band: Groups, best: Solution) -> Solution:
     return upper
 
 
-def _process_column(groups: Groups, dt: float, time: float) -> Array:
+def process_column(groups: Groups, dt: float, time: float) -> Array:
     """Power that a process of unit variance gives."""
     nu = np.minimum(groups.frequency * dt, 0.5)
     return np.asarray(groups.design[:, WHITE] * dt * gauss_markov(nu, dt, time))
@@ -205,12 +205,12 @@ def _process_column(groups: Groups, dt: float, time: float) -> Array:
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
     """Fit processes of the given correlation times and keep those that matter, at most four."""
-    rows = {float(time): _process_column(band, dt, float(time)) for time in times}
+    rows = {float(time): process_column(band, dt, float(time)) for time in times}
 
     def fitted(of: Array, start: Array | None = None, tolerance: float = 1e-7) -> Solution:
         for time in of.tolist():
             if time not in rows:
-                rows[time] = _process_column(band, dt, time)
+                rows[time] = process_column(band, dt, time)
         columns = (band.design[:, WHITE], band.design[:, WALK], *(rows[t] for t in of.tolist()))
         return maximise(band.with_design(np.stack(columns, axis=1)), tolerance=tolerance,
                         start=None if start is None else Solution(start, 0.0, np.inf))

@@ -9,14 +9,16 @@ the estimator keeps in any case: constant memory, and no second pass over the fi
 therefore multiples of a cell, which for a recording of three hours is some two seconds long.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
-from imu_allan.noise.cells import Cells, RUN_SHIFT
+from imu_allan.noise.cells import Cells
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.gaps import filled
 from imu_allan.noise.likelihood import bins_of, grouped
 from imu_allan.noise.periodogram import Piece
-from imu_allan.result import Backtest, Coast, DriftModel, Innovations
+from imu_allan.result import Backtest, Coast, DriftModel, Innovations, Tone
 from imu_allan.tuning.coasting import coasting_weights
 from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
@@ -32,7 +34,40 @@ _SHORTEST_S = 600.0     # of a record: half of it has to hold some coasts
 _FEWEST_STEPS = 10      # of a filter in one half
 _FEWEST_COASTS = 3
 """In each half: of fewer the observed deviation says little of the predicted one."""
-_MOST_STEPS = 4096      # in one half: a filter step costs time
+MOST_STEPS = 4096       # in one half: a filter step costs time
+_BRIDGED = 4            # means from one to the next that is there: more is an interruption
+
+
+@dataclass(frozen=True)
+class Met:
+    """
+    What filters met in data that they were not fitted to, side by side.
+
+    Attributes
+    ----------
+    innovations : dict of float to (ndarray, int)
+        By interval: sum of the normalised innovations squared, shape (filters,), and steps.
+    coasts : dict of float to (ndarray, ndarray, int)
+        By horizon: sums of what was claimed for the squared error of the mean and of what it was,
+        shape (filters,), and outages.
+
+    """
+
+    innovations: dict[float, tuple[Array, int]]
+    coasts: dict[float, tuple[Array, Array, int]]
+
+    def of(self, filters: slice) -> tuple[tuple[Innovations, ...], tuple[Coast, ...]]:
+        """Put some of the filters together, where enough was seen."""
+        lanes = len(range(*filters.indices(1 << 30)))
+        scores = tuple(Innovations(step_s, float(z[filters].sum()) / (lanes * steps),
+                                   lanes * steps)
+                       for step_s, (z, steps) in self.innovations.items()
+                       if steps >= _FEWEST_STEPS - 1)
+        coasts = tuple(Coast(horizon_s, float(np.sqrt(claimed[filters].sum() / (lanes * outages))),
+                             float(np.sqrt(squared[filters].sum() / (lanes * outages))))
+                       for horizon_s, (claimed, squared, outages) in self.coasts.items()
+                       if outages >= _FEWEST_COASTS)
+        return scores, coasts
 
 
 def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
@@ -55,8 +90,10 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
 
     """
     axes = series.sums.shape[0]
-    rows, cell_s = _longest_run(series, cell), cell * dt
-    coarsen = max(1, int(np.ceil(rows.shape[1] / 2 / _MOST_STEPS)),
+    rows = max(stretches(series, cell), key=lambda rows: rows.shape[1],
+               default=np.zeros((axes, 0)))
+    cell_s = cell * dt
+    coarsen = max(1, int(np.ceil(rows.shape[1] / 2 / MOST_STEPS)),
                   round(INTERVALS_S[0] / cell_s))
     rows, cell_s = _averaged(rows, coarsen), cell_s * coarsen
     half = rows.shape[1] // 2
@@ -71,41 +108,100 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
     # Filters of the first half run over the second, those of the second over the first.
     lanes = [(model, part[axis]) for axis in good for model, part in
              ((models[0][axis], parts[1]), (models[1][axis], parts[0])) if model is not None]
-    innovations: list[list[Innovations]] = [[] for _ in good]
-    coasts: list[list[Coast]] = [[] for _ in good]
-    seen: set[int] = set()
-    for interval in INTERVALS_S:
-        size = max(1, round(interval / cell_s))
-        if size in seen or half // size < _FEWEST_STEPS:
-            continue
-        seen.add(size)
-        step_s = size * cell_s
-        means = np.stack([_averaged(row[None], size)[0] for _, row in lanes])
-        filters = run_filters([space_of(model, (), step_s) for model, _ in lanes], means)
-        for i in range(len(good)):
-            innovations[i].append(_scored(filters, slice(2 * i, 2 * i + 2), step_s))
-        if len(seen) == 1:
-            for i in range(len(good)):
-                coasts[i] = _coasted(filters, lanes[2 * i:2 * i + 2], 2 * i, means, step_s)
+    met = filtered([(model, ()) for model, _ in lanes], [np.stack([row for _, row in lanes])],
+                   cell_s)
     for i, axis in enumerate(good):
-        if innovations[i]:
-            found[axis] = Backtest(half * cell_s, half * cell_s, tuple(innovations[i]),
-                                   tuple(coasts[i]))
+        innovations, coasts = met.of(slice(2 * i, 2 * i + 2))
+        if innovations:
+            found[axis] = Backtest(half * cell_s, half * cell_s, innovations, coasts)
     return found
 
 
-def _longest_run(series: Cells, cell: int) -> Array:
-    """Means of the longest unbroken run, shape (axes, n), few missing cells filled."""
+def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable[Array],
+             cell_s: float) -> Met:
+    """
+    Run filters over means, anew in every part, and keep what they met.
+
+    Parameters
+    ----------
+    fed : sequence of (DriftModel, tuple of Tone)
+        What each filter holds.
+    parts : iterable of ndarray, shape (filters, n)
+        Consecutive means for each filter.
+    cell_s : float
+        Time that a mean is taken over.
+
+    Returns
+    -------
+    Met
+
+    """
+    sizes = dict.fromkeys(max(1, round(interval / cell_s)) for interval in INTERVALS_S)
+    spaces = {size: [space_of(*one, size * cell_s) for one in fed] for size in sizes}
+    nothing = np.zeros(len(fed))
+    met = Met({size * cell_s: (nothing, 0) for size in sizes}, {})
+    for part in parts:
+        for size in sizes:
+            means = _averaged(part, size)
+            if means.shape[1] < 2:
+                continue
+            filters = run_filters(spaces[size], means - means[:, :1])
+            # The first step only learns the bias.
+            z = filters.innovation[:, 1:] ** 2 / filters.variance[:, 1:]
+            total, steps = met.innovations[size * cell_s]
+            met.innovations[size * cell_s] = total + z.sum(axis=1), steps + z.shape[1]
+            if size == next(iter(sizes)):
+                _coast(met, fed, filters, means - means[:, :1], size * cell_s)
+    return met
+
+
+def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters: Filtered,
+           means: Array, step_s: float) -> None:
+    """Add predicted and observed deviation of the mean over horizons without correction."""
+    for horizon in COASTS_S:
+        size = round(horizon / step_s)
+        if not size:
+            # Means over longer than that: a sensor of a sample in some seconds.
+            continue
+        starts = np.arange(size, means.shape[1] - size + 1, size)
+        total = np.concatenate((np.zeros((len(fed), 1)), np.cumsum(means, axis=1)), axis=1)
+        actual = (total[:, starts + size] - total[:, starts]) / size
+        claimed, squared, outages = met.coasts.get(size * step_s, (0.0, 0.0, 0))
+        more = np.zeros((2, len(fed)))
+        for lane, (model, tones) in enumerate(fed):
+            weight, rest = coasting_weights(model, tones, size * step_s)
+            n = len(weight)
+            error = actual[lane] - filters.state[lane, starts, :n] @ weight
+            variance = np.einsum('i,kij,j->k', weight,
+                                 filters.covariance[lane, starts, :n, :n], weight) + rest
+            more[:, lane] = variance.sum(), np.square(error).sum()
+        met.coasts[size * step_s] = claimed + more[0], squared + more[1], outages + len(starts)
+
+
+def stretches(series: Cells, cell: int) -> list[Array]:
+    """
+    Cut a series of means where the record is interrupted.
+
+    Parameters
+    ----------
+    series : Cells
+        In order of time.
+    cell : int
+        Samples in a full cell; those less than half full are left out.
+
+    Returns
+    -------
+    list of ndarray, shape (axes, n)
+        Means in a row, few missing ones filled: a line across a long gap is no data.
+
+    """
     whole = series.take(series.counts >= cell / 2)
     if not len(whole):
-        return np.zeros((series.sums.shape[0], 0))
-    runs, lengths = np.unique(whole.keys >> RUN_SHIFT, return_counts=True)
-    part = whole.take((whole.keys >> RUN_SHIFT) == runs[int(np.argmax(lengths))])
-    # A long gap ends the run, for a line across it is no data.
-    cuts = np.flatnonzero(np.diff(part.keys) > 4) + 1
-    stretches = np.split(np.arange(len(part)), cuts)
-    longest = max(stretches, key=len)
-    return np.asarray(filled(part.take(slice(int(longest[0]), int(longest[-1]) + 1))))
+        return []
+    # Keys of another run are far away, too.
+    cuts = np.flatnonzero(np.diff(whole.keys) > _BRIDGED) + 1
+    edges = [0, *cuts.tolist(), len(whole)]
+    return [np.asarray(filled(whole.take(slice(*ends)))) for ends in pairwise(edges)]
 
 
 def _averaged(rows: Array, size: int) -> Array:
@@ -117,39 +213,12 @@ def _averaged(rows: Array, size: int) -> Array:
 def _fitted(row: Array, step_s: float) -> DriftModel | None:
     if not np.ptp(row) > 0:
         return None
+    return fit_drift_model(grouped(bins_of([piece_of(row[None])], step_s), 0), step_s)
+
+
+def piece_of(rows: Array) -> Piece:
+    """Return the spectrum of means in a row, shape (axes, n), as one piece."""
     # About their mean, so that a large one costs no digits.
-    coefficients = dct(row - row.mean(), norm='ortho')[None]
-    piece = Piece(1, len(row), 1, 1, len(row), coefficients**2, coefficients)
-    return fit_drift_model(grouped(bins_of([piece], step_s), 0), step_s)
-
-
-def _scored(filters: Filtered, lanes: slice, step_s: float) -> Innovations:
-    """Score both directions; the first step only learns the bias."""
-    z = filters.innovation[lanes, 1:] ** 2 / filters.variance[lanes, 1:]
-    return Innovations(step_s, float(z.mean()), int(z.size))
-
-
-def _coasted(filters: Filtered, lanes: Sequence[tuple[DriftModel, Array]], first: int,
-             means: Array, step_s: float) -> list[Coast]:
-    """Predicted and observed deviation of the mean over horizons without correction."""
-    found = []
-    for horizon in COASTS_S:
-        size = round(horizon / step_s)
-        if not size:
-            # Means over longer than that: a sensor of a sample in some seconds.
-            continue
-        starts = np.arange(size, means.shape[1] - size + 1, size)
-        if size < 1 or len(starts) < _FEWEST_COASTS:
-            continue
-        error, claimed = [], []
-        for lane, (model, _) in enumerate(lanes, start=first):
-            weight, rest = coasting_weights(model, (), size * step_s)
-            n = len(weight)
-            total = np.concatenate(([0.0], np.cumsum(means[lane] - means[lane, 0])))
-            actual = (total[starts + size] - total[starts]) / size + means[lane, 0]
-            error.append(actual - filters.state[lane, starts, :n] @ weight)
-            claimed.append(np.einsum('i,kij,j->k', weight,
-                                     filters.covariance[lane, starts, :n, :n], weight) + rest)
-        found.append(Coast(size * step_s, float(np.sqrt(np.mean(claimed))),
-                           float(np.sqrt(np.mean(np.square(error))))))
-    return found
+    coefficients = dct(rows - rows.mean(axis=1, keepdims=True), norm='ortho')
+    length = rows.shape[1]
+    return Piece(1, length, 1, 1, length, coefficients**2, coefficients)

@@ -3,17 +3,21 @@
 """What a filter needs, as tables for the terminal: four ways to feed it, side by side."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import AxisResult, Result
+from imu_allan.sensor.units import engineering
+from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, number
 import numpy as np
+from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 CONSERVATIVE = 'conservative'
@@ -193,20 +197,80 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
     return said
 
 
-def verification_table(found: Mapping[str, Verification], other: str) -> Table:
-    """Return how numbers from one recording hold in another."""
+def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]
+                     ) -> Group:
+    """
+    Return what filters with the numbers of one recording met in another.
+
+    Parameters
+    ----------
+    found : mapping of name to FieldTest
+        Not empty.
+    other : str
+        Name of the other recording.
+    units : mapping of name to str
+        Of a sample of each axis.
+
+    """
+    first = next(iter(found.values()))
+    parts = ('in one part' if first.stops == 1
+             else f'in {first.stops} parts, in each of which the filter begins anew')
+    table = Table('axis', 'numbers')
+    intervals = [row.interval_s for row in first.full.innovations]
+    horizons = [row.horizon_s for row in first.full.coasts]
+    for interval in intervals:
+        table.add_column(f'NIS {duration(interval)}', justify='right')
+    for horizon in horizons:
+        table.add_column(f'off after {duration(horizon)} (predicted)', justify='right')
+    for name, one in found.items():
+        for what, met in ((TUNED, one.tuned), (FULL, one.full)):
+            factor, unit = engineering(1.0, units[name])
+            table.add_row(
+                name if what == TUNED else '', what,
+                *(f'{row.nis:.3g}' for row in met.innovations),
+                *(f'{number(row.observed_rms * factor, 3)} ({number(low * factor, 2)}-'
+                  f'{number(high * factor, 2)}) {unit}'
+                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)),
+                end_section=what == FULL)
+    return Group(
+        Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
+             f'{other}, {parts}', 'italic'), table,
+        Text('NIS: mean squared innovation over what is claimed, of means over that time: 1 is '
+             'right, above 1 overconfident. Off after: root mean square error of the mean over '
+             'that time without correction; in brackets where 95 % of such errors should lie if '
+             'the sensor were as the first recording has it.\n'))
+
+
+def verification_table(found: Mapping[str, Verification], other: str, *, run: bool = False
+                       ) -> Table:
+    """
+    Return how numbers from one recording hold in another.
+
+    Parameters
+    ----------
+    found : mapping of name to Verification
+        By axis.
+    other : str
+        Name of the other recording.
+    run : bool, optional
+        Whether filters were run over it, so that what its model expects needs no column.
+
+    """
     table = Table(title=f'The tuned numbers held against {other}', title_justify='left')
-    for heading in ('axis', 'NIS there', 'error there', 'N times', 'K times',
+    for heading in ('axis', *(() if run else ('NIS there', 'error there')), 'N times', 'K times',
                     'Allan deviation over prediction, by averaging time'):
         table.add_column(heading, justify='left' if heading == 'axis' else 'right')
     for name, one in found.items():
-        bands = ', '.join(f'{_span(e)} {e.ratio:.2f}' for e in one.excess)
-        table.add_row(name, f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}',
-                      _factor(one.noise_factor, one.noise_ci95),
+        bands = ', '.join(f'{_span(e)} {e.ratio:.2f} ({e.ci95[0]:.2f}-{e.ci95[1]:.2f})'
+                          for e in one.excess)
+        expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
+        table.add_row(name, *expected, _factor(one.noise_factor, one.noise_ci95),
                       _factor(one.walk_factor, one.walk_ci95), bands)
     table.caption = ('N times, K times: the factor that would make the numbers right there, with '
                      'its 95 % interval.\nAbove 1 with motors or wheels running, it is what the '
-                     'motion adds: put it into --inflate.')
+                     'motion adds: put it into --inflate.' + (
+                         '' if run else '\nThe models are compared; name the recording itself to '
+                         'run filters over it.'))
     table.caption_justify = 'left'
     return table
 
@@ -218,6 +282,25 @@ def _span(excess: Excess) -> str:
 
 def _factor(value: float, ci95: tuple[float, float]) -> str:
     return f'{value:.2f} ({ci95[0]:.2f}-{ci95[1]:.2f})'
+
+
+def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification]
+                        ) -> dict[str, Any]:
+    """Return the same as plain numbers, for JSON."""
+    axes: dict[str, Any] = {}
+    for name, one in against.items():
+        axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
+                      'walk_factor': one.walk_factor, 'walk_ci95': _finite(one.walk_ci95),
+                      'excess': [asdict(excess) for excess in one.excess]}
+        if name in found:
+            test = found[name]
+            axes[name] |= {'tested_s': test.tested_s, 'stops': test.stops,
+                           'tuned': asdict(test.tuned), 'full': asdict(test.full)}
+    return axes
+
+
+def _finite(ends: tuple[float, float]) -> list[float | None]:
+    return [end if np.isfinite(end) else None for end in ends]
 
 
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,

@@ -61,8 +61,27 @@ def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording
     assert main(['tune', str(result_file), '--verify', str(recording), '--no-progress']) == 0
     out = capsys.readouterr().out
     assert 'The tuned numbers held against' in out
-    assert '1.00 (' in out
+    assert 'Filters with these numbers, run over 5 min of rest in ' in out
+    assert 'NIS 10 s' in out
+    assert 'off after 10 s (predicted)' in ' '.join(out.split())
     assert main(['tune', str(result_file), '--verify', str(result_file)]) == 0
+    out = capsys.readouterr().out
+    assert 'NIS there' in out
+    assert 'name the recording itself to run filters over it' in out
+
+
+def test_what_filters_met_there_as_json(result_file, recording, tmp_path, capsys):
+    path = tmp_path / 'verified.json'
+    assert main(['tune', str(result_file), '--aiding', '1s', '--verify', str(recording),
+                 '--no-progress', '--json', str(path)]) == 0
+    capsys.readouterr()
+    found = json.loads(path.read_text())['verification']
+    assert found['other'] == str(recording)
+    for axis in found['axes'].values():
+        assert axis['stops'] == 1
+        assert axis['full']['innovations'][0]['nis'] == pytest.approx(1, abs=0.4)
+        assert axis['noise_ci95'][0] < 1 < axis['noise_ci95'][1]
+        assert {'from_s', 'to_s', 'ratio', 'ci95'} == set(axis['excess'][0])
 
 
 def test_times_out_of_order_are_told(result_file, capsys):

@@ -1,0 +1,219 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Filters with the numbers of one recording, run over another: another day, or the motors on.
+
+They see means over a second of what is at rest there, and begin anew after every interruption: a
+robot that has moved in between stands otherwise against gravity and the turning of the earth,
+which is no drift. For the same reason the factors come from the spectrum within the stops: by how
+much the white noise and the drift of the first recording's model would have to be multiplied to
+be likeliest there, and what pair would then have been tuned.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise import chi_square
+from imu_allan.noise.drift_model import capped, process_column
+from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise, Solution, WALK, WHITE
+from imu_allan.noise.periodogram import SHORTEST
+from imu_allan.noise.terms import AXES
+from imu_allan.result import AxisResult, Coast, DriftModel, Innovations, Interval
+from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stretches
+from imu_allan.tuning.means import Means
+from imu_allan.tuning.processes import drift_model_of, line_power
+from imu_allan.tuning.tune import tune
+from imu_allan.tuning.uncertainty import spread_of_forecast
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+
+_FARTHEST = 1e3
+"""Factor on an amplitude that an interval is looked for within: ten times K is folklore's most."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What one filter met.
+
+    Attributes
+    ----------
+    innovations : tuple of Innovations
+        Over means of 1, 10 and 60 s, where the stops are long enough.
+    coasts : tuple of Coast
+        Over 10, 60 and 300 s.
+    bands : tuple of (float, float)
+        Where 95 % of the observed deviations should lie: what the recording's own unsteadiness
+        and the number of outages leave open.
+
+    """
+
+    innovations: tuple[Innovations, ...]
+    coasts: tuple[Coast, ...]
+    bands: tuple[Interval, ...]
+
+
+@dataclass(frozen=True)
+class FieldTest:
+    """
+    Numbers of one axis in another recording.
+
+    Attributes
+    ----------
+    tested_s : float
+        What was at rest there.
+    stops : int
+        In so many parts.
+    tuned, full : Outcome
+        Of the tuned pair, and of the whole drift model.
+    noise_factor, walk_factor : float
+        By which to multiply the tuned N and K, to be right there.
+    noise_ci95, walk_ci95 : (float, float)
+
+    """
+
+    tested_s: float
+    stops: int
+    tuned: Outcome
+    full: Outcome
+    noise_factor: float
+    walk_factor: float
+    noise_ci95: Interval
+    walk_ci95: Interval
+
+
+def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: float = 0.1,
+               coast_s: float = 60.0) -> dict[str, FieldTest]:
+    """
+    Run filters with the numbers of some axes over another recording of the same sensor.
+
+    Parameters
+    ----------
+    axes : mapping of name to AxisResult
+        What the numbers come from; an axis without a drift model, or that the other recording does
+        not have, is left out.
+    means : Means
+        Of the other recording.
+    aiding_interval_s, coast_s : float, optional
+        As for `tune`.
+
+    Returns
+    -------
+    dict of str to FieldTest
+
+    Raises
+    ------
+    ImuAllanError
+        If nothing there is at rest for long enough.
+
+    """
+    names = [list(AXES)[column] for column in means.columns]
+    rows = [i for i, name in enumerate(names)
+            if name in axes and axes[name].drift_model is not None]
+    kept = {names[i]: axes[names[i]] for i in rows}
+    parts = [part[rows] for part in stretches(means.series, means.cell)
+             if part.shape[1] >= SHORTEST]
+    if not kept:
+        return {}
+    if not parts:
+        raise ImuAllanError(f'nothing is at rest for {SHORTEST * means.cell_s:g} s in a row: too '
+                            'short to run a filter over')
+    pairs = {name: tune(axis, aiding_interval_s, coast_s) for name, axis in kept.items()}
+    fed = [(model, tones) for name, axis in kept.items() for model, tones in (
+        (DriftModel(pairs[name].noise_density, pairs[name].random_walk or 0.0, (), 0.0, 0.0), ()),
+        (drift_model_of(axis), axis.tones))]
+    # Long ones begin anew, too: what a filter keeps of every step is much.
+    met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
+                         for at in range(0, part.shape[1], MOST_STEPS)), means.cell_s)
+    bins = bins_of([piece_of(part) for part in parts], means.cell_s)
+    found = {}
+    for i, (name, axis) in enumerate(kept.items()):
+        spectrum = capped(grouped(bins, i))
+        found[name] = FieldTest(
+            sum(part.shape[1] for part in parts) * means.cell_s, len(parts),
+            _outcome(met, 2 * i, axis), _outcome(met, 2 * i + 1, axis),
+            *_factors(axis, _scales(axis, spectrum, means.cell_s), aiding_interval_s, coast_s))
+    return found
+
+
+def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
+    innovations, coasts = met.of(slice(lane, lane + 1))
+    horizons = np.array([coast.horizon_s for coast in coasts])
+    outages = np.array([met.coasts[h][2] for h in horizons.tolist()])
+    # The spread of a root mean square of n is sqrt(1 / 2n).
+    spread = np.hypot(spread_of_forecast(axis, horizons), np.sqrt(0.5 / outages))
+    bands = tuple((coast.predicted_sigma / by, coast.predicted_sigma * by) for coast, by in
+                  zip(coasts, np.exp(chi_square.NORMAL95 * spread).tolist(), strict=True))
+    return Outcome(innovations, coasts, bands)
+
+
+def _scales(axis: AxisResult, spectrum: Groups, step_s: float) -> list[tuple[float, Interval]]:
+    """Factors on white noise and on drift of a model that are likeliest, with intervals."""
+    model = drift_model_of(axis)
+    white = spectrum.design[:, WHITE]
+    lines = step_s * float(line_power(axis.tones, step_s))
+    drift = spectrum.design[:, WALK] * model.rate_random_walk**2
+    for process in model.processes:
+        drift = drift + process.sigma**2 * process_column(spectrum, step_s,
+                                                          process.correlation_time_s)
+    columns = [white * (model.noise_density**2 + lines)]
+    if drift.any():
+        columns.append(drift)
+    scaled = spectrum.with_design(np.stack(columns, axis=1))
+    best = maximise(scaled)
+    found = [(float(np.sqrt(best.theta[i])), _interval(scaled, best, i))
+             for i in range(len(columns))]
+    return found if len(found) == 2 else [*found, (1.0, (0.0, float('inf')))]
+
+
+def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
+    """Factors at which the likelihood ratio reaches the 95 % of a chi-square of one degree."""
+    threshold = float(chi_square.upper(0.05, 1))
+
+    def excess(log_factor: float) -> float:
+        held = maximise(spectrum, best, fixed={column: float(np.exp(2 * log_factor))})
+        return 2 * (held.loss - best.loss) - threshold
+
+    far = float(np.log(_FARTHEST))
+    middle = np.log(max(float(np.sqrt(best.theta[column])), 1 / _FARTHEST))
+    low, high = 0.0, float('inf')
+    if excess(-far) > 0:
+        low = float(np.exp(brentq(excess, -far, middle, xtol=1e-4)))
+    if excess(far) > 0:
+        high = float(np.exp(brentq(excess, middle, far, xtol=1e-4)))
+    return low, high
+
+
+def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_s: float,
+             coast_s: float) -> tuple[float, float, Interval, Interval]:
+    """Tell what scaled noise and drift make of the tuned pair: best, and at both ends of each."""
+    (noise, noises), (drift, drifts) = scales
+
+    def pair(noise: float, drift: float) -> tuple[float, float]:
+        tuning = tune(_scaled(axis, noise, drift), aiding_s, coast_s)
+        return tuning.noise_density / own[0], (tuning.random_walk or 0.0) / own[1]
+
+    own = 1.0, 1.0
+    own = pair(1.0, 1.0)
+    best = pair(noise, drift)
+    n = tuple(pair(end, drift)[0] for end in noises)
+    k = tuple(pair(noise, end)[1] if 0 < end < np.inf else end for end in drifts)
+    return *best, (n[0], n[1]), (k[0], k[1])
+
+
+def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:
+    """Return the axis with more or less white noise and drift."""
+    model, curve = drift_model_of(axis), axis.curve
+    more = replace(
+        model, noise_density=noise * model.noise_density,
+        rate_random_walk=drift * model.rate_random_walk,
+        processes=tuple(replace(process, sigma=drift * process.sigma)
+                        for process in model.processes))
+    # Of the curve only what lies above the band is used, which is noise.
+    return replace(axis, drift_model=more, tones=tuple(
+        replace(tone, amplitude=noise * tone.amplitude) for tone in axis.tones),
+        curve=replace(curve, adev=tuple(noise * value for value in curve.adev)))

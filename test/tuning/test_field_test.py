@@ -1,0 +1,110 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Filters with stated numbers over simulated recordings: as claimed, noisier, in stop and go."""
+
+from drifting_axes import axis_of
+from imu_allan.block import EvenBlock
+from imu_allan.errors import ImuAllanError
+from imu_allan.noise.simulate import simulate
+from imu_allan.tuning.field_test import field_test
+from imu_allan.tuning.means import Means
+import numpy as np
+import pytest
+
+RATE = 20.0
+N, K = 1e-3, 1e-4
+AXES = {'gyro_x': axis_of(N, K), 'gyro_y': axis_of(N, K, processes=((3e-4, 100.0),))}
+
+
+def rest(seconds, noise=1.0, drift=1.0, seed=0):
+    """Return samples of both axes, shape (n, 6), the others absent."""
+    n = round(seconds * RATE)
+    rows = np.full((n, 6), np.nan)
+    for axis in range(2):
+        terms = {'noise_density': noise * N, 'rate_random_walk': drift * K}
+        if axis:
+            terms['gauss_markov'] = {'sigma': drift * 3e-4, 'correlation_time_s': 100.0}
+        rows[:, axis] = simulate(terms, n, RATE, 2 * seed + axis)
+    return rows
+
+
+def means_of(*blocks):
+    means = Means()
+    means.take(blocks, 1e9 / RATE)
+    return means
+
+
+def met_in(rows, **times):
+    return field_test(AXES, means_of(EvenBlock(rows, 0)), 1.0, **times)
+
+
+def test_the_same_sensor_is_met_as_claimed():
+    for one in met_in(rest(7200)).values():
+        assert one.stops == 1
+        assert one.tested_s == pytest.approx(7200)
+        assert [row.interval_s for row in one.full.innovations] == [1, 10, 60]
+        for row in one.full.innovations:
+            assert row.nis == pytest.approx(1, abs=5 * np.sqrt(2 / row.steps))
+        for coast, (low, high) in zip(one.full.coasts, one.full.bands, strict=True):
+            assert low < coast.predicted_sigma < high
+            assert low < coast.observed_rms < high
+        assert [coast.horizon_s for coast in one.tuned.coasts] == [10, 60, 300]
+        assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
+        assert one.walk_ci95[0] < 1 < one.walk_ci95[1]
+        assert one.walk_ci95[1] / one.walk_ci95[0] < 2
+
+
+def test_threefold_noise_is_a_factor_of_the_noise_alone():
+    for one in met_in(rest(7200, noise=3.0)).values():
+        assert one.tuned.innovations[0].nis == pytest.approx(8, abs=1.5)
+        assert one.noise_ci95[0] < 3 < one.noise_ci95[1]
+        assert one.noise_factor == pytest.approx(3, rel=0.1)
+        assert one.walk_ci95[0] < 1 < one.walk_ci95[1]
+
+
+def test_fourfold_drift_is_a_factor_of_the_walk_alone():
+    for one in met_in(rest(7200, drift=4.0)).values():
+        assert one.full.innovations[1].nis > 2
+        assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
+        assert one.walk_factor == pytest.approx(4, rel=0.3)
+        assert one.walk_ci95[0] < 4 < one.walk_ci95[1]
+
+
+def test_another_posture_at_every_stop_is_no_drift():
+    blocks = []
+    for stop in range(30):
+        level = 0.1 * np.random.default_rng(stop).normal()
+        blocks.append(EvenBlock(rest(40, seed=stop) + level, round(stop * 100 * RATE)))
+    for one in field_test(AXES, means_of(*blocks), 1.0).values():
+        assert one.stops == 30
+        assert one.tested_s == pytest.approx(1200)
+        assert one.full.innovations[0].nis == pytest.approx(1, abs=0.25)
+        assert one.walk_ci95[0] < 1
+        assert one.walk_factor < 2
+
+
+def test_a_factor_that_the_recording_cannot_tell_is_said_to_be_open():
+    [one] = field_test({'gyro_x': axis_of(N, 1e-12)}, means_of(EvenBlock(rest(60), 0)),
+                       1.0).values()
+    assert one.walk_ci95 == (0, np.inf)
+    [one] = field_test({'gyro_x': axis_of(N)}, means_of(EvenBlock(rest(60), 0)), 1.0).values()
+    assert one.walk_ci95 == (0, np.inf)
+    assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
+
+
+def test_a_recording_without_a_stop_is_told_and_other_axes_are_left_out():
+    with pytest.raises(ImuAllanError) as error:
+        met_in(rest(10))
+    assert str(error.value) == ('nothing is at rest for 16 s in a row: too short to run a filter '
+                                'over')
+    assert field_test({'accel_x': AXES['gyro_x']}, means_of(EvenBlock(rest(60), 0))) == {}
+
+
+@pytest.mark.slow
+def test_factors_lie_in_their_intervals():
+    inside = np.zeros(2)
+    for seed in range(100):
+        for one in met_in(rest(1800, noise=2.0, drift=3.0, seed=seed)).values():
+            inside += [one.noise_ci95[0] < 2 < one.noise_ci95[1],
+                       one.walk_ci95[0] < 3 < one.walk_ci95[1]]
+    assert np.all(inside / 200 > 0.91)
