@@ -20,12 +20,12 @@ from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import TimelineOptions, TimelineStage
+from imu_allan.tuning.means import Means
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
-    from imu_allan.tuning.means import Means
 
 _LATEST_NS = 2**63 - 1
 """The latest stamp that 64 bits of nanoseconds hold."""
@@ -294,9 +294,6 @@ def second_means(path: str | Path, topic: str | None = None, *,
         for number, stream in enumerate(streams):
             part = _shared(progress, number, len(streams), recording.size_bytes)
             blocks, _ = _in_si_units(recording, stream, part)
-            # Numerics are imported while a process of its own reads.
-            from imu_allan.tuning.means import Means
-
             stage = TimelineStage(_at_own_rate(stream, streams, options, reading))
             found.append(Means())
             for block in blocks:
