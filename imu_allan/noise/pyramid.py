@@ -26,6 +26,8 @@ OVERLAP_OCTAVE = 3
 OVERLAP = 2**OVERLAP_OCTAVE    # places of a cluster within its length
 _TAIL = 2 * OVERLAP - 1
 """Values of a stage that the next differences reach back to."""
+_ONE_THREAD = 8192
+"""Longest product that no BLAS shares out among threads: sums then do not depend on how many."""
 _MAX_STAGES = 48
 """2**48 samples: 8,900 years at 1 kHz. Bounds what a state file may claim."""
 
@@ -92,7 +94,7 @@ class Pyramid:
                     new = min(n, left)
                     d = np.subtract(window[:, left + m - new:], window[:, left - new:left],
                                     out=room[1][:, :new])
-                    self.sums[octave + stage] += np.einsum('ij,ij->i', d, d)
+                    self.sums[octave + stage] += _square_sums(d)
                     self.counts[octave + stage] += new
                 if octave < OVERLAP_OCTAVE:
                     window = np.add(window[:, m:], window[:, :left],
@@ -180,3 +182,12 @@ class Pyramid:
         self._odd = lengths[:, 1].tolist()
         self._work = np.empty((5, self.sums.shape[1], 0))
         return self
+
+
+def _square_sums(rows: Array) -> Array:
+    """Sum of the squares of each row, shape (axes,): a quarter of the time of an einsum."""
+    sums = np.zeros(len(rows))
+    for begin in range(0, rows.shape[1], _ONE_THREAD):
+        part = rows[:, begin:begin + _ONE_THREAD]
+        sums += (part[:, None, :] @ part[:, :, None])[:, 0, 0]
+    return sums

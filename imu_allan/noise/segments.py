@@ -141,7 +141,7 @@ class Segments:
             if length >= _SHORTEST_BLOCK:
                 self._add(at, layout(length, 1), count, power)
         if n == SHORTEST_SEGMENT:
-            means = rows.reshape(len(rows), n // MEANS, MEANS).mean(axis=2)
+            means = rows.reshape(len(rows), n // MEANS, MEANS) @ np.full(MEANS, 1 / MEANS)
             self._add(at, layout(n // MEANS, MEANS), 1, dct(means, norm='ortho')**2)
         self.samples += n
 
