@@ -16,6 +16,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.recordings.same_recording import Fingerprint
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
@@ -150,11 +151,21 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
     """One result for several recordings, of each half of the IMU where it has two."""
     from imu_allan.characterization.joint import joint_result
 
+    for number, path in enumerate(paths):
+        for other in paths[:number]:
+            if Path(path).resolve() == Path(other).resolve():
+                raise _given_twice(other, path)
     recordings: list[list[Taken]] = []
+    fingerprints: list[Fingerprint] = []
     before = 0
     for path in paths:
+        fingerprint = Fingerprint()
         taken, size = _taken(path, topic, options, reading, start_s, duration_s,
-                             _counted_on(progress, before))
+                             _counted_on(progress, before), fingerprint)
+        for other, known in zip(paths, fingerprints, strict=False):
+            if fingerprint.shares_messages_with(known):
+                raise _given_twice(other, path)
+        fingerprints.append(fingerprint)
         if recordings and len(taken) != len(recordings[0]):
             raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
                                 f'{len(recordings[0])} in {paths[0]}; choose one with --topic')
@@ -168,6 +179,11 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
     return _as_one([stream for stream, *_ in recordings[0]], results)
 
 
+def _given_twice(one: str | Path, other: str | Path) -> ImuAllanError:
+    return ImuAllanError(f'{one} and {other} hold the same messages, which would count twice; '
+                         'give each recording of the IMU once')
+
+
 def _counted_on(progress: Callable[[int], None] | None, before: int
                 ) -> Callable[[int], None] | None:
     return None if progress is None else lambda done: progress(before + done)
@@ -175,7 +191,8 @@ def _counted_on(progress: Callable[[int], None] | None, before: int
 
 def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
            reading: RecordingOptions, start_s: float, duration_s: float | None,
-           progress: Callable[[int], None] | None) -> tuple[list[Taken], int]:
+           progress: Callable[[int], None] | None, fingerprint: Fingerprint | None = None
+           ) -> tuple[list[Taken], int]:
     """Take in the streams of a recording; return them with what was found, and its size."""
     with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
         streams = choose_streams(recording, topic)
@@ -184,7 +201,7 @@ def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
             part = _shared(progress, number, len(streams), recording.size_bytes)
             taken.append((stream, *_characterized(
                 recording, stream, _at_own_rate(stream, streams, options, reading), start_s,
-                duration_s, part)))
+                duration_s, part, fingerprint if number == 0 else None)))
         return taken, recording.size_bytes
 
 
@@ -304,11 +321,11 @@ def second_means(path: str | Path, topic: str | None = None, *,
 
 def _characterized(recording: Recording, stream: Stream, options: TimelineOptions,
                    start_s: float, duration_s: float | None,
-                   progress: Callable[[int], None] | None
+                   progress: Callable[[int], None] | None, fingerprint: Fingerprint | None
                    ) -> tuple[Characterization, list[Remark]]:
     characterization, blocks, remarks = _begun(recording, stream, options, start_s, duration_s,
                                                progress)
-    characterization.take(blocks)
+    characterization.take(blocks if fingerprint is None else fingerprint.watch(blocks))
     for stamps, celsius in temperatures(recording, stream.topic,
                                         characterization.summary().clock):
         characterization.take_temperature(stamps, celsius)

@@ -46,3 +46,37 @@ def test_start_auto_is_refused_for_several_recordings(written):
     path = written(0.0)
     with pytest.raises(ImuAllanError, match='of several give the time to leave out'):
         analyze([path, path], start_s='auto')
+
+
+def shifted(path, first, last):
+    """Write some lines of a CSV into another one."""
+    lines = path.read_text().splitlines(keepends=True)
+    part = path.with_name(f'{first}_{last}.csv')
+    part.write_text(''.join([lines[0], *lines[1 + first:1 + last]]))
+    return part
+
+
+@pytest.mark.parametrize('again', ['the same', 'a link', 'a copy', 'its end', 'its middle'])
+def test_the_same_recording_given_twice_is_refused(written, again):
+    path = written(0.0)
+    other = {'the same': path, 'a link': path.with_name('link.csv'),
+             'a copy': path.with_name('copy.csv')}.get(again)
+    if again == 'a link':
+        other.symlink_to(path)
+    elif again == 'a copy':
+        other.write_bytes(path.read_bytes())
+    elif other is None:
+        other = shifted(path, 12_000, 36_000 if again == 'its end' else 30_000)
+    for paths in ([path, other], [other, path]):
+        with pytest.raises(ImuAllanError, match='^[^ ]+ and [^ ]+ hold the same messages') as told:
+            analyze(paths)
+        assert f'{paths[0]} and {paths[1]} hold' in str(told.value)
+
+
+def test_recordings_of_one_time_with_other_values_are_two(written):
+    path = written(0.0)
+    other = path.with_name('other.csv')
+    noise = simulate({'noise_density': 1e-3, 'bias_instability': 1e-3}, len(TIME), RATE, 2)
+    np.savetxt(other, np.column_stack((TIME, noise)), fmt='%.9g', delimiter=',',
+               header='time_s,gyro_x', comments='')
+    assert len(analyze([path, other]).recordings) == 2

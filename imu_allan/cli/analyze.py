@@ -30,6 +30,7 @@ from imu_allan.cli.recording_options import (
 from imu_allan.cli.workers import executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.consumers import CONSUMER_TITLES
+from imu_allan.writers.output_path import require_writable
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -100,6 +101,12 @@ def run(args: argparse.Namespace) -> int:
     if args.resume and args.output is None:
         args.parser.error('--resume needs --output')
     options = timeline_options(args)
+    if args.dask is None:
+        # What works on a cluster may see another disk.
+        if args.output is not None:
+            require_writable(args.output)
+        if args.json is not None and not Path(args.json).exists():
+            require_writable(Path(args.json).parent)
     complaints: list[ImuAllanError] = []
     gathering = Gathering(None if args.output is None else Path(args.output))
     tasks = _tasks(args, options, complaints, gathering)
@@ -121,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
             executor(args.jobs, args.dask) as workers:
         for shown, (task, future) in enumerate(in_order(workers, todo, progress)):
             try:
-                result = future.result()
+                result, unsaved = future.result()
             except ImuAllanError as error:
                 complaints.append(error)
                 gathering.fail(task.unit, task.path, error)
@@ -135,10 +142,11 @@ def run(args: argparse.Namespace) -> int:
             gathering.add(task, result)
             with progress.aside():
                 _hand_out(task, result, args, first=not shown, brief=len(tasks) > FEW)
+            if unsaved is not None:
+                complaints.append(unsaved)
             if (nothing := without_coefficient(result, task.path)) is not None:
                 complaints.append(nothing)
-    if apart:
-        gathering.finish()
+    gathering.finish()
     for complaint in complaints[:-1]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if complaints:
@@ -189,8 +197,6 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     from imu_allan.writers.result_file import save_result
     from imu_allan.writers.table import print_result
 
-    if args.json is not None:
-        save_result(result, args.json)
     configurations = [] if task.folder is not None else [
         export(result, consumer).text for consumer in args.consumers]
     table = sys.stderr if configurations else sys.stdout
@@ -203,3 +209,6 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     table.flush()
     print('\n'.join(configurations), end='')
     sys.stdout.flush()
+    # Last: where it cannot be written, the work shall not have been for nothing.
+    if args.json is not None:
+        save_result(result, args.json)

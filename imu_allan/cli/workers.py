@@ -116,8 +116,13 @@ class Task:
         return Inspection(**self.inspection) if self.inspection else None
 
 
-def characterize(task: Task, progress: Callable[[int], None] | None = None) -> 'Result':
-    """Make the result of a task and write its folder: where the work is done, not one by one."""
+def characterize(task: Task, progress: Callable[[int], None] | None = None
+                 ) -> 'tuple[Result, ImuAllanError | None]':
+    """
+    Make the result of a task and write its folder: where the work is done, not one by one.
+
+    Beside the result stands why the folder could not be written, where it could not.
+    """
     from imu_allan.analysis import analyze
 
     result = analyze(list(task.together) or task.path, progress=progress, **task.arguments())
@@ -125,8 +130,11 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None) -> '
         result = replace(result, inspection=task.inspected())
     if task.folder is not None:
         from imu_allan.writers.folder import save_folder
-        save_folder(result, task.folder, task.exports)
-    return result
+        try:
+            save_folder(result, task.folder, task.exports)
+        except ImuAllanError as error:
+            return result, error
+    return result, None
 
 
 # ------------------------------------------------------------------------------- into which folder
@@ -191,9 +199,10 @@ def executor(jobs: int, dask: str | None) -> Iterator[Executor]:
 
 
 def in_order(workers: Executor, tasks: Sequence[Task],
-             progress: Callable[[int], None]) -> 'Iterator[tuple[Task, Future[Result]]]':
+             progress: Callable[[int], None]
+             ) -> 'Iterator[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]]':
     """Submit every task; yield each with its finished future, in the order of `tasks`."""
-    waiting: deque[tuple[Task, Future[Result]]] = deque()
+    waiting: deque[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]] = deque()
     done_bytes = 0
     for task in tasks:
         if isinstance(workers, _ThisProcess):

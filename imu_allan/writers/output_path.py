@@ -15,6 +15,8 @@ import os
 from pathlib import Path
 import stat
 
+from imu_allan.errors import ImuAllanError, printable
+
 _MOST_LINKS = 40
 """As many as Linux follows."""
 
@@ -54,6 +56,31 @@ def followed(path: str | os.PathLike[str]) -> Path:
         current = '/' if target.startswith('/') else current
         pending += target.split('/')[::-1]
     return Path(current)
+
+
+def require_writable(folder: str | os.PathLike[str]) -> None:
+    """
+    Refuse a folder that cannot be written to, before the work for it begins.
+
+    A folder that is missing is not made; a full disk is not found out.
+
+    Raises
+    ------
+    ImuAllanError
+        If it, or the nearest one above that exists, is no folder or may not be written to.
+
+    """
+    nearest = Path(os.path.abspath(folder))  # noqa: PTH100
+    try:
+        while not os.path.lexists(nearest):
+            nearest = nearest.parent
+        reason = ('is not a folder' if not nearest.is_dir() else
+                  '' if os.access(nearest, os.W_OK | os.X_OK) else 'may not be written to')
+    except (OSError, ValueError) as error:
+        reason = f'cannot be looked at ({error})'
+    if reason:
+        raise ImuAllanError(f'{printable(folder)}: cannot be written ({printable(nearest)} '
+                            f'{reason}); choose a folder that may be written to')
 
 
 def _require_own(link: str) -> None:

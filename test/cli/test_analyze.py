@@ -151,7 +151,9 @@ def test_all_topics_are_analyzed_and_no_topic_name_leads_out_of_the_output_folde
     shown = capsys.readouterr().out
     assert 'at 100 Hz' in shown
     assert 'at 50 Hz' in shown
-    assert len(list(output.iterdir())) == 2
+    assert sorted(path.suffix for path in output.iterdir() if path.is_file()) == [
+        '.csv', '.html', '.json']
+    assert len([path for path in output.iterdir() if path.is_dir()]) == 2
     assert list((tmp_path / 'deep').iterdir()) == [output]
 
 
@@ -323,6 +325,30 @@ def test_an_output_folder_that_cannot_be_written_is_one_line(
     complaint = capsys.readouterr().err
     assert str(tmp_path / 'file') in complaint
     assert complaint.count('\n') == 1
+
+
+def test_an_output_folder_that_cannot_be_written_is_told_before_the_work(
+        recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'file').write_text('')
+    begun: list[object] = []
+    monkeypatch.setattr(workers, 'characterize', lambda *args: begun.append(args))
+    for option in ('--output', '--json'):
+        assert main(['analyze', str(recording), option, str(tmp_path / 'file' / 'deep')]) == 1
+    assert begun == []
+
+
+@pytest.mark.parametrize('wanted', [['--output', 'out'], ['--json', 'out/result.json']])
+def test_a_result_that_cannot_be_saved_is_shown_all_the_same(
+        recording: Path, tmp_path: Path, wanted: list[str], monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    # A folder in the place of the file: found out by writing alone, as a full disk is.
+    (tmp_path / 'out' / 'result.json').mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    assert main(['analyze', str(recording), *wanted]) == 1
+    shown = capsys.readouterr()
+    assert 'angle random walk' in shown.out
+    assert shown.err.count('\n') == 1
+    assert 'result.json: cannot be written' in shown.err
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
