@@ -68,9 +68,9 @@ def test_the_same_recording_given_twice_is_refused(written, again):
     elif other is None:
         other = shifted(path, 12_000, 36_000 if again == 'its end' else 30_000)
     for paths in ([path, other], [other, path]):
-        with pytest.raises(ImuAllanError, match=r'^[^ ]+ and [^ ]+ hold the same messages') as told:
+        with pytest.raises(ImuAllanError, match=r'^[^ ]+ and [^ ]+ hold the same messages') as e:
             analyze(paths)
-        assert f'{paths[0]} and {paths[1]} hold' in str(told.value)
+        assert f'{paths[0]} and {paths[1]} hold' in str(e.value)
 
 
 def test_recordings_of_one_time_with_other_values_are_two(written):
