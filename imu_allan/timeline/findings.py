@@ -95,9 +95,10 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             f'the {decision.clock} clock jumped {_times(counts.clock_jumps)}: no difference is '
             'taken across a jump')
     if decision.counting:
-        bound = ('' if decision.hidden < _LITTLE_HIDDEN else
-                 f'; up to {decision.hidden:.1%} of the samples may be missing unseen, and the '
-                 f'noise density then be up to {decision.hidden / 2:.1%} too high')
+        hidden = decision.hidden
+        bound = ('' if hidden < _LITTLE_HIDDEN else
+                 f'; up to {hidden:.1%} of the samples may be missing unseen, and the noise '
+                 f'density then be up to {hidden / 2 / (1 - hidden):.1%} too high')
         error = decision.rate_error(counts.paced_steps)
         if error > _LITTLE_HIDDEN:
             bound += f'; the record is short, its rate may be up to {error:.1%} off'
@@ -118,12 +119,15 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             f'deeper queue or with reliable delivery{bound}')
     if counts.at_other_rate:
         stay = counts.at_other_rate < counts.samples
+        used, other = SECOND / (decision.interval_ns or 1.0), counts.changed_rate_hz
+        # Time is told from the first sample used: what was cut out before has none.
+        change, which = ((f'from {used:.4g} to {other:.4g} Hz at {counts.rate_changed_s:.6g} s',
+                          'another rate than the first') if counts.rate_changed_s > 0 else
+                         (f'from {other:.4g} to {used:.4g} Hz', 'the first rate'))
         remarks['rate_changed'] = (
-            f'the sample rate changed from {SECOND / (decision.interval_ns or 1.0):.4g} to '
-            f'{counts.changed_rate_hz:.4g} Hz at {counts.rate_changed_s:.6g} s: the '
-            f'{counts.at_other_rate} samples at another rate than the first are left out; analyze '
-            f'{"them" if stay else "them, the larger part,"} by themselves with --start and '
-            '--duration')
+            f'the sample rate changed {change}: the {counts.at_other_rate} samples at {which} are '
+            f'left out; analyze {"them" if stay else "them, the larger part,"} by themselves with '
+            '--start and --duration')
     remarks |= _rate_remarks(counts)
     if counts.other_frames:
         others = ', '.join(f'{name!r} ({count} messages)'

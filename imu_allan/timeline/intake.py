@@ -62,6 +62,8 @@ _OTHER_GRID, _OTHER_RATE = 0.01, 0.6
 """Shares by which two grids differ that are no speeds of two clocks. A judgment."""
 _FITS_BADLY = 0.1
 """Of an interval: a tick four times as wide hides a sample. A judgment."""
+_MUCH_HIDDEN = 0.3
+"""Share of the samples: ticks hide less, and the other clock would not show the loss either."""
 _FEWEST_FOR_RATE = 64
 """Stamps from which a rate is known well enough to contradict the stated one."""
 
@@ -246,13 +248,15 @@ class Intake:
         finite = np.mean(np.isfinite(samples), axis=0)
         declared = np.repeat(np.mean(window.absent, axis=0) <= 0.5, 3)
         present = declared & (finite > 0.5)
-        if not present.any():
+        self.presence.there = present.tolist()
+        if not present.any() and self.presence.copy().look(
+                ~np.isfinite(samples) | np.repeat(window.absent, 3, axis=1),
+                window.consumed)[:window.consumed].all():
             raise ImuAllanError(
                 'the messages carry neither angular velocity nor linear acceleration '
                 '(covariance[0] is -1 or every value is NaN): choose another topic')
         decision.present = present.tolist()
         decision.not_finite = (declared & ~present).tolist()
-        self.presence.there = present.tolist()
         self._choose_clock(window)
         self._counts.first_header_ns = int(window.header[0])
         self._counts.first_receive_ns = int(window.receive[0])
@@ -346,7 +350,8 @@ class Intake:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, bursts=decision.unties)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
-                or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)):
+                or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)
+                or pace.hidden > _MUCH_HIDDEN):
             return pace, count
         usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
         second, seen = _pace_of(other, own, bursts=True) if usable else (None, 0)

@@ -35,6 +35,13 @@ _MOSTLY_IN_BURSTS = 0.55
 """Share of short steps: pairs have a half, longer bursts more."""
 _FEWEST_RECEIVED = 0.5
 """Of all samples at least: with fewer, messages apart say nothing about the interval."""
+_FEWEST_PLACES, _SINGLES, _SINGLE_PERCENT = 0.15, 0.15, 10
+"""Share of places taken, and of steps that are single, on a grid that most messages are lost from:
+fewer are no delivery, but the pairs and batches of a clock. A judgment."""
+_SPARSEST = 0.37
+"""Share of places taken: with 0.4 the bound on bridges holds, with 0.3 it does not."""
+_EXACT = 0.05
+"""In intervals: a driver's header stamps lie closer, batches and ticks do not."""
 _SHORTEST_STEP_NS = 1e5
 """No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO."""
 _SHORTEST_ON = 0.1
@@ -58,6 +65,11 @@ _MOST_JUMPS = 64
 """In one batch of messages: each costs a pass over the levels, and the largest come first."""
 _LEAP = 16
 """Missing samples: with 8, jumps that losses add up to are no doubt any more; 32 does as well."""
+_HIDDEN_LAGS = np.array([32, 64, 96, 128])
+"""Messages: longer than a batch, and short enough for many of them in a window."""
+_LONGEST_OF_BATCHES = 20
+"""Messages: a FIFO is read more often."""
+_MOST_HIDDEN = 0.9
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005
@@ -81,7 +93,7 @@ class Pace:
         The stamps are too uneven to see a single missing sample: messages are counted, and only
         a lasting jump of the phase is taken for missing samples.
     hidden : float
-        Share of the samples that may be lost without the stamps showing it.
+        Share of all samples, those lost included, that may be lost without the stamps showing it.
 
     """
 
@@ -122,6 +134,13 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     overall = _even_with_outages(steps)
     if overall is None:
         overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
+        sparse = _sparse_grid(time, steps, overall)
+        if sparse is not None and sparse.interval_ns > _SPARSEST * overall:
+            return _grid_or_line(time, sparse, other)
+        if sparse is not None:
+            # Too many places are empty to be bridged.
+            line, _ = _on_a_line(time)
+            return replace(line, hidden=max(line.hidden, 1 - sparse.interval_ns / overall))
         # Bursts fit the grid of every interval that divides their distance.
         short = steps < 0.5 * overall
         if np.mean(short) > _MOSTLY_IN_BURSTS:
@@ -148,6 +167,27 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     return _grid_or_line(time, best, other)
 
 
+def _sparse_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
+    """Find an exact grid of which half the places or more are empty."""
+    shortest = float(np.percentile(steps, _SINGLE_PERCENT))
+    if shortest < _SHORTEST_STEP_NS:
+        return None
+    # Where one of two, then one of three is kept, no two messages are one interval apart.
+    for parts in (1, 2):
+        one = steps[np.abs(steps - shortest) < 0.1 * shortest] / parts
+        interval = float(one.mean())
+        if (not _FEWEST_PLACES * overall < interval < 1.3 * _FEWEST_RECEIVED * overall
+                or len(one) < _SINGLES * len(steps)):
+            continue
+        far = steps[steps < PHASE_GROUP * interval] / interval
+        whole = np.rint(far)
+        if np.mean(np.abs(far - whole) < _EXACT) > 0.9 and np.mean(whole % 2) > _SINGLES:
+            pace = _refine(time, interval)
+            if pace.spread < _EXACT:
+                return pace
+    return None
+
+
 def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     """Take every message of a batch for a sample; an outage makes one batch late for good."""
     first = np.flatnonzero(np.append(True, begins))
@@ -162,7 +202,11 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     sizes = np.diff(np.append(first, len(time)))
     residual = ((time - np.repeat(time[first], sizes)) / interval
                 - np.arange(len(time)) + np.repeat(first, sizes))
-    return Pace(interval, float(residual.std()), counting=True)
+    leaps = lasts / interval - size
+    wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
+    # Beginnings have no sawtooth, so that shorter distances tell, and those more surely.
+    hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2)
+    return Pace(interval, float(residual.std()), counting=True, hidden=hidden)
 
 
 def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
@@ -182,7 +226,7 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
         return grid if truly > 0.5 else line
     if worst > _STRAIGHT:
         return grid
-    return replace(line, hidden=max(line.hidden, apart))
+    return replace(line, hidden=max(line.hidden, apart / (1 + apart)))
 
 
 def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> float | None:
@@ -191,15 +235,18 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     if np.max(np.abs(passed - own)) < 0.02 * interval:
         # One clock written down twice is no witness.
         return None
-    one, two = (np.sort(passed[steps == count]) for count in (1, 2))
-    if len(two) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
+    # Where no single one is missed, two at a time may be: the commonest number tells.
+    counts = np.bincount(steps[(steps > 1) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
+    missed = int(np.argmax(counts)) - 1
+    one, more = (np.sort(passed[steps == count]) for count in (1, missed + 1))
+    if len(more) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
         return None
-    one, two = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, two))
+    one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
     if float(one.std()) > _STRAIGHT * interval:
         # Nor is one that is read in batches: what a batch hands over tells little of the moment.
         return None
-    error = sqrt(float(one.var()) / len(one) + float(two.var()) / len(two)) / interval
-    return None if error > 0.2 else float(two.mean() - one.mean()) / interval
+    error = sqrt(float(one.var()) / len(one) + float(more.var()) / len(more)) / interval
+    return None if error > 0.2 else float(more.mean() - one.mean()) / interval / missed
 
 
 def _even_with_outages(steps: Floats) -> float | None:
@@ -264,18 +311,23 @@ def _on_a_line(time: Floats) -> tuple[Pace, float]:
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden), worst
 
 
-def _hidden(residual: Floats) -> float:
+def _hidden(residual: Floats, lags: Ints = _HIDDEN_LAGS) -> float:
     """
     Share of the samples that may be lost unseen.
 
     Random losses let the phase wander as a random walk whose variance grows by that share with
     every message; jitter, ticks and batches do not.
     """
-    far, near = PHASE_GROUP * 8, PHASE_GROUP * 4
-    if len(residual) < 3 * far:
+    if len(residual) < 3 * lags[-1]:
         return 0.0
-    variances = [float(np.var(residual[lag:] - residual[:-lag])) for lag in (near, far)]
-    return min(max((variances[1] - variances[0]) / (far - near), 0.0), 0.5)
+    # Averaged over a batch: it has most of its own at half a batch, and nothing at a whole one.
+    variances = [float(np.mean([np.var(residual[at:] - residual[:-at])
+                                for at in range(lag, lag + _LONGEST_OF_BATCHES)]))
+                 for lag in lags.tolist()]
+    slope = float(np.polyfit(lags, variances, 1, w=1 / lags)[0])
+    # Two standard deviations of a variance of so few stretches as fit into a window.
+    error = sqrt(2 * float(lags[-1]) / len(residual))
+    return min(max(slope * (1 + 2 * error), 0.0), _MOST_HIDDEN)
 
 
 def lasting_jumps(phase: Floats, before: float | None = None) -> Ints:
