@@ -283,12 +283,21 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Span:
+    """A stretch of time of the record: start and duration in seconds."""
+
+    start_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
 class AxisResult:
     """
     Everything known about one axis.
 
     `band_limit_s` is the effective window of a low-pass, where one was found, and `band_edge_hz`
-    the highest frequency that was fitted, where what lies above was left out.
+    the highest frequency that was fitted, where what lies above was left out. An axis that
+    `stood_still` gave one value for so long, and has no coefficients.
     """
 
     quantity: str
@@ -308,18 +317,11 @@ class AxisResult:
     signal: Signal | None = None
     sample_rate_hz: float | None = None
     band_edge_hz: float | None = None
+    stood_still: Span | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""
         return _plain(self)  # type: ignore[no-any-return]
-
-
-@dataclass(frozen=True)
-class Span:
-    """A stretch of time that was left out: start and duration in seconds."""
-
-    start_s: float
-    duration_s: float
 
 
 @dataclass(frozen=True)

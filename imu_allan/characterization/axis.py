@@ -12,8 +12,9 @@ from imu_allan.characterization.findings import (
     leaving_remark,
     steadiness_remarks,
     step_remarks,
+    still_remark,
 )
-from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.axis_fit import AxisFit, fit_axes, sample_noise, still_stretch
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_model import fit_drift_model
@@ -23,6 +24,7 @@ from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.likelihood import Groups, WHITE
 from imu_allan.noise.outlook import outlook
+from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import Quantity, TERMS
@@ -38,6 +40,7 @@ from imu_allan.result import (
     Remark,
     Segment,
     Signal,
+    Span,
     Spectrum,
     Stationarity,
     TemperatureDependence,
@@ -139,7 +142,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     points = octaves(finished)
     mean = finished.mean
     noise = sample_noise(finished)
-    signals = _signals(finished, dt)
+    columns = finished.signal.columns()
+    signals = _signals(finished, columns, dt)
     found = []
     fits = fit_axes(finished, dt, temperature) if fits is None else fits
     for axis, (quantity, fitted_axis) in enumerate(zip(quantities, fits, strict=True)):
@@ -150,6 +154,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             if finished.samples and finished.lowest[axis] == finished.highest[axis]:
                 remarks = [constant_remark(float(mean[axis]), quantity)]
                 curve = _flat_curve(points, dt)
+            elif (still := still_stretch(finished, axis)) is not None:
+                span = Span(still[0] * dt, still[1] * dt)
+                remarks = [still_remark(span)]
+                base = replace(base, stood_still=span)
+                curve = _curve(points, axis, dt, FittedModel({}), {})
             else:
                 curve = _curve(points, axis, dt, FittedModel({}), {})
             found.append((replace(base, curve=curve), remarks))
@@ -267,18 +276,10 @@ def _coefficient(key: str, quantity: Quantity, estimate: Estimate,
     return Coefficient(term.symbol, unit, False, None, None, upper, forecast[0], None)
 
 
-def sample_noise(finished: Estimator) -> Array:
-    """Return the noise of one sample about its neighbours, shape (axes,); 0 when unknown."""
-    pyramid = finished.pyramid
-    # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
-    return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
-
-
-def _signals(finished: Estimator, dt: float) -> list[Signal | None]:
+def _signals(finished: Estimator, columns: Columns, dt: float) -> list[Signal | None]:
     """Return the signal of every axis over time; None before the first sample."""
     if finished.reference is None:
         return [None] * finished.axes
-    columns = finished.signal.columns()
     signals: list[Signal | None] = []
     for axis, reference in enumerate(finished.reference):
         spread = float(np.nanmax(columns.high[axis]) - np.nanmin(columns.low[axis]))

@@ -11,7 +11,7 @@ from imu_allan.noise.fit import Fit
 from imu_allan.noise.moving_mean import Warming
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
-from imu_allan.result import AxisResult, Remark, Segment
+from imu_allan.result import AxisResult, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import duration, listed, named
 
@@ -29,6 +29,14 @@ def constant_remark(value: float, quantity: Quantity) -> Remark:
     """Say that an axis never changes."""
     return Remark('constant_axis', f'every sample is {value:g} {quantity.unit}: '
                   'there is no noise to measure')
+
+
+def still_remark(span: Span) -> Remark:
+    """Say that an axis gave one value for a while."""
+    return Remark('stood_still',
+                  f'one and the same value for {duration(span.duration_s)} from '
+                  f'{duration(span.start_s)} on: the sensor or its driver stood still; no '
+                  'coefficient is told, analyze the rest with --start and --duration')
 
 
 def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:

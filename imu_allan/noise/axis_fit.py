@@ -12,13 +12,18 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise
 from imu_allan.noise.parts import Part
+from imu_allan.noise.signal_over_time import stood_still
 from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.noise.trends import RecordSpectrum
+import numpy as np
+from numpy.typing import NDArray
 
 SHORTEST_RECORD = 64
 """Samples below which no coefficient is estimated."""
+_COARSE_STEP = 2.0
+"""In noise of a sample: with coarser steps a mean between two borders often gives one value."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     Returns
     -------
     list of AxisFit or None
-        None for an axis that is constant, or a record that is too short.
+        None for an axis that is constant, all the time or for a part of it, or a record that is
+        too short.
 
     """
     pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
@@ -79,7 +85,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     quarters = _quarters(finished, dt)
     found: list[AxisFit | None] = []
     for axis in range(finished.axes):
-        if finished.lowest[axis] == finished.highest[axis]:
+        if (finished.lowest[axis] == finished.highest[axis]
+                or still_stretch(finished, axis) is not None):
             found.append(None)
             continue
         whole = grouped(bins, axis)
@@ -93,6 +100,20 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         fitted = fit(groups, dt, first, record, steady, parts, temperature)
         found.append(AxisFit(fitted, lines, groups, whole, steady, segments))
     return found
+
+
+def sample_noise(finished: Estimator) -> NDArray[np.float64]:
+    """Return the noise of one sample about its neighbours, shape (axes,); 0 when unknown."""
+    pyramid = finished.pyramid
+    # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
+    return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
+
+
+def still_stretch(finished: Estimator, axis: int) -> tuple[int, int] | None:
+    """Find where an axis gave one value, see `stood_still`; coarse steps do so by nature."""
+    if finished.step[axis] > _COARSE_STEP * sample_noise(finished)[axis]:
+        return None
+    return stood_still(finished.signal.columns(), axis)
 
 
 def _quarters(finished: Estimator, dt: float) -> list[Part]:

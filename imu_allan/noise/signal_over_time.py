@@ -18,6 +18,12 @@ State = dict[str, NDArray[np.generic]]
 
 COLUMNS = 512
 """Most columns: finer than a figure across a page shows, and 60 KB of JSON for six axes."""
+_STILL_SAMPLES = 16
+"""To a stretch at least: as many equal samples in a row say something in all but coarse steps."""
+_FEWEST_STILL = 3
+"""Such stretches in a row: the first and the last may be still in part alone."""
+_BY_CHANCE = 1e-4
+"""Probability of a false word in a record; coarse steps repeat one value by nature."""
 
 
 class Columns(NamedTuple):
@@ -40,6 +46,58 @@ class Columns(NamedTuple):
     low: Array
     mean: Array
     high: Array
+
+
+def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
+    """
+    Find where an axis gave one value all the time, and elsewhere does not.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of the whole record.
+    axis : int
+        Its number.
+
+    Returns
+    -------
+    (int, int) or None
+        First place and number of places of the longest such stretch. None where there is none,
+        where the axis is constant throughout, or where its resolution is so coarse that chance
+        repeats values as long.
+
+    Examples
+    --------
+    >>> signal = Signal(1)
+    >>> rows = np.random.default_rng(1).normal(size=(1, 4096))
+    >>> rows[0, 1024:2048] = 5.0
+    >>> signal.absorb(rows)
+    >>> stood_still(signal.columns(), 0)
+    (1024, 1024)
+
+    """
+    known = np.flatnonzero(columns.counts)
+    together = -(-_STILL_SAMPLES // columns.width)
+    starts = np.arange(0, len(known), together)
+    if len(starts) <= _FEWEST_STILL:
+        return None
+    low = np.minimum.reduceat(columns.low[axis, known], starts)
+    high = np.maximum.reduceat(columns.high[axis, known], starts)
+    still = low == high
+    # A run ends where the next stretch moves, or holds another value.
+    borders = np.flatnonzero(~still[1:] | ~still[:-1] | (low[1:] != low[:-1])) + 1
+    begins, ends = np.r_[0, borders], np.r_[borders, len(still)]
+    lengths = np.where(still[begins], ends - begins, 0)
+    longest = int(np.argmax(lengths))
+    run = int(lengths[longest])
+    if run < _FEWEST_STILL or run == len(still):
+        return None
+    chance = (np.count_nonzero(still) - run + 1) / (len(still) - run + 1)
+    if len(still) * chance**run > _BY_CHANCE:
+        return None
+    last = min(int(ends[longest]) * together, len(known)) - 1
+    first = int(known[starts[begins[longest]]])
+    return first * columns.width, (int(known[last]) + 1 - first) * columns.width
 
 
 class Signal:

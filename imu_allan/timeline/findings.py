@@ -182,7 +182,11 @@ def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) ->
 
 def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
     remarks = {}
-    if content.frozen:
+    if content.frozen and content.frozen <= content.head:
+        remarks['late_start'] = (
+            f'the first {content.head} messages hold one value: the sensor had not come to life '
+            'yet, they are left out')
+    elif content.frozen:
         since = '' if content.frozen_s is None else f', first at {content.frozen_s:.6g} s'
         remarks['frozen'] = (
             f'{content.frozen} messages repeat one value again and again{since}: the sensor or '

@@ -27,9 +27,10 @@ TITLES = {
     'recordings_disagree': 'recordings disagree', 'several_publishers': 'several publishers',
     'short_recording': 'short recording', 'temperature': 'temperature', 'tones': 'tones',
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
-    'held_values': 'held values', 'rest_within_motion': 'rest within motion',
+    'held_values': 'held values', 'late_start': 'late start',
+    'rest_within_motion': 'rest within motion',
     'slow_cycle': 'slow cycle', 'slow_motion': 'slow motion', 'spikes': 'wild values',
-    'start_auto': 'start',
+    'start_auto': 'start', 'stood_still': 'stood still',
     'trend_or_walk': 'trend or walk', 'turn_on_bias': 'turn-on bias',
     'uneven_rate': 'uneven rate', 'uneven_stamps': 'uneven stamps',
     'unit_g': 'unit g', 'unknown_rate': 'no rate', 'warm_up': 'warming up'}

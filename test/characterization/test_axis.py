@@ -176,3 +176,26 @@ def test_too_short_a_record_has_a_curve_and_no_coefficient():
     assert not axis.goodness_of_fit.acceptable
     assert not any(one.observable or one.value or one.upper95
                    for one in axis.coefficients.values())
+
+
+@pytest.mark.parametrize(('start', 'stop'), [(30_000, 60_000), (0, 20_000), (24_000, 30_000),
+                                             (50_000, 50_600)])
+@pytest.mark.filterwarnings('error')
+def test_an_axis_that_stood_still_for_a_while_has_no_coefficients(start, stop):
+    samples = WHITE[:60_000].copy()
+    samples[start:stop] = 0.25
+    axis = characterize(samples, RATE)
+    # To a column of the signal over time, 128 samples, on either side.
+    assert axis.stood_still.start_s == pytest.approx(start / RATE, abs=1.28)
+    assert axis.stood_still.duration_s == pytest.approx((stop - start) / RATE, abs=2.56)
+    assert not any(found.observable for found in axis.coefficients.values())
+    assert axis.goodness_of_fit == GoodnessOfFit(None, None, False)
+
+
+def test_coarse_steps_do_not_stand_still():
+    rng = np.random.default_rng(5)
+    for step in (1.0, 3.0, 8.0, 20.0):
+        for drift in (0.0, 0.02):
+            samples = rng.normal(size=60_000) + drift * np.cumsum(rng.normal(size=60_000))
+            axis = characterize(step * np.round(samples / step), RATE)
+            assert axis.stood_still is None, (step, drift)

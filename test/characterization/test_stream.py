@@ -13,6 +13,7 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
+from imu_allan.result import Result
 import numpy as np
 import pytest
 
@@ -139,6 +140,17 @@ def test_constant_axis_is_named():
     rows[:, 1] = 0.0
     warnings = {w.code: w.message for w in characterized(rows).warnings}
     assert warnings['constant_axis'].startswith('gyro_y: every sample is 0 rad/s')
+
+
+def test_an_axis_that_stops_is_told_in_a_result_that_can_be_written():
+    rows = still_imu(20_000)
+    rows[12_000:, 1] = rows[12_000, 1]
+    result = characterized(rows)
+    warnings = {w.code: w.message for w in result.warnings}
+    assert warnings['stood_still'] == (
+        'gyro_y: one and the same value for 80 s from 2 min on: the sensor or its driver '
+        'stood still; no coefficient is told, analyze the rest with --start and --duration')
+    assert Result.from_dict(json.loads(result.to_json())) == result
 
 
 def test_no_message_gives_no_axis():

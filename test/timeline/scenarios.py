@@ -246,7 +246,7 @@ def header_speed(m: Messages, truth: Truth, rng: Generator) -> Messages:
 
 def frozen(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Repeat the last value for part of the recording."""
-    truth.told.add('frozen')
+    truth.told |= {'frozen', 'late_start'}
     n = len(m.place)
     lasts = int(n * rng.choice([0.1, 0.3, 0.6]))
     first = int(rng.choice([0, (n - lasts) // 2, n - lasts]))

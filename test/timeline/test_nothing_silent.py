@@ -96,6 +96,9 @@ def test_a_frozen_sensor_is_left_out_and_told(share, where):
     assert 'motion' not in codes(result)
     if where == 'start':
         assert result.timeline.rejected == pytest.approx(lasts, abs=1)
+        assert told(result, 'late_start') == (
+            f'the first {lasts} messages hold one value: the sensor had not come to life yet, '
+            'they are left out')
     else:
         assert told(result, 'frozen') == (
             f'{result.timeline.rejected} messages repeat one value again and again, first at '

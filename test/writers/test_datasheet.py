@@ -10,7 +10,9 @@ from imu_allan.result import (
     Coefficient,
     GoodnessOfFit,
     Inspection,
+    Remark,
     Segment,
+    Span,
     Stationarity,
     TemperatureDependence,
     Trend,
@@ -108,6 +110,23 @@ def test_an_axis_whose_noise_is_only_rounding_is_dead(result):
     assert verdict.verdict == 'fail'
     assert verdict.reason == ('gyro_x N: the axis is dead: its noise density is 1.1e-12 '
                               'rad/s/sqrt(Hz) at most, less than a thousandth of the limit')
+
+
+def test_an_axis_that_stood_still_is_dead(result):
+    still = replace(result.axes['gyro_x'], stood_still=Span(300.0, 58.9))
+    died = replace(result, axes={**result.axes, 'gyro_x': still})
+    verdict = only(died, 'gyro: {x: {noise_density: 1 deg/sqrt(h)}}')
+    assert (verdict.verdict, verdict.reason) == (
+        'fail', 'gyro_x N: the axis is dead for 58.9 s from 5 min on: it gives one value all that '
+        'time')
+
+
+def test_a_sensor_that_froze_is_dead(result):
+    froze = replace(result, warnings=(Remark('frozen', '99 messages repeat one value'),))
+    verdict = only(froze, 'gyro: {x: {noise_density: 1 deg/sqrt(h)}}')
+    assert (verdict.verdict, verdict.reason) == (
+        'fail', 'gyro_x N: the sensor was dead for a part of the recording: 99 messages repeat '
+        'one value')
 
 
 def test_an_axis_that_falls_silent_during_the_record_is_dead(result):

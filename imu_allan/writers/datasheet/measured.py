@@ -76,7 +76,17 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     return None
 
 
+def stopped(result: Result) -> str | None:
+    """Say whether the sensor as a whole gave no new samples for a part of the recording."""
+    return next((f'the sensor was dead for a part of the recording: {remark.message}'
+                 for remark in result.warnings if remark.code == 'frozen'), None)
+
+
 def _died(axis: AxisResult) -> str | None:
+    if axis.stood_still is not None:
+        span = axis.stood_still
+        return (f'the axis is dead for {duration(span.duration_s)} from '
+                f'{duration(span.start_s)} on: it gives one value all that time')
     segments = () if axis.stationarity is None else axis.stationarity.segments
     known = [(segment.noise_density, segment.start_s) for segment in segments
              if segment.noise_density is not None]

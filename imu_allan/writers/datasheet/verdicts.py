@@ -20,7 +20,7 @@ from imu_allan.result import Result
 from imu_allan.sensor.noise_model import LIMITS, NoiseModel
 from imu_allan.sensor.units import convert, unit_of
 from imu_allan.wording import duration, measured, number
-from imu_allan.writers.datasheet.measured import fault_of, Measured, of_limit
+from imu_allan.writers.datasheet.measured import fault_of, Measured, of_limit, stopped
 
 Outcome = Literal['pass', 'fail', 'cannot tell']
 
@@ -193,6 +193,8 @@ def _verdict(result: Result, specification: NoiseModel, axis: str, key: str, lim
     faults = [fault if name == axis else f'{name}: {fault}' for name in axes
               if (fault := fault_of(result.axes.get(name), specification.axes.get(name, {}).get(
                   'noise_density'))) is not None]
+    if (stop := stopped(result)) is not None:
+        faults = [stop]
     measured = Measured() if faults else of_limit(result, axes[0], key, specification)
     outcome, reason = _decide(measured, limit, written, faults)
     return Verdict(
