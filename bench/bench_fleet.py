@@ -4,6 +4,7 @@
 What several records, many units and the sequential test are worth, by Monte Carlo.
 
     .venv/bin/python bench/bench_fleet.py joint 1500        # four records of 1 h, and their bound
+    .venv/bin/python bench/bench_fleet.py moving 100        # the same where their means move
     .venv/bin/python bench/bench_fleet.py units 400         # populations of 5 to 40 units
     .venv/bin/python bench/bench_fleet.py sequential 200    # error rates and time of check --live
     .venv/bin/python bench/bench_fleet.py dask 1000         # a cluster; one worker dies
@@ -24,14 +25,18 @@ import sys
 from tempfile import TemporaryDirectory
 import time
 
+from drawn_spectra import draw, shape_of
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS
 from imu_allan.noise.joint import fit_spectra, RecordedSpectrum
 from imu_allan.noise.likelihood import Bins, bins_of, grouped, maximise
+from imu_allan.noise.periodogram import Piece
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.sequential import decide, SMALLEST_RECORD
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.temperature import JointTemperature, TemperatureCourse
+from imu_allan.noise.trends import Course, RecordSpectrum
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -44,11 +49,12 @@ DT, SAMPLES, RECORDS = 1 / 200, 720_000, 4
 DIFFERENT = 25
 
 
-def empty_bins() -> Bins:
-    """Return the bins of a record of an hour at 200 Hz, whatever its noise."""
+def shape() -> tuple[list[Piece], Bins]:
+    """Return pieces and bins of a record of an hour at 200 Hz, whatever its noise."""
     estimator = Estimator()
     estimator.update(np.random.default_rng(0).normal(size=SAMPLES))
-    return bins_of(estimator.finished().periodogram.pieces(), DT)
+    pieces = estimator.finished().periodogram.pieces()
+    return pieces, bins_of(pieces, DT)
 
 
 def drawn(bins: Bins, expected: np.ndarray, rng: np.random.Generator) -> Bins:
@@ -80,14 +86,13 @@ def bound(bins: Bins, theta: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 def joint(runs: int) -> None:
     """Fit four records at once: error over the bound, coverage."""
-    bins = empty_bins()
+    pieces, bins = shape()
     theta = np.zeros(bins.design.shape[1])
     for key, value in CASE_B.items():
         theta[COLUMNS[key]] = value**2
     expected = bins.design @ theta
     bounds = bound(bins, theta, expected)
     rng = np.random.default_rng(5)
-    everything = np.ones(len(expected), bool)
     errors: dict[str, list[float]] = {key: [] for key in CASE_B}
     covered = dict.fromkeys(CASE_B, 0)
     cut = 0
@@ -96,8 +101,9 @@ def joint(runs: int) -> None:
         for _ in range(RECORDS):
             one = drawn(bins, expected, rng)
             first = maximise(grouped(one, 0), ramp=None)
-            spectra.append(RecordedSpectrum(one, everything, [], first.theta, SAMPLES))
-        fitted = fit_spectra(spectra, 0, DT).fit
+            spectra.append(RecordedSpectrum(RecordSpectrum(pieces, one, 0, DT), [], first.theta,
+                                            SAMPLES))
+        fitted = fit_spectra(spectra, DT).fit
         cut += fitted.window_s is not None
         for key, truth in CASE_B.items():
             found = fitted.estimates[key]
@@ -112,6 +118,47 @@ def joint(runs: int) -> None:
         print(f'{key:18} bound {100 * limit:.3f} %  RMSE/bound {ratio:.3f} '
               f'+- {ratio / np.sqrt(2 * runs):.3f}  by quartiles {robust / limit:.3f}  '
               f'coverage {covered[key] / runs:.3f}')
+
+
+def moving(runs: int) -> None:
+    """Fit four hours at once whose means move: how often a random walk is made of it."""
+    rng = np.random.default_rng(3)
+    dt, samples, flicker = 1 / 20, 72_000, 3e-4
+    pieces = shape_of(samples)
+    time = np.arange(0, samples * dt, 2.0)
+
+    def celsius() -> np.ndarray:
+        return 25 + 3 * np.sin(2 * np.pi * time / 2500 + rng.uniform(0, 2 * np.pi)) \
+            + 5 * (1 - np.exp(-time / 900))
+
+    def heated(course: np.ndarray) -> Course:
+        return lambda t: 2e-4 * np.interp(t, time, course - course.mean())
+
+    def sine(phase: float) -> Course:
+        return lambda t: 2 * flicker * np.sin(2 * np.pi * t / 1200 + phase)
+
+    for name, walk in (('still', 0.0), ('warm-up', 0.0), ('cycle', 0.0), ('temperature', 0.0),
+                       ('walk', 5e-5), ('walk, unrelated temperature', 5e-5)):
+        seen, covered, depends = 0, 0, 0
+        for _ in range(runs):
+            heat = [celsius() for _ in range(RECORDS)]
+            spectra = []
+            for course in heat:
+                moved: dict[str, Course] = {
+                    'warm-up': lambda t: 10 * flicker * np.exp(-t / 400),
+                    'cycle': sine(rng.uniform(0, 2 * np.pi)), 'temperature': heated(course)}
+                one, = draw(pieces, [0, 1e-6, flicker**2, walk**2], dt, 1, rng,
+                            [moved[name]] if name in moved else [])
+                spectra.append(RecordedSpectrum(one, [], maximise(one.groups(), ramp=None).theta,
+                                                samples))
+            known = JointTemperature(tuple(TemperatureCourse(time, course) for course in heat))
+            found = fit_spectra(spectra, dt, known if 'temperature' in name else None).fit
+            own = found.estimates['rate_random_walk']
+            seen += own.observable
+            covered += own.observable and own.low <= walk <= own.high
+            depends += found.temperature is not None
+        print(f'{name:28} K in {seen / runs:.3f} of {runs}, covers '
+              f'{covered / max(seen, 1):.3f}  temperature in {depends / runs:.3f}', flush=True)
 
 
 def units(runs: int) -> None:
@@ -239,5 +286,5 @@ def watched(model: dict[str, float], key: str, limit: float, margin: float, rate
 
 
 if __name__ == '__main__':
-    {'joint': joint, 'units': units, 'sequential': sequential,
+    {'joint': joint, 'moving': moving, 'units': units, 'sequential': sequential,
      'dask': dask}[sys.argv[1]](int(sys.argv[2]))

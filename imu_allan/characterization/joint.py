@@ -95,7 +95,8 @@ def joint_result(recordings: Sequence[Characterization],
                             weights=[part.record.estimator.samples for part in parts]))
     estimators = [part.record.estimator for part in parts]
     fitted = axis_results(_merged(estimators), rate, [AXES[name] for name in first.names],
-                          joint_fits(estimators, 1 / rate))
+                          joint_fits(estimators, 1 / rate,
+                                     [part.record.temperature for part in parts]))
     axes = {name: replace(_with_spread(axis, name, parts), stationarity=None)
             for name, (axis, _) in zip(first.names, fitted, strict=True)}
     found = [Remark(remark.code, f'{name}: {remark.message}')

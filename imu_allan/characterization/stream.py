@@ -21,9 +21,10 @@ from imu_allan.characterization.findings import (
     MEAN_MOVES,
     thermometer_remarks,
 )
-from imu_allan.characterization.thermometer import Thermometer
+from imu_allan.characterization.thermometer import Temperature, Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Remark, Result, Signal, Source
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
@@ -49,6 +50,8 @@ class Record:
         Of the axes of the estimator.
     estimator : Estimator
         Finished.
+    temperature : TemperatureCourse or None
+        Over the same samples.
 
     """
 
@@ -56,6 +59,7 @@ class Record:
     rate_hz: float
     names: list[str]
     estimator: Estimator
+    temperature: TemperatureCourse | None = None
 
 
 @dataclass
@@ -229,7 +233,10 @@ class Characterization:
         if not twin._groups or rate is None:
             return None
         longest = max(twin._groups, key=lambda group: group.estimator.samples)
-        return Record(summary, rate, longest.names, longest.estimator.finished())
+        finished = longest.estimator.finished()
+        heat = _temperature(longest, finished, rate)
+        return Record(summary, rate, longest.names, finished,
+                      heat.course if heat is not None else None)
 
     def result(self, remarks: Iterable[Remark] = ()) -> Result:
         """
@@ -294,7 +301,7 @@ class Characterization:
         """Fit a group; what is worth telling goes to `remarks`, and to `unclear` its names."""
         names, finished = group.names, group.estimator.finished()
         series = finished.periodogram
-        heat = group.thermometer.temperature(series.series, series.cell, 1 / rate)
+        heat = _temperature(group, finished, rate)
         fitted = axis_results(finished, rate, [AXES[name] for name in names],
                               temperature=heat.course if heat is not None else None)
         axes = {name: axis for name, (axis, _) in zip(names, fitted, strict=True)}
@@ -447,3 +454,9 @@ class Characterization:
         except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise ImuAllanError(f'saved characterization is damaged: {error}') from error
         return self
+
+
+def _temperature(group: _Group, finished: Estimator, rate_hz: float) -> Temperature | None:
+    """Return the temperature over the samples of a group, where there is any."""
+    series = finished.periodogram
+    return group.thermometer.temperature(series.series, series.cell, 1 / rate_hz)

@@ -39,8 +39,14 @@ from imu_allan.noise.likelihood import (
 )
 from imu_allan.noise.moving_mean import has_walk, moving_mean, MovingMean, Warming
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.temperature import asked_for, Dependence, dependence, TemperatureCourse
-from imu_allan.noise.trends import RecordSpectrum
+from imu_allan.noise.temperature import (
+    asked_for,
+    Dependence,
+    dependence,
+    JointTemperature,
+    TemperatureCourse,
+)
+from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import banded, fit_band, Trial
 import numpy as np
 
@@ -116,9 +122,9 @@ class Fit:
 
 
 def fit(groups: Groups, dt: float, start: Solution | None = None,
-        record: RecordSpectrum | None = None, steady: Steadiness | None = None,
+        record: RecordSpectrum | JointSpectrum | None = None, steady: Steadiness | None = None,
         parts: Callable[[], Sequence[Groups]] | None = None,
-        temperature: TemperatureCourse | None = None) -> Fit:
+        temperature: TemperatureCourse | JointTemperature | None = None) -> Fit:
     """
     Fit one axis.
 
@@ -130,14 +136,14 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         Sample interval in seconds.
     start : Solution, optional
         Where to begin.
-    record : RecordSpectrum, optional
+    record : RecordSpectrum or JointSpectrum, optional
         What the groups were made of. With it a random walk is reported only where it is no course
         of the mean.
     steady : Steadiness, optional
         Whether the noise is the same all over the record; where not, intervals are wider.
     parts : callable, optional
         Gives the spectra of parts of the record, for that case.
-    temperature : TemperatureCourse, optional
+    temperature : TemperatureCourse or JointTemperature, optional
         Over the record. Where the mean depends on it, the coefficients are given without that.
 
     Returns
@@ -152,14 +158,15 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
     if not courses:
         return found
     before = {key: one.value for key, one in found.estimates.items() if one.observable}
-    record = replace(record, courses=tuple(courses))
+    record = record.beside(courses)
     warm = _fit(record.groups(), dt, start, record, steady, parts)
     assert warm.trial is not None
     return replace(warm, temperature=dependence(warm.trial, temperature, len(courses), before))
 
 
-def _fit(groups: Groups, dt: float, start: Solution | None, record: RecordSpectrum | None,
-         steady: Steadiness | None, parts: Callable[[], Sequence[Groups]] | None) -> Fit:
+def _fit(groups: Groups, dt: float, start: Solution | None,
+         record: RecordSpectrum | JointSpectrum | None, steady: Steadiness | None,
+         parts: Callable[[], Sequence[Groups]] | None) -> Fit:
     """Fit one axis with the regressors that its record has."""
     plain, process = _chosen(groups, dt, start)
     trial = plain

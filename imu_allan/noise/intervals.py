@@ -194,6 +194,9 @@ def crossing(rise: Callable[[float], float], value: float, scale: float, level: 
 
 def estimate_ramp(trial: Trial) -> Estimate:
     """Estimate the ramp, which is signed, with the interval of a mean."""
+    if trial.groups.record is not None:
+        # Every record has its own, and none is that of all.
+        return Estimate(False, 0.0, 0.0, 0.0, np.nan)
     if trial.groups.along is not None and trial.groups.along.shape[1] > 1:
         return _ramp_beside(trial)
     free = maximise(trial.groups, trial.solution, fixed=trial.fixed, ramp=None)
@@ -216,9 +219,9 @@ def estimate_ramp(trial: Trial) -> Estimate:
     return Estimate(True, free.slope, low, high, max(abs(low), abs(high)))
 
 
-def amplitude_of(trial: Trial, course: int) -> tuple[float, float, float]:
+def amplitude_of(trial: Trial, course: int, common: bool = False) -> tuple[float, float, float]:
     """
-    Return the size of a course of the mean in a fit.
+    Return the size of a course of the mean in a fit: equation (7) of docs/statistics.md.
 
     Parameters
     ----------
@@ -226,6 +229,9 @@ def amplitude_of(trial: Trial, course: int) -> tuple[float, float, float]:
         With courses.
     course : int
         Its number; the ramp is the first.
+    common : bool, optional
+        Of several records, whether they have one amplitude, whose weighted mean is returned;
+        otherwise it is that of the record where it is clearest.
 
     Returns
     -------
@@ -236,12 +242,22 @@ def amplitude_of(trial: Trial, course: int) -> tuple[float, float, float]:
     solution = trial.solution
     assert solution.trend is not None
     assert trial.groups.among is not None
-    weight = trial.groups.dof / np.maximum(trial.groups.design @ solution.theta, 1e-300)
-    gram = np.tensordot(weight, trial.groups.among, 1)
-    scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
-    inverse = np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True)
-    error = float(np.sqrt(CI95 * inverse[course, course] * trial.dispersion) / scale[course])
-    amplitude = float(solution.trend[course])
+    groups = trial.groups
+    weight = groups.dof / np.maximum(groups.design @ solution.theta, 1e-300)
+    errors = []
+    for number in range(groups.records):
+        own = weight if groups.record is None else np.where(groups.record == number, weight, 0.0)
+        gram = np.tensordot(own, trial.groups.among, 1)
+        scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        inverse = np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True)
+        errors.append(np.sqrt(CI95 * inverse[course, course] * trial.dispersion) / scale[course])
+    amplitudes, half = np.atleast_2d(solution.trend)[:, course], np.array(errors)
+    if common:
+        amplitude = float(np.average(amplitudes, weights=half**-2.0))
+        error = float(np.sum(half**-2.0)**-0.5)
+    else:
+        clearest = int(np.argmax(np.abs(amplitudes) / np.maximum(half, 1e-300)))
+        amplitude, error = float(amplitudes[clearest]), float(half[clearest])
     return amplitude, amplitude - error, amplitude + error
 
 

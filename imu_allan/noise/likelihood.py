@@ -24,7 +24,7 @@ H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from math import log
 from typing import Literal, NamedTuple
@@ -118,6 +118,8 @@ class Groups:
         Mean of coefficient times regressor; zero where the sign is lost.
     among : ndarray, shape (groups, regressors, regressors), optional
         Mean products of the regressors.
+    record : ndarray of int, shape (groups,), optional
+        Which of several records a group is of, each having regressors of its own; None for one.
 
     """
 
@@ -129,6 +131,12 @@ class Groups:
     ramp: Array
     along: Array | None = None
     among: Array | None = None
+    record: NDArray[np.int64] | None = None
+
+    @property
+    def records(self) -> int:
+        """How many records the groups are of."""
+        return 1 if self.record is None else int(self.record.max()) + 1
 
     def at_ramp(self, slope: float) -> Array:
         """Power about the mean that a ramp of `slope` per second gives, shape (groups,)."""
@@ -143,7 +151,8 @@ class Groups:
         return Groups(self.frequency[which], self.dof[which], self.power[which],
                       self.design[which], self.cross[which], self.ramp[which],
                       None if self.along is None else self.along[which],
-                      None if self.among is None else self.among[which])
+                      None if self.among is None else self.among[which],
+                      None if self.record is None else self.record[which])
 
     def with_design(self, design: Array) -> 'Groups':
         """Return the same power under another set of columns."""
@@ -163,7 +172,7 @@ class Solution:
         The ramp, in sample units per second.
     loss : float
         Minus the log-likelihood, up to a constant.
-    trend : ndarray, shape (regressors,), optional
+    trend : ndarray, shape (regressors,) or (records, regressors), optional
         Their coefficients, where they were fitted.
 
     """
@@ -309,6 +318,27 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
     return groups.taken(np.argsort(groups.frequency))
 
 
+def joined_groups(parts: Sequence[Groups]) -> Groups:
+    """
+    Put the spectra of several records side by side.
+
+    Parameters
+    ----------
+    parts : sequence of Groups
+        Of each record, with the same number of regressors.
+
+    Returns
+    -------
+    Groups
+        In order of frequency; the coefficients are one, those of the regressors each record's own.
+
+    """
+    record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
+    every = Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
+                     for field in fields(Groups) if field.name != 'record'))
+    return replace(every, record=record).taken(np.argsort(every.frequency, kind='stable'))
+
+
 def maximise(groups: Groups, start: Solution | None = None, *,
              fixed: dict[int, float] | None = None, ramp: float | None = 0.0,
              trend: Literal['restricted', 'likely'] | None = None,
@@ -370,14 +400,15 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     for i, value in fixed.items():
         theta[i] = value
         offset = offset + value * groups.design[:, i]
-    slope = ramp if ramp is not None and trend is None else (start.slope if start else 0.0)
+    slope: float | Array = (ramp if ramp is not None and trend is None
+                            else start.slope if start and groups.record is None else 0.0)
     blocks, least = np.minimum(groups.ramp, 0.0), _LEAST_OF_BLOCKS * groups.power
 
     def about_blocks() -> Array:
         """Take the ramp out of the blocks, which know no sign, and leave it in the rest."""
         return np.asarray(np.maximum(groups.power + slope**2 * blocks, least))
 
-    power = about_blocks() if trend else groups.at_ramp(slope)
+    power = about_blocks() if trend else groups.at_ramp(float(slope))
     tiny = 1e-12 * float(np.max(power)) if len(power) else 0.0
 
     def point(part: Array, expected: Array) -> _Point:
@@ -402,7 +433,11 @@ def maximise(groups: Groups, start: Solution | None = None, *,
     about = power
     for _ in range(60):
         if trend:
-            if current.explained.trend[0] != slope:
+            if groups.record is not None:
+                slope = current.explained.trend[groups.record, 0]
+                power = about_blocks()
+                value = loss(current) if np.isfinite(value) else value
+            elif current.explained.trend[0] != slope:
                 slope = float(current.explained.trend[0])
                 power = about_blocks()
                 if np.isfinite(value):
@@ -429,7 +464,8 @@ def maximise(groups: Groups, start: Solution | None = None, *,
         if gained < max(tolerance, _CLEARLY * (value - limit)):
             break
     theta[free] = current.part
-    return Solution(theta, slope, value, current.explained.trend if trend else None)
+    return Solution(theta, slope if isinstance(slope, float) else 0.0, value,
+                    current.explained.trend if trend else None)
 
 
 class _Explained(NamedTuple):
@@ -457,6 +493,8 @@ def _explained(groups: Groups, weight: Array, restricted: bool) -> _Explained:
     """Regress the coefficients on the regressors; `weight` is 1 over the variance of the noise."""
     assert groups.along is not None
     assert groups.among is not None
+    if groups.record is not None:
+        return _explained_in_each(groups, weight, restricted)
     target = weight @ groups.along
     if len(target) == 1:
         # The ramp alone: nearly every fit, and plain numbers are several times faster.
@@ -476,7 +514,27 @@ def _explained(groups: Groups, weight: Array, restricted: bool) -> _Explained:
     return _Explained(gain, trend, covariance)
 
 
-def _about_blocks(groups: Groups, slope: float) -> Array:
+def _explained_in_each(groups: Groups, weight: Array, restricted: bool) -> _Explained:
+    """Regress the coefficients of every record on its own regressors, and add up the gains."""
+    assert groups.along is not None
+    assert groups.among is not None
+    assert groups.record is not None
+    own = np.where(groups.record == np.arange(groups.records)[:, None], weight, 0.0)
+    target = own @ groups.along
+    gram = np.tensordot(own, groups.among, 1)
+    scale = np.sqrt(np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300))
+    lower = np.linalg.cholesky(gram / (scale[:, :, None] * scale[:, None])
+                               + _RIDGE * np.eye(gram.shape[1]))
+    half = np.linalg.inv(lower) / scale[:, None]
+    covariance = np.swapaxes(half, 1, 2) @ half
+    trend = np.einsum('rab,rb->ra', covariance, target)
+    gain = 0.5 * float(np.vdot(target, trend))
+    if restricted:
+        gain -= float(np.log(np.diagonal(lower, axis1=1, axis2=2) * scale).sum())
+    return _Explained(gain, trend, covariance)
+
+
+def _about_blocks(groups: Groups, slope: float | Array) -> Array:
     """Take the ramp out of the blocks, which know no sign, and leave it in the coefficients."""
     return np.asarray(np.maximum(groups.power + slope**2 * np.minimum(groups.ramp, 0.0),
                                  _LEAST_OF_BLOCKS * groups.power))
@@ -487,6 +545,12 @@ def _about_trend(groups: Groups, power: Array, explained: _Explained) -> Array:
     assert groups.along is not None
     assert groups.among is not None
     trend = explained.trend
+    if groups.record is not None:
+        each = trend[groups.record]
+        spread = (trend[:, :, None] * trend[:, None] + explained.covariance)[groups.record]
+        about = power - 2 * np.einsum('ga,ga->g', groups.along, each) \
+            + np.einsum('gab,gab->g', groups.among, spread)
+        return np.asarray(np.maximum(about, 1e-12 * power))
     if len(trend) == 1:
         slope, variance = float(trend[0]), float(explained.covariance[0, 0])
         about = power - 2 * slope * groups.along[:, 0] + (slope**2 + variance) \
@@ -518,7 +582,9 @@ def residual_power(groups: Groups, theta: Array) -> Array:
         return groups.power
     expected = np.maximum(groups.design @ theta, 1e-300)
     explained = _explained(groups, groups.dof / expected, True)
-    return _about_trend(groups, _about_blocks(groups, float(explained.trend[0])), explained)
+    slope = float(explained.trend[0]) if groups.record is None \
+        else explained.trend[groups.record, 0]
+    return _about_trend(groups, _about_blocks(groups, slope), explained)
 
 
 def _backtracked(at: Callable[[Array], _Point], loss: Callable[[_Point], float], current: _Point,

@@ -13,14 +13,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import log
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.intervals import amplitude_of
 from imu_allan.noise.likelihood import maximise, Solution, WALK
-from imu_allan.noise.trends import Course, cycle, legendre, RecordSpectrum, warming
+from imu_allan.noise.trends import (
+    Course,
+    cycle,
+    EachCourse,
+    JointSpectrum,
+    legendre,
+    RecordSpectrum,
+    warming,
+)
 from imu_allan.noise.trial import OBSERVABLE, residuals, Trial
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Spectrum = RecordSpectrum | JointSpectrum
 
 _WARMING = 15.0
 """
@@ -104,7 +114,7 @@ class MovingMean:
     cycle_s: float | None = None
 
 
-def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean:
+def moving_mean(trial: Trial, record: Spectrum, walks: bool) -> MovingMean:
     """
     Ask what moves the mean, and what a walk that the fit has found may be instead.
 
@@ -112,7 +122,7 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     ----------
     trial : Trial
         A fit with the ramp alone.
-    record : RecordSpectrum
+    record : RecordSpectrum or JointSpectrum
         That it was fitted to.
     walks : bool
         Whether the walk is observable in it.
@@ -125,14 +135,18 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     if record.duration_s == 0:
         # Nothing but runs too short for a spectrum of slow courses.
         return MovingMean(trial, walks)
+    records = len(record.records)
+    warms, instead = in_each(_WARMING, 1, records), in_each(_INSTEAD, 1, records)
+    doubtful, cycles = (in_each(level, 2, records) for level in (_DOUBTFUL_CYCLE, _CYCLING))
     still = maximise(trial.groups, trial.solution, fixed={**trial.fixed, WALK: 0.0},
                      trend='restricted')
     times = record.duration_s * np.geomspace(_SHORTEST_WARMING, _LONGEST_WARMING, _TIME_CONSTANTS)
     time, gain = _best(trial, record, still, times, lambda value: [warming(value)])
-    if gain >= _WARMING:
+    if gain >= warms:
         warm = with_courses(trial, record, [warming(time)])
         beside = has_walk(warm)
-        if likelihood_ratio(trial, warm) >= _WARMING or (not beside and _instead(trial, warm)):
+        if likelihood_ratio(trial, warm) >= warms \
+                or (not beside and _instead(trial, warm) >= instead):
             walks = walks and beside and _walks(trial, record, [warming(time)])
             return MovingMean(warm, walks, Warming(*amplitude_of(warm, -1), time))
     if not walks:
@@ -140,30 +154,38 @@ def moving_mean(trial: Trial, record: RecordSpectrum, walks: bool) -> MovingMean
     if not _walks(trial, record, []):
         return MovingMean(trial, walk=False)
     frequency, gain = _best(trial, record, still, _CYCLES / record.duration_s, cycle)
-    if gain >= _DOUBTFUL_CYCLE:
+    if gain >= doubtful:
         turning = with_courses(trial, record, cycle(frequency))
         beside = has_walk(turning)
         ratio = likelihood_ratio(trial, turning)
-        if ratio >= _CYCLING:
+        if ratio >= cycles:
             return MovingMean(turning, beside, cycle_s=1 / frequency)
-        if ratio >= _DOUBTFUL_CYCLE:
+        if ratio >= doubtful:
             return MovingMean(trial, beside)
     return MovingMean(trial, walk=True)
 
 
-def with_courses(trial: Trial, record: RecordSpectrum, courses: Sequence[Course]) -> Trial:
+def in_each(level: float, amplitudes: int, records: int) -> float:
+    """Likelihood ratio as rare as `level`, where every record has amplitudes of its own."""
+    if records == 1:
+        return level
+    return float(chi_square.upper(float(chi_square.survival(level, amplitudes)),
+                                  amplitudes * records))
+
+
+def with_courses(trial: Trial, record: Spectrum, courses: Sequence[Course | EachCourse]) -> Trial:
     """Fit the same columns of the same band again, with courses of the mean beside the ramp."""
     full = record.groups(*courses)
     if trial.edge_hz is not None:
         full = full.below(trial.edge_hz)
-    groups = replace(trial.groups, along=full.along, among=full.among)
+    groups = replace(trial.groups, along=full.along, among=full.among, record=full.record)
     solution = maximise(groups, trial.solution, fixed=trial.fixed, trend='restricted')
     p_value, misfit, dispersion = residuals(groups, solution)
     return replace(trial, groups=groups, solution=solution, p_value=p_value, misfit=misfit,
                    dispersion=dispersion)
 
 
-def _walks(trial: Trial, record: RecordSpectrum, courses: Sequence[Course]) -> bool:
+def _walks(trial: Trial, record: Spectrum, courses: Sequence[Course]) -> bool:
     """Whether the walk is observable beside what bends, too."""
     duration = record.duration_s
     bends = [legendre(2, duration), legendre(3, duration)]
@@ -177,13 +199,13 @@ def has_walk(trial: Trial) -> bool:
                     trend='restricted', tolerance=1e-3, limit=limit).loss >= limit
 
 
-def _instead(walking: Trial, warm: Trial) -> bool:
-    """Whether a warm-up without a walk is clearly more likely than a walk without a warm-up."""
+def _instead(walking: Trial, warm: Trial) -> float:
+    """Likelihood ratio of a warm-up without a walk against a walk without a warm-up."""
     walk = maximise(walking.groups, walking.solution, fixed=walking.fixed, trend='likely',
                     tolerance=1e-3)
     rest = maximise(warm.groups, warm.solution, fixed={**warm.fixed, WALK: 0.0}, trend='likely',
                     tolerance=1e-3)
-    return 2 * (walk.loss - rest.loss) / walking.dispersion >= _INSTEAD
+    return 2 * (walk.loss - rest.loss) / walking.dispersion
 
 
 def likelihood_ratio(without: Trial, beside: Trial) -> float:
@@ -195,11 +217,20 @@ def likelihood_ratio(without: Trial, beside: Trial) -> float:
     return 2 * (plain.loss - fitted.loss) / without.dispersion
 
 
-def _best(trial: Trial, record: RecordSpectrum, still: Solution, values: Array,
+def _best(trial: Trial, record: Spectrum, still: Solution, values: Array,
           courses: Callable[[float], Sequence[Course]]) -> tuple[float, float]:
     """Rank candidates by what they explain under noise without a walk: the best, and how much."""
-    slow = record.slowest(_SLOW)
     candidates = [courses(float(value)) for value in values]
+    gains = sum((_gains(trial, one, still, candidates) for one in record.records),
+                np.zeros(len(values)))
+    best = int(np.argmax(gains))
+    return float(values[best]), float(gains[best]) / trial.dispersion
+
+
+def _gains(trial: Trial, record: RecordSpectrum, still: Solution,
+           candidates: Sequence[Sequence[Course]]) -> Array:
+    """Fall of twice the loss that each candidate brings to one record, shape (candidates,)."""
+    slow = record.slowest(_SLOW)
     columns = slow.regressors([course for some in candidates for course in some])
     theta = still.theta[:slow.design.shape[1]].copy()
     if trial.rolling:
@@ -217,6 +248,5 @@ def _best(trial: Trial, record: RecordSpectrum, still: Solution, values: Array,
     target = np.einsum('nca,n->ca', each, weight * signal)
     gram = np.einsum('nca,ncb,n->cab', each, each, weight, optimize=True)
     gram = gram + 1e-9 * np.einsum('caa->c', gram)[:, None, None] * np.eye(each.shape[2])
-    gains = np.einsum('ca,ca->c', target, np.linalg.solve(gram, target[..., None])[..., 0])
-    best = int(np.argmax(gains))
-    return float(values[best]), float(gains[best]) / trial.dispersion
+    return np.asarray(
+        np.einsum('ca,ca->c', target, np.linalg.solve(gram, target[..., None])[..., 0]))

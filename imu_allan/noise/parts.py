@@ -92,7 +92,7 @@ class Part:
         if self.periodogram.cell > 1:
             found.append(self._banded(axis))
         groups = Groups(*(np.concatenate([getattr(part, field.name) for part in found])
-                          for field in fields(Groups)))
+                          for field in fields(Groups) if field.name != 'record'))
         keep = np.ones(len(groups.frequency), dtype=bool)
         for line in lines_hz:
             keep &= np.abs(np.log2(groups.frequency / line)) > 1.5 / PER_OCTAVE

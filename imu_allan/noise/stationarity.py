@@ -15,7 +15,7 @@ R. T. Birge, Phys. Rev. 40 (1932): intervals of measurements that disagree.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.cells import end_to_end
@@ -134,8 +134,7 @@ class Steadiness:
         number = np.floor(2 * np.log2(groups.frequency)).astype(np.int64)
         _, place = np.unique(number, return_inverse=True)
         dof = np.bincount(place, groups.dof)[place]
-        return Groups(groups.frequency, groups.dof / (1 + dof * half**2 / 2), groups.power,
-                      groups.design, groups.cross, groups.ramp, groups.along, groups.among)
+        return replace(groups, dof=groups.dof / (1 + dof * half**2 / 2))
 
 
 def segment_powers(periodogram: Periodogram) -> SegmentPowers | None:

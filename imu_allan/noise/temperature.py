@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise.intervals import amplitude_of
-from imu_allan.noise.moving_mean import likelihood_ratio, with_courses
-from imu_allan.noise.trends import Course, RecordSpectrum
+from imu_allan.noise.moving_mean import in_each, likelihood_ratio, with_courses
+from imu_allan.noise.trends import Course, EachCourse, JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import OBSERVABLE_RAMP, Trial
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,29 @@ class TemperatureCourse:
 
 
 @dataclass(frozen=True)
+class JointTemperature:
+    """The temperature over each of several records."""
+
+    records: tuple[TemperatureCourse, ...]
+
+    @property
+    def lowest(self) -> float:
+        """Lowest temperature, in degrees Celsius."""
+        return min(record.lowest for record in self.records)
+
+    @property
+    def highest(self) -> float:
+        """Highest temperature, in degrees Celsius."""
+        return max(record.highest for record in self.records)
+
+    @property
+    def courses(self) -> tuple[EachCourse, EachCourse]:
+        """Return those of every record."""
+        linear, square = zip(*(record.courses for record in self.records), strict=True)
+        return EachCourse(linear), EachCourse(square)
+
+
+@dataclass(frozen=True)
 class Dependence:
     """
     Change of the mean with temperature.
@@ -91,44 +114,45 @@ class Dependence:
     before: dict[str, float]
 
 
-def asked_for(trial: Trial, record: RecordSpectrum, temperature: TemperatureCourse
-              ) -> Sequence[Course]:
+def asked_for(trial: Trial, record: RecordSpectrum | JointSpectrum,
+              temperature: TemperatureCourse | JointTemperature) -> Sequence[Course | EachCourse]:
     """
-    Return what the data asks for: nothing, the temperature, or its square as well.
+    Return what the data asks for by (7): nothing, the temperature, or its square as well.
 
     Parameters
     ----------
     trial : Trial
         A fit without temperature.
-    record : RecordSpectrum
+    record : RecordSpectrum or JointSpectrum
         That it was fitted to.
-    temperature : TemperatureCourse
-        Over the same record.
+    temperature : TemperatureCourse or JointTemperature
+        Over the same record or records.
 
     Returns
     -------
     sequence of Course
 
     """
+    depends = in_each(_DEPENDS, 1, len(record.records))
     linear, square = temperature.courses
     straight = with_courses(trial, record, [linear])
     bent = with_courses(trial, record, [linear, square])
-    if likelihood_ratio(straight, bent) >= _DEPENDS:
+    if likelihood_ratio(straight, bent) >= depends:
         return [linear, square]
-    return [linear] if likelihood_ratio(trial, straight) >= _DEPENDS else []
+    return [linear] if likelihood_ratio(trial, straight) >= depends else []
 
 
-def dependence(trial: Trial, temperature: TemperatureCourse, courses: int,
+def dependence(trial: Trial, temperature: TemperatureCourse | JointTemperature, courses: int,
                before: dict[str, float]) -> Dependence:
     """
-    Read the dependence off a fit.
+    Read the dependence off a fit: the coefficients of the regressors of (7).
 
     Parameters
     ----------
     trial : Trial
         With the courses of the temperature directly behind the ramp.
-    temperature : TemperatureCourse
-        Over the same record.
+    temperature : TemperatureCourse or JointTemperature
+        Over the same record or records; of several, the slope is their weighted mean.
     courses : int
         How many of the courses it has.
     before : dict
@@ -139,6 +163,6 @@ def dependence(trial: Trial, temperature: TemperatureCourse, courses: int,
     Dependence
 
     """
-    slope, low, high = amplitude_of(trial, 1)
-    square = amplitude_of(trial, 2)[0] if courses > 1 else None
+    slope, low, high = amplitude_of(trial, 1, common=True)
+    square = amplitude_of(trial, 2, common=True)[0] if courses > 1 else None
     return Dependence(slope, low, high, square, temperature.lowest, temperature.highest, before)

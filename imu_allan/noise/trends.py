@@ -9,9 +9,9 @@ what the coefficients would be if it were all there is.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from imu_allan.noise.likelihood import Bins, grouped, Groups
+from imu_allan.noise.likelihood import Bins, grouped, Groups, joined_groups
 from imu_allan.noise.periodogram import Piece
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,13 @@ _POINTS = 1024
 """Enough for a course of a few dozen cycles in the record."""
 Course = Callable[[Array], Array]
 """Value at every time, in seconds from the beginning of the record."""
+
+
+@dataclass(frozen=True)
+class EachCourse:
+    """A course that is another one in every record of several."""
+
+    of: tuple[Course, ...]
 
 
 @dataclass(frozen=True)
@@ -99,11 +106,56 @@ class RecordSpectrum:
                                 self.bins.coefficient[self.axis, which],
                                 -np.sqrt(np.maximum(self.bins.ramp[which], 0)))
 
-    def groups(self, *courses: Course) -> Groups:
+    def groups(self, *courses: Course | EachCourse) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
-        every = [*self.courses, *courses]
+        every = [*self.courses, *_own(courses)]
         columns = regressors(self.pieces, self.dt, every) if every else None
         return grouped(self.bins, self.axis, self.keep, columns)
+
+    def beside(self, courses: Sequence[Course | EachCourse]) -> 'RecordSpectrum':
+        """Return the same spectrum with courses that stand in every fit."""
+        return replace(self, courses=tuple(_own(courses)))
+
+    @property
+    def records(self) -> 'tuple[RecordSpectrum, ...]':
+        """Return the only record there is."""
+        return (self,)
+
+
+@dataclass(frozen=True)
+class JointSpectrum:
+    """
+    The spectra of several records of one axis, which have the noise in common.
+
+    A course of the mean has an amplitude of its own in every record, as the ramp does.
+
+    Attributes
+    ----------
+    records : tuple of RecordSpectrum
+
+    """
+
+    records: tuple[RecordSpectrum, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds of the longest record."""
+        return max(record.duration_s for record in self.records)
+
+    def groups(self, *courses: Course | EachCourse) -> Groups:
+        """Return the spectra side by side, with the ramp and some courses as regressors."""
+        return joined_groups([record.groups(*_own(courses, number))
+                              for number, record in enumerate(self.records)])
+
+    def beside(self, courses: Sequence[Course | EachCourse]) -> 'JointSpectrum':
+        """Return the same spectra with courses that stand in every fit."""
+        return JointSpectrum(tuple(record.beside(_own(courses, number))
+                                   for number, record in enumerate(self.records)))
+
+
+def _own(courses: Sequence[Course | EachCourse], number: int = 0) -> list[Course]:
+    """Return the courses of one record."""
+    return [course.of[number] if isinstance(course, EachCourse) else course for course in courses]
 
 
 def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
@@ -127,6 +179,18 @@ def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
     ndarray, shape (bins, courses)
         For the bins of the same pieces, zero outside the whole-record part; or for the slowest
         coefficients of the whole-record parts alone.
+
+    Examples
+    --------
+    A bend, over 100 points of 1 s; being even, it has no odd coefficient:
+
+    >>> nothing = np.zeros((1, 100))
+    >>> piece = Piece(1, 100, 1, 1, 100, nothing, nothing)
+    >>> regressors([piece], 1.0, [legendre(2, 100.0)], slowest=4).round(2) + 0.0
+    array([[0.  ],
+           [4.26],
+           [0.  ],
+           [1.07]])
 
     """
     parts = []

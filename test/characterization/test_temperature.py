@@ -6,6 +6,7 @@ import json
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
+from imu_allan.characterization.joint import joint_result
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Result
@@ -172,3 +173,18 @@ def test_readings_that_are_none_are_left_out():
     assert len(thermometer) == 1
     with pytest.raises(ValueError, match='2 stamps for 1 temperatures'):
         thermometer.take([0, 1], [20.0])
+
+
+def test_recordings_together_use_the_temperature_of_each(hour):
+    seconds, rows = hour
+    nights = []
+    for part in range(2):
+        stream = Characterization(kind='recording', path=f'night{part}', topic='/imu')
+        take(stream, stamps_of(seconds), rows + part)
+        stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
+        nights.append(stream)
+    joint = joint_result(nights).axes
+    dependence = joint['gyro_x'].trend.temperature
+    assert dependence.ci95[0] < PER_KELVIN < dependence.ci95[1]
+    assert not joint['gyro_x'].coefficients['rate_random_walk'].observable
+    assert joint['gyro_y'].trend.temperature is None

@@ -1,8 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.temperature import TemperatureCourse
 import numpy as np
 import pytest
 
@@ -59,6 +61,54 @@ def test_a_line_of_one_record_is_left_out_there_and_named(records):
                           1 / RATE_HZ)
     assert [round(line.frequency_hz, 1) for line in found.lines] == [17.3]
     assert found.fit.estimates['noise_density'].value == pytest.approx(1e-3, rel=0.01)
+
+
+def test_one_record_alone_gives_what_it_gives_by_itself(records):
+    whole = finished(records[0])
+    (joint,) = joint_fits([whole], 1 / RATE_HZ)
+    (alone,) = fit_axes(whole, 1 / RATE_HZ)
+    for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+        one, other = joint.fit.estimates[key], alone.fit.estimates[key]
+        assert one.observable == other.observable
+        assert one.value == pytest.approx(other.value, rel=1e-4)
+        assert one.low == pytest.approx(other.low, rel=1e-2)
+
+
+FLICKER = {'noise_density': 1e-3, 'bias_instability': 3e-4}
+HOUR = np.arange(72_000) / 20
+
+
+def hours(course_of):
+    """Fit four hours of flicker at 20 Hz, each with a course of its own."""
+    samples = [simulate(FLICKER, len(HOUR), 20.0, 40 + part) + course_of(part)
+               for part in range(4)]
+    (found,) = joint_fits([finished(rows) for rows in samples], 1 / 20)
+    return found.fit
+
+
+def test_a_warm_up_in_every_record_is_no_random_walk():
+    found = hours(lambda part: (-1)**part * 3e-3 * np.exp(-HOUR / 400))
+    assert not found.estimates['rate_random_walk'].observable
+    assert found.warming.time_constant_s == pytest.approx(400, rel=0.3)
+    # The time constants that are tried lie a factor of 1.5 apart.
+    assert abs(found.warming.amplitude) == pytest.approx(3e-3, rel=0.4)
+
+
+def test_a_slow_cycle_in_every_record_is_no_random_walk():
+    found = hours(lambda part: 6e-4 * np.sin(2 * np.pi * HOUR / 1200 + part))
+    assert not found.estimates['rate_random_walk'].observable
+    assert found.walk_unclear or found.cycle_s == pytest.approx(1200, rel=0.1)
+
+
+def test_the_temperature_of_every_record_explains_its_mean():
+    heat = [TemperatureCourse(HOUR[::20], 25 + 5 * np.sin(HOUR[::20] / 400 + part))
+            for part in range(4)]
+    samples = [simulate(FLICKER, len(HOUR), 20.0, 40 + part)
+               + 2e-4 * np.interp(HOUR, HOUR[::20], heat[part].celsius) for part in range(4)]
+    (found,) = joint_fits([finished(rows) for rows in samples], 1 / 20, heat)
+    assert not found.fit.estimates['rate_random_walk'].observable
+    assert found.fit.temperature.low < 2e-4 < found.fit.temperature.high
+    assert found.fit.temperature.per_kelvin == pytest.approx(2e-4, rel=0.05)
 
 
 @pytest.mark.slow

@@ -1,11 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 from imu_allan.noise import spectrum
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.likelihood import (
     bins_of,
     FLICKER,
     grouped,
+    joined_groups,
     maximise,
     QUANTIZATION,
     WALK,
@@ -160,6 +163,28 @@ def test_going_on_behind_the_maximum_changes_nothing():
     # A loss of 1e-6 is a thousandth of a standard error.
     np.testing.assert_allclose(behind.theta, best.theta, rtol=1e-3, atol=1e-15)
     assert best.loss - 1e-6 < behind.loss <= best.loss
+
+
+@pytest.mark.parametrize('trend', ['restricted', 'likely'])
+def test_records_side_by_side_are_fitted_as_with_a_column_for_each(trend):
+    """Regressors by record give what all of them give as columns that are zero elsewhere."""
+    parts = []
+    for seed in range(3):
+        estimator = Estimator()
+        estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-3}, 4000, 10.0,
+                                  seed) + 1e-3 * seed * np.arange(4000))
+        bins = bins_of(estimator.finished().periodogram.pieces(), 0.1)
+        bend = np.where(bins.whole, np.exp(-bins.index / 10), 0.0)[:, None]
+        parts.append(grouped(bins, 0, regressors=bend))
+    joint = joined_groups(parts)
+    own = np.arange(3) == joint.record[:, None]
+    along = (own[:, :, None] * joint.along[:, None]).reshape(-1, 6)
+    among = np.einsum('gr,gs,gab->grasb', own, own, joint.among).reshape(-1, 6, 6)
+    columns = replace(joint, along=along, among=among, record=None)
+    one, other = (maximise(groups, trend=trend, tolerance=1e-12) for groups in (joint, columns))
+    np.testing.assert_allclose(one.theta, other.theta, rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose(one.trend.ravel(), other.trend, rtol=1e-4)
+    assert one.loss == pytest.approx(other.loss, abs=1e-6)
 
 
 def test_small_non_negative_least_squares_agrees_with_scipy():
