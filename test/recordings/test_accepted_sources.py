@@ -1,0 +1,348 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every source that is accepted, asked of info, analyze, check and what the node decodes with."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+import json
+from pathlib import Path
+import re
+from struct import pack
+from typing import Any
+
+from imu_allan.cli.main import main
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import open_recording, RecordingOptions
+from imu_allan.recordings.messages.imus_in import imu_messages
+import numpy as np
+from other_types import full_definition, stamped, store_with, vector, write_ros1
+import pytest
+from test_known_types import (
+    PX4_COMBINED,
+    PX4_FIFO,
+    PX4_GYRO,
+    PX4_VEHICLE_IMU,
+    UNITREE_IMU,
+    vectors,
+)
+
+COUNT, RATE_HZ = 1000, 250.0
+STEP_US = 4000
+TIMES_US = 1_700_000_000_000_000 + STEP_US * np.arange(COUNT)
+MEAN = np.array([0.01, -0.02, 0.03, 0.5, -0.4, 9.8])
+SIGMA = np.repeat([0.004, 0.05], 3)
+SAMPLES = (MEAN + SIGMA * np.random.default_rng(11).normal(size=(COUNT, 6))).astype(
+    np.float32).astype(float)
+GYRO, ACCEL = SAMPLES[:, :3], SAMPLES[:, 3:]
+F32 = np.float32
+
+
+@dataclass
+class Source:
+    """A recording, the options it needs, and what its samples are."""
+
+    path: Path
+    options: dict[str, Any] = field(default_factory=dict)
+    axes: str = 'gyro accel'
+    kinds: dict[str, str] = field(default_factory=dict)
+    rates: tuple[float, ...] = (RATE_HZ,)
+
+
+def header(store: Any, number: int) -> Any:
+    return stamped(store, number, stamp_ns=int(TIMES_US[number]) * 1000)
+
+
+def imu(store: Any, number: int, gyro: bool = True, accel: bool = True) -> Any:
+    unknown = np.zeros(9)
+    return store.types['sensor_msgs/msg/Imu'](
+        header(store, number), store.types['geometry_msgs/msg/Quaternion'](0., 0., 0., 1.),
+        unknown, vector(store, GYRO[number] * gyro), unknown,
+        vector(store, ACCEL[number] * accel), unknown)
+
+
+def mcap(folder: Path, *topics: tuple[str, dict[str, str], Callable[[Any, int], Any]],
+         **more: Any) -> Source:
+    """Write topics of ROS 2 messages: type, definitions, and what makes message n."""
+    from mcap.writer import Writer
+    kinds = {}
+    path = folder / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file, chunk_size=50_000)
+        writer.start('ros2')
+        for number, (kind, definitions, make) in enumerate(topics):
+            store = store_with(definitions)
+            kinds[kind] = full_definition(store, kind)
+            channel = writer.register_channel(f'/sensor{number}', 'cdr', writer.register_schema(
+                kind, 'ros2msg', kinds[kind].encode()))
+            for message in range(COUNT):
+                made = make(store, message)
+                if made is not None:
+                    stamp = int(TIMES_US[message]) * 1000 + 700
+                    writer.add_message(channel, stamp, bytes(store.serialize_cdr(made, kind)),
+                                       stamp)
+        writer.finish()
+    return Source(path, kinds=kinds, **more)
+
+
+def flat(kind: str, names: str, more: str = '', scales: tuple[float, float] = (1.0, 1.0),
+         last: tuple[Any, ...] = ()) -> Callable[[Path], Source]:
+    """Make messages of a header, an acceleration, a rate and what comes behind."""
+    def make(store: Any, n: int) -> Any:
+        return store.types[kind](header(store, n), vector(store, ACCEL[n] * scales[1]),
+                                 vector(store, GYRO[n] * scales[0]), *last)
+
+    return lambda folder: mcap(folder, (kind, {kind: vectors(names.split(), more)}, make))
+
+
+def px4(name: str, text: str, *values: Callable[[int], Iterable[Any]]
+        ) -> Callable[[Path], Source]:
+    """Make messages of one type of px4_msgs, or of two with a half each."""
+    def of(kind: str, half: int) -> tuple[str, dict[str, str], Callable[[Any, int], Any]]:
+        def make(store: Any, n: int) -> Any:
+            made = tuple(values[half](n))
+            return store.types[kind](*made) if made else None
+
+        return kind, {kind: text}, make
+
+    names = [f'px4_msgs/msg/{each}' for each in name.split()]
+    return lambda folder: mcap(
+        folder, *(of(kind, half) for half, kind in enumerate(names)),
+        rates=(RATE_HZ,) * len(names))
+
+
+def one_of(half: np.ndarray) -> Callable[[int], Iterable[Any]]:
+    return lambda n: (TIMES_US[n], TIMES_US[n], 1, *half[n].astype(F32), 20.0, 0)
+
+
+def fifo_of(half: np.ndarray, scale: float) -> Callable[[int], Iterable[Any]]:
+    def values(n: int) -> Iterable[Any]:
+        if n % 10 != 9:
+            return ()
+        raw = np.zeros((3, 32), np.int16)
+        raw[:, :10] = np.rint(half[n - 9:n + 1].T / scale)
+        return TIMES_US[n], TIMES_US[n], 1, float(STEP_US), scale, 10, *raw
+
+    return values
+
+
+def nested(folder: Path) -> Source:
+    kind = 'my_driver/msg/Out'
+    return mcap(folder, (kind, {kind: 'std_msgs/Header header\nstring raw\nsensor_msgs/Imu imu\n'},
+                         lambda store, n: store.types[kind](header(store, n), '$VNYMR',
+                                                            imu(store, n))))
+
+
+def depthai(folder: Path) -> Source:
+    kind = 'depthai_ros_msgs/msg/ImuWithMagneticField'
+    field = 'sensor_msgs/msg/MagneticField'
+    return mcap(folder, (
+        kind, {kind: 'std_msgs/Header header\nsensor_msgs/Imu imu\n'
+                     'sensor_msgs/MagneticField field\n'},
+        lambda store, n: store.types[kind](header(store, n), imu(store, n), store.types[field](
+            header(store, n), vector(store, [0, 0, 0]), np.zeros(9)))))
+
+
+def unitree(folder: Path) -> Source:
+    kind, state = 'unitree_go/msg/LowState', 'unitree_go/msg/IMUState'
+    return mcap(folder, (
+        kind, {state: UNITREE_IMU, kind: 'uint8[2] head\nIMUState imu_state\nuint32 tick\n'},
+        lambda store, n: store.types[kind](np.zeros(2, np.uint8), store.types[state](
+            np.zeros(4, F32), GYRO[n].astype(F32), ACCEL[n].astype(F32), np.zeros(3, F32), 30),
+            n)))
+
+
+def leo(folder: Path) -> Source:
+    kind = 'leo_msgs/msg/Imu'
+    text = 'builtin_interfaces/Time stamp\nfloat32 temperature\n' + ''.join(
+        f'float32 {sensor}_{axis}\n' for sensor in ('gyro', 'accel') for axis in 'xyz')
+    return mcap(folder, (kind, {kind: text}, lambda store, n: store.types[kind](
+        header(store, n).stamp, 20.0, *GYRO[n], *ACCEL[n])))
+
+
+def common_group(folder: Path) -> Source:
+    kind = 'vectornav_msgs/msg/CommonGroup'
+    text = ('std_msgs/Header header\nuint64 timestartup\ngeometry_msgs/Vector3 imu_rate\n'
+            'geometry_msgs/Vector3 imu_accel\n')
+    return mcap(folder, (kind, {kind: text}, lambda store, n: store.types[kind](
+        header(store, n), 77 + STEP_US * 1000 * n, vector(store, GYRO[n]),
+        vector(store, ACCEL[n]))))
+
+
+def named_fields(folder: Path) -> Source:
+    kind = 'my_driver/msg/Frame'
+    return mcap(
+        folder, (kind, {kind: 'float64 t\nfloat64[6] raw\n'}, lambda store, n: store.types[kind](
+            TIMES_US[n] * 1e-6, np.concatenate([ACCEL[n] / 9.80665, np.degrees(GYRO[n])]))),
+        options={'gyro': 'raw[3:6] deg/s', 'accel': 'raw[0:3] g', 'stamp': 't s'})
+
+
+def halves(folder: Path) -> Source:
+    kind = 'sensor_msgs/msg/Imu'
+    return mcap(folder, (kind, {}, lambda store, n: imu(store, n, accel=False)),
+                (kind, {}, lambda store, n: None if n % 2 else imu(store, n, gyro=False)),
+                rates=(RATE_HZ, RATE_HZ / 2))
+
+
+def ros1(folder: Path) -> Source:
+    store = store_with({}, 'ros1')
+    kind = 'sensor_msgs/msg/Imu'
+    # The steps of the receive stamps are others; those of the header count.
+    return Source(write_ros1(folder / 'a.bag', store, kind, [
+        bytes(store.serialize_ros1(imu(store, n), kind)) for n in range(COUNT)]))
+
+
+def ulog(folder: Path) -> Source:
+    pytest.importorskip('pyulog')
+    from test_px4_ulog import COMBINED, write as write_ulog
+
+    return Source(write_ulog(folder / 'a.ulg', {COMBINED[0]: (COMBINED[1], [
+        pack('<Q3fIi3f', int(TIMES_US[n]), *GYRO[n], STEP_US, 0, *ACCEL[n])
+        for n in range(COUNT)])}))
+
+
+def ardupilot(folder: Path) -> Source:
+    pytest.importorskip('pymavlink')
+    from test_ardupilot_log import write as write_ardupilot
+
+    return Source(write_ardupilot(folder / 'a.bin', [
+        ('IMU', (int(TIMES_US[n]), 0, *GYRO[n], *ACCEL[n], 0, 0, 40.0, 1, 1, 250, 250))
+        for n in range(COUNT)]))
+
+
+def table(head: str, row: Callable[[int], Iterable[Any]], **options: Any
+          ) -> Callable[[Path], Source]:
+    def make(folder: Path) -> Source:
+        path = folder / 'a.csv'
+        path.write_text('\n'.join([head, *(
+            ','.join(str(value) for value in row(n)) for n in range(COUNT))]) + '\n')
+        return Source(path, options)
+
+    return make
+
+
+SOURCES: dict[str, Callable[[Path], Source]] = {
+    'bare': lambda folder: mcap(folder, ('sensor_msgs/msg/Imu', {}, imu)),
+    'ROS 1': ros1, 'nested': nested, 'depthai': depthai, 'unitree': unitree, 'leo': leo,
+    'halves': halves, 'named fields': named_fields, 'vectornav common': common_group,
+    'flat': flat('my_driver/msg/Any', 'linear_acceleration angular_velocity'),
+    'vectornav': flat('vectornav_msgs/msg/ImuGroup', 'uncompaccel uncompgyro'),
+    'sbg': flat('sbg_driver/msg/SbgImuData', 'accel gyro'),
+    'sbg short': flat('sbg_driver/msg/SbgImuShort', 'delta_velocity delta_angle',
+                      scales=(67108864.0, 1048576.0)),
+    'adi': flat('adi_imu/msg/VelAngTempData', 'delta_velocity delta_angle',
+                scales=(STEP_US * 1e-6, STEP_US * 1e-6)),
+    'px4 combined': px4('SensorCombined', PX4_COMBINED, lambda n: (
+        TIMES_US[n], GYRO[n].astype(F32), STEP_US, 0, ACCEL[n].astype(F32), STEP_US, 0)),
+    'px4 vehicle': px4('VehicleImu', PX4_VEHICLE_IMU, lambda n: (
+        TIMES_US[n], TIMES_US[n], 1, 2, (GYRO[n] * STEP_US * 1e-6).astype(F32),
+        (ACCEL[n] * STEP_US * 1e-6).astype(F32), STEP_US, STEP_US, 0)),
+    'px4 halves': px4('SensorGyro SensorAccel', PX4_GYRO, one_of(GYRO), one_of(ACCEL)),
+    'px4 fifo': px4('SensorGyroFifo SensorAccelFifo', PX4_FIFO, fifo_of(GYRO, 2.0**-14),
+                    fifo_of(ACCEL, 2.0**-11)),
+    'ULog': ulog, 'ArduPilot': ardupilot,
+    'own CSV': table('time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z',
+                     lambda n: (TIMES_US[n] / 1e6, *SAMPLES[n])),
+    'EuRoC': table('#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],'
+                   'a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]',
+                   lambda n: (TIMES_US[n] * 1000, *SAMPLES[n])),
+    'PlotJuggler': table('__time,/imu/angular_velocity/x,/imu/angular_velocity/y,'
+                         '/imu/angular_velocity/z,/imu/linear_acceleration/x,'
+                         '/imu/linear_acceleration/y,/imu/linear_acceleration/z',
+                         lambda n: (TIMES_US[n] / 1e6, *SAMPLES[n])),
+    'named columns': table('t,a,b,c,d,e,f',
+                           lambda n: (TIMES_US[n] / 1e6, *np.degrees(GYRO[n]), *ACCEL[n]),
+                           gyro_unit='deg/s',
+                           columns='time=t,gyro_x=a,gyro_y=b,gyro_z=c,accel_x=d,accel_y=e,'
+                                   'accel_z=f'),
+}
+
+
+@pytest.mark.parametrize('name', SOURCES)
+def test_info_analyze_check_and_the_node_read_a_source_alike(name, tmp_path, capsys):
+    source = SOURCES[name](tmp_path)
+    words = [word for key, value in source.options.items()
+             for word in (f'--{key.replace("_", "-")}', value)]
+    # info
+    assert main(['info', str(source.path), *words]) == 0
+    shown = capsys.readouterr().out
+    assert 'unusable' not in shown
+    rates = [float(rate) for rate in re.findall(r'^  rate +([\d.]+) Hz', shown, re.MULTILINE)]
+    assert rates == pytest.approx(source.rates, rel=1e-4)
+    # analyze
+    assert main(['analyze', str(source.path), *words, '--json', str(tmp_path / 'r.json')]) == 0
+    result = json.loads((tmp_path / 'r.json').read_text())
+    capsys.readouterr()
+    assert list(result['axes']) == [f'{sensor}_{axis}' for sensor in ('gyro', 'accel')
+                                    for axis in 'xyz']
+    for number, axis in enumerate(result['axes'].values()):
+        rate = axis.get('sample_rate_hz') or result['timeline']['sample_rate_hz']
+        assert rate == pytest.approx(rates[number // 3 if len(rates) > 1 else 0], rel=1e-6)
+        # The scale of a FIFO and the 32 bits of increments round.
+        assert axis['mean'] == pytest.approx(MEAN[number], abs=5 * SIGMA[number] / 500**0.5)
+        assert axis['coefficients']['noise_density']['value'] == pytest.approx(
+            SIGMA[number] / rate**0.5, rel=0.15)
+    # check
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n'
+                                        'accel: {noise_density: 0.1 m/s^2/sqrt(Hz)}\n')
+    assert main(['check', str(source.path), *words, '--spec', str(tmp_path / 'spec.yaml'),
+                 '--json', str(tmp_path / 'c.json')]) == 0
+    found = json.loads((tmp_path / 'c.json').read_text())['checks']
+    assert {each['axis']: each['value'] for each in found} == {
+        axis: each['coefficients']['noise_density']['value']
+        for axis, each in result['axes'].items()}
+    # What the node decodes with
+    if source.kinds:
+        reading = RecordingOptions(**source.options)
+        with open_recording(source.path, options=reading) as recording:
+            told = [topic.messages.told() for topic in recording.topics]
+        node = [imu_messages(kind, definition, options=reading).told()
+                for kind, definition in source.kinds.items()]
+        assert told == node * (len(told) // len(node))
+
+
+def without_accelerometer(folder: Path) -> Source:
+    kind = 'px4_msgs/msg/SensorCombined'
+    return mcap(folder, (kind, {kind: 'uint64 timestamp\nfloat32[3] gyro_rad\n'},
+                         lambda store, n: store.types[kind](TIMES_US[n], GYRO[n].astype(F32))))
+
+
+def nothing_of_an_imu(folder: Path) -> Source:
+    kind = 'my_driver/msg/Other'
+    return mcap(folder, (kind, {kind: 'std_msgs/Header header\nfloat64 speed\n'},
+                         lambda store, n: store.types[kind](header(store, n), 1.0)))
+
+
+def two_sensors(folder: Path) -> Source:
+    kind = 'my_driver/msg/Two'
+    return mcap(folder, (kind, {kind: 'sensor_msgs/Imu left\nsensor_msgs/Imu right\n'},
+                         lambda store, n: store.types[kind](imu(store, n), imu(store, n))))
+
+
+def no_such_field(folder: Path) -> Source:
+    source = named_fields(folder)
+    return Source(source.path, {**source.options, 'gyro': 'rate'}, kinds=source.kinds)
+
+
+@pytest.mark.parametrize('make', [without_accelerometer, nothing_of_an_imu, two_sensors,
+                                  no_such_field])
+def test_what_one_refuses_all_refuse_with_the_same_reason(make, tmp_path, capsys):
+    source = make(tmp_path)
+    words = [word for key, value in source.options.items() for word in (f'--{key}', value)]
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n')
+    said = []
+    for verb, *more in (['analyze'], ['check', '--spec', str(tmp_path / 'spec.yaml')], ['info']):
+        status = main([verb, str(source.path), *words, *more])
+        out, err = capsys.readouterr()
+        if make is two_sensors and verb == 'info':
+            # It reads every one, and says that a choice is needed.
+            assert status == 0
+            assert 'choose a topic with --topic' in out
+        else:
+            assert status == 1
+            assert err.count('\n') == 1
+            said.append(err)
+    assert len(set(said)) == 1
+    [(kind, definition)] = source.kinds.items()
+    with pytest.raises(ImuAllanError) as refused:
+        imu_messages(kind, definition, options=RecordingOptions(**source.options))
+    assert make is two_sensors or make is nothing_of_an_imu or str(refused.value) in said[0]
