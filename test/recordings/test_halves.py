@@ -169,10 +169,13 @@ def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
             0.1 / np.sqrt(200), rel=0.1)
 
 
-@pytest.mark.parametrize('rate_hz', [63, 100, 250, 390, 520])
-def test_a_half_that_is_interpolated_is_told(tmp_path, rate_hz):
+@pytest.mark.parametrize(('rate_hz', 'phase'), [
+    (63, 0), (100, 0), (250, 0), (390, 0), (520, 0),
+    *((200, phase) for phase in (0, .05, .1, .15, .2, .25, .3, .35, .4, .45)), (200.02, .1)])
+def test_a_half_that_is_interpolated_is_told(tmp_path, rate_hz, phase):
     both = block(400, 8_000, True, False)
     slow = block(rate_hz, 11_000, False, True)
+    slow.header_ns[:] -= round(phase * 5_000_000)
     for column in range(3, 6):
         both.samples[:, column] = np.interp(
             both.header_ns, slow.header_ns, slow.samples[:, column])
@@ -198,11 +201,12 @@ def test_coarse_samples_at_rest_are_neither_copied_nor_interpolated(tmp_path, st
         assert recording.remarks == []
 
 
+@pytest.mark.parametrize('frequency', [0.17, 0.25])
 @pytest.mark.parametrize('amplitude', [0.5, 1, 2, 5, 20])
 @pytest.mark.parametrize('wander', [0, 0.003, 0.03])
-def test_a_vibration_is_not_taken_for_interpolation(tmp_path, amplitude, wander):
+def test_a_vibration_is_not_taken_for_interpolation(tmp_path, amplitude, wander, frequency):
     messages = block(400, 5_000, True, True)
-    phase = 2 * np.pi * 0.17 * np.arange(5_000) + wander * np.cumsum(NOISE.normal(size=5_000))
+    phase = 2 * np.pi * frequency * np.arange(5_000) + wander * np.cumsum(NOISE.normal(size=5_000))
     messages.samples[:, 3:] += 0.1 * amplitude * np.sin(phase)[:, np.newaxis]
     with open_recording(write(tmp_path / 'a.mcap', {'/imu': messages})) as recording:
         assert choose_streams(recording) == [Stream('/imu')]
