@@ -54,12 +54,14 @@ class Scale:
     def __call__(self, values: ArrayLike) -> Array:
         """Return the pixels of `values`; on a logarithmic scale nothing lies below its reach."""
         v = np.asarray(values, dtype=np.float64)
-        if self.log:
-            share = (np.log(np.maximum(v, self.low * 1e-6)) - np.log(self.low)) / np.log(
-                self.high / self.low)
-        else:
-            share = (v - self.low) / (self.high - self.low)
-        return np.asarray(self.start + share * (self.end - self.start))
+        # What lies a thousand pictures away is out of sight; further off no pixel has a number.
+        with np.errstate(over='ignore'):
+            if self.log:
+                share = (np.log(np.maximum(v, self.low * 1e-6)) - np.log(self.low)) / np.log(
+                    self.high / self.low)
+            else:
+                share = (v - self.low) / (self.high - self.low)
+        return np.asarray(self.start + np.clip(share, -1e3, 1e3) * (self.end - self.start))
 
     def ticks(self, most: int = 8) -> list[tuple[float, str]]:
         """Return values to mark and what to write beside them, no more than `most`."""
