@@ -319,6 +319,11 @@ class AxisResult:
     band_edge_hz: float | None = None
     stood_still: Span | None = None
 
+    @property
+    def constant(self) -> bool:
+        """Whether every sample was the same."""
+        return bool(self.curve.adev) and not any(self.curve.adev)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""
         return _plain(self)  # type: ignore[no-any-return]

@@ -126,8 +126,7 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     if any(found.observable or found.upper95 is not None
            for axis in result.axes.values() for found in axis.coefficients.values()):
         return None
-    if result.axes and all(axis.curve.adev and not any(axis.curve.adev)
-                           for axis in result.axes.values()):
+    if result.axes and all(axis.constant for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: every axis is constant, there is no noise '
                              'to measure; look whether the IMU works and is read out')
     return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '

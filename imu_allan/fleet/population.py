@@ -11,7 +11,7 @@ from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import Result
 
 PERCENTILES = (5, 25, 50, 75, 95)
 TOLERANCE_SHARE = 0.95         # of the units ...
@@ -163,11 +163,6 @@ def population(results: Mapping[str, Result]) -> Population:
     return Population(units, tuple(traits), tuple(oddities))
 
 
-def is_constant(axis: AxisResult) -> bool:
-    """Whether every sample of an axis was the same."""
-    return bool(axis.curve.adev) and not any(axis.curve.adev)
-
-
 def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:
     for axis in AXES:
         having = sum(axis in result.axes for result in results.values())
@@ -176,7 +171,7 @@ def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:
                 # An axis that most units lack is missing in none.
                 if 2 * having > len(results):
                     yield Oddity(name, axis, None, 'missing')
-            elif is_constant(result.axes[axis]):
+            elif result.axes[axis].constant:
                 yield Oddity(name, axis, None, 'constant')
 
 
@@ -184,7 +179,7 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
     sample = _Sample({}, {}, [], sum(axis in result.axes for result in results.values()))
     for name, result in results.items():
         measured = result.axes.get(axis)
-        if measured is None or is_constant(measured):
+        if measured is None or measured.constant:
             continue
         if key == MEAN:
             if measured.mean is not None:

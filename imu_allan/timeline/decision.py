@@ -7,13 +7,14 @@ from math import sqrt
 from typing import Literal
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.pace import Pace
 from imu_allan.timeline.record import Record
 
 Clock = Literal['header', 'receive']
 
-AXIS_NAMES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+AXIS_NAMES = tuple(AXES)
 _SHORTEST_NS = 1e3      # a microsecond
 _LONGEST_NS = 100.0 * SECOND
 """Intervals beyond these bounds are no IMU's."""

@@ -130,11 +130,6 @@ def answers(result: Result) -> list[Answer]:
     return found
 
 
-def is_constant(axis: AxisResult) -> bool:
-    """Whether every sample of the axis was the same."""
-    return bool(axis.curve.adev) and not any(axis.curve.adev)
-
-
 def word_of(axis: AxisResult) -> str:
     """
     Say in a word how far the noise density of an axis is to be trusted.
@@ -145,7 +140,7 @@ def word_of(axis: AxisResult) -> str:
         What was found of it.
 
     """
-    if is_constant(axis):
+    if axis.constant:
         return CONSTANT
     if not axis.coefficients['noise_density'].observable:
         return UNKNOWN
@@ -205,7 +200,7 @@ def tunings_of(axes: Mapping[str, AxisResult]) -> dict[str, FilterTuning]:
     """
     found = {}
     for name, axis in axes.items():
-        if axis.drift_model is not None and not is_constant(axis):
+        if axis.drift_model is not None and not axis.constant:
             try:
                 found[name] = tune(axis, AIDING_S, COAST_S)
             except ImuAllanError:
@@ -228,7 +223,7 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> str:
     """Write what integrating the worst axis comes to."""
     angles, positions = [], []
     for axis in axes.values():
-        if axis.drift_model is None or is_constant(axis):
+        if axis.drift_model is None or axis.constant:
             continue
         try:
             drift = predicted_drift(axis, (COAST_S,), CALIBRATION_S)

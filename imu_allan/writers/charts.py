@@ -18,7 +18,6 @@ from imu_allan.result import AxisResult, Result, Span, Timeline
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.tuning.tune import FilterTuning
 from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
-from imu_allan.writers.answer import is_constant
 from imu_allan.writers.panels import (
     coefficients_of,
     density_limits,
@@ -125,7 +124,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
 
     """
     known = {name: axis for name, axis in axes.items()
-             if axis.signal is not None and axis.signal.mean and not is_constant(axis)}
+             if axis.signal is not None and axis.signal.mean and not axis.constant}
     if not known:
         return None
     unit = next(iter(known.values())).unit

@@ -24,7 +24,6 @@ from imu_allan.wording import (
     origin_of,
     SENSORS,
 )
-from imu_allan.writers.answer import is_constant
 from imu_allan.writers.panels import (
     axes_of,
     COLOURS,
@@ -228,7 +227,7 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
     top = figure.get_figheight()
     figure.text(left, 1 - 1.05 / top, SENSORS[sensor], fontsize=11, fontweight='bold', va='center')
     reasons = {'every sample is the same, there is no noise to draw':
-               [name for name, axis in axes.items() if is_constant(axis)],
+               [name for name, axis in axes.items() if axis.constant],
                'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
     figure.text(left, 1 - 1.35 / top, '; '.join(
         f'{named(names)}: {reason}' for reason, names in reasons.items() if names),
@@ -252,7 +251,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
         for row, axis in enumerate(axes.values()):
             coefficient = axis.coefficients[term.key]
             height = 2.3 - 0.9 * row
-            if is_constant(axis):
+            if axis.constant:
                 if not column:
                     panel.text(0.08, height, 'constant: every sample is the same', fontsize=7,
                                va='center', color=soft)

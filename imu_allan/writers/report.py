@@ -45,7 +45,6 @@ from imu_allan.writers.answer import (
     COAST_S,
     Figure,
     GOOD,
-    is_constant,
 )
 from imu_allan.writers.charts import (
     allan_chart,
@@ -88,7 +87,7 @@ def report_html(result: Result) -> str:
     found = answers(result)
     remarks = [replace(group, sentences=tuple(map(_typeset, group.sentences)))
                for group in grouped(result)]
-    constant = [name for name in AXES if name in result.axes and is_constant(result.axes[name])]
+    constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
     return _page(
         'report.html.j2', title=' '.join(names_of(result)), names=names_of(result),
         facts=_facts(result), version=printable(result.imu_allan_version),
@@ -221,7 +220,7 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
     axes = axes_of(result, sensor)
     quantity = AXES[next(iter(axes))]
     rows = []
-    dead = all(is_constant(axis) for axis in axes.values())
+    dead = all(axis.constant for axis in axes.values())
     for key, term in TERMS.items():
         if dead:
             break

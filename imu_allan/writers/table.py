@@ -32,7 +32,6 @@ from imu_allan.writers.answer import (
     COAST_S,
     CONSTANT,
     GOOD,
-    is_constant,
 )
 from imu_allan.writers.grouped_remarks import grouped, outlook_of
 
@@ -179,7 +178,7 @@ def _rows(axes: Mapping[str, AxisResult], units: Units) -> Iterator[_Row]:
     for term in TERMS.values():
         cells = {name: axis.coefficients[term.key] for name, axis in axes.items()}
         if all(c.value is None and c.upper95 is None for c in cells.values()) \
-                and all(is_constant(axis) for axis in axes.values()):
+                and all(axis.constant for axis in axes.values()):
             continue
         unit = term.unit(quantity)
         yield _Row(f'{term.symbol} {term.name(quantity)}',

@@ -11,7 +11,6 @@ metadata is missing, because its recorder was killed, is read all the same.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
-import re
 from typing import Any
 
 from imu_allan.block import ImuBlock
@@ -19,7 +18,7 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import ImuTopic, natural_order, Recording
 import yaml
 
 _SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
@@ -240,5 +239,4 @@ def _recorded_files(path: Path) -> list[Path]:
     """Files that a recorder wrote, in the order of their numbers."""
     return sorted(
         (file for file in path.iterdir() if file.name.endswith(_SUFFIXES) and file.is_file()),
-        key=lambda file: [int(part) if part.isdecimal() else part
-                          for part in re.split(r'(\d+)', file.name)])
+        key=lambda file: natural_order(file.name))

@@ -64,7 +64,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     """
     if axis is None:
         return 'the axis is missing: the result does not hold it'
-    if axis.curve.adev and not any(axis.curve.adev):
+    if axis.constant:
         return f'the axis is constant: every sample is {axis.mean:.6g} {axis.unit}'
     if (died := _died(axis)) is not None:
         return died

@@ -166,8 +166,9 @@ class Numbers:
             if axis is None:
                 continue
             if not self.of_axis[name]:
-                constant = bool(axis.curve.adev) and not any(axis.curve.adev)
-                why = 'every sample is the same' if constant else 'too few samples'
+                why = ('every sample is the same' if axis.constant else 'too few samples'
+                       if axis.stood_still is None else
+                       f'it stood still for {duration(axis.stood_still.duration_s)}')
                 said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '
                             'numbers below')
         return said

@@ -23,6 +23,7 @@ from imu_allan.writers.filters.layout import (
 )
 
 _NAMES: dict[Sensor, str] = {'accel': 'linear_acceleration', 'gyro': 'angular_velocity'}
+_MICROSTRAIN: dict[Sensor, str] = {'accel': 'imu_linear_cov', 'gyro': 'imu_angular_cov'}
 
 
 def robot_localization(numbers: Numbers) -> FilterConfig:
@@ -101,8 +102,8 @@ def drivers(numbers: Numbers) -> FilterConfig:
     lines = [*heading(numbers), f'# Per sample at f = {f:g} Hz. Take the lines of your driver.']
     body = ['', '# microstrain_inertial_driver', 'microstrain_inertial_driver:',
             '  ros__parameters:']
-    for sensor, name in (('accel', 'imu_linear_cov'), ('gyro', 'imu_angular_cov')):
-        body += indented(_matrix(numbers, 'accel' if sensor == 'accel' else 'gyro', name), 4)
+    for sensor, name in _MICROSTRAIN.items():
+        body += indented(_matrix(numbers, sensor, name), 4)
     body += ['', '# vectornav, whose node vn_sensor_msgs makes the Imu messages',
              'vn_sensor_msgs:', '  ros__parameters:']
     for sensor, name in _NAMES.items():

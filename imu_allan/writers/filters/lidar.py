@@ -4,7 +4,7 @@
 
 from math import sqrt
 
-from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, Sensor
 from imu_allan.writers.filters.layout import (
     FilterConfig,
     heading,
@@ -21,6 +21,8 @@ from imu_allan.writers.filters.layout import (
 _SQUARED: dict[Pair, str] = {pair: f'({unit})^2' for pair, unit in SAMPLE_UNITS.items()}
 _LIO_SAM: dict[Pair, str] = {('accel', N): 'imuAccNoise', ('gyro', N): 'imuGyrNoise',
                              ('accel', K): 'imuAccBiasN', ('gyro', K): 'imuGyrBiasN'}
+_GLIM: dict[Sensor, tuple[str, str]] = {'accel': ('imu_acc_noise', 'm/s^2'),
+                                        'gyro': ('imu_gyro_noise', 'rad/s')}
 
 
 def lio_sam(numbers: Numbers) -> FilterConfig:
@@ -133,14 +135,13 @@ def glim(numbers: Numbers) -> FilterConfig:
              'Part of config_sensors.json, which allows comments: put these in place of its own.',
              '*/', '{', '  "sensors": {']
     entries: list[str] = []
-    for sensor, name in (('accel', 'imu_acc_noise'), ('gyro', 'imu_gyro_noise')):
-        entry = worst(numbers, 'accel' if sensor == 'accel' else 'gyro', N, lambda v: v, '',
-                      'm/s^2/sqrt(Hz)' if sensor == 'accel' else 'rad/s/sqrt(Hz)')
+    for sensor, (name, unit) in _GLIM.items():
+        entry = worst(numbers, sensor, N, lambda v: v, '', f'{unit}/sqrt(Hz)')
         lines += [f'    // {remark}' for remark in entry.remarks]
         if entry.value is not None:
             lines.append(f'    "{name}": {number(entry.value)},')
-    for sensor, unit in (('accel', 'm/s^2'), ('gyro', 'rad/s')):
-        found = numbers.worst('accel' if sensor == 'accel' else 'gyro', K)
+    for sensor, (_, unit) in _GLIM.items():
+        found = numbers.worst(sensor, K)
         if found is not None:
             entries.append(f'{found[0]} {number(found[1].value * sqrt(frame))} {unit}')
     steps = [one[1].value * sqrt(frame) for one in (numbers.worst('accel', K),

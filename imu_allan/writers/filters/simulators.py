@@ -7,7 +7,7 @@ from math import pi, sqrt
 from xml.sax.saxutils import escape
 
 from imu_allan.sensor.units import STANDARD_GRAVITY
-from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, TIME
+from imu_allan.writers.filters.chosen_numbers import K, Key, N, Numbers, Sensor, TIME
 from imu_allan.writers.filters.layout import (
     FilterConfig,
     heading,
@@ -21,6 +21,9 @@ from imu_allan.writers.filters.layout import (
 )
 
 _DEGREE = pi / 180  # rad
+_SDF: dict[Sensor, str] = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
+_MATLAB: dict[Sensor, str] = {'gyro': 'gyroparams', 'accel': 'accelparams'}
+_MATLAB_FIELDS: dict[Key, str] = {N: 'NoiseDensity', K: 'RandomWalk'}
 _AIRSIM_TIMES = {'gyro': 500.0, 'accel': 800.0}
 
 
@@ -39,9 +42,9 @@ def gazebo(numbers: Numbers) -> FilterConfig:
                            'sensor; dynamic_bias_stddev is the',
                            'driving density K = sigma sqrt(2/Tc), as gz-sensors uses it, not the '
                            'standard deviation of the bias.'), '<imu>']
-    for sensor, tag in (('gyro', 'angular_velocity'), ('accel', 'linear_acceleration')):
+    for sensor, tag in _SDF.items():
         lines.append(f'  <{tag}>')
-        for name in numbers.axes('gyro' if sensor == 'gyro' else 'accel'):
+        for name in numbers.axes(sensor):
             own = numbers.of_axis[name]
             if N not in own:
                 continue
@@ -95,17 +98,14 @@ def matlab(numbers: Numbers) -> FilterConfig:
              "sqrt(f) of NoiseDensity. 'double-sided', its default,",
              '% makes N sqrt(f/2) of it. BiasInstability is B, flicker; how imuSensor filters it '
              'was not read in its source.']
-    for sensor, function in (('gyro', 'gyroparams'), ('accel', 'accelparams')):
-        name = 'gyro' if sensor == 'gyro' else 'accel'
-        lines += ['', f'{name} = {function};', f"{name}.NoiseType = 'single-sided';"]
-        pair: tuple[Pair, ...] = ((('gyro', N), ('gyro', K)) if sensor == 'gyro' else
-                                  (('accel', N), ('accel', K)))
-        for one, field in zip(pair, ('NoiseDensity', 'RandomWalk'), strict=True):
-            lines += triples(numbers, {one: f'{name}.{field}'}, line='{name} = [{value}];',
-                             sign='%')
+    for sensor, function in _MATLAB.items():
+        lines += ['', f'{sensor} = {function};', f"{sensor}.NoiseType = 'single-sided';"]
+        for key, field in _MATLAB_FIELDS.items():
+            lines += triples(numbers, {(sensor, key): f'{sensor}.{field}'},
+                             line='{name} = [{value}];', sign='%')
         flicker = _flicker(numbers, sensor)
         lines += ['', '% B of x, y, z, bias instability; 0 where it is not observable',
-                  f'{name}.BiasInstability = [{", ".join(number(b) for b in flicker)}];']
+                  f'{sensor}.BiasInstability = [{", ".join(number(b) for b in flicker)}];']
     lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {number(numbers.rate())}, "
               "'Gyroscope', gyro, 'Accelerometer', accel);"]
     return FilterConfig('imu_sensor.m', joined(lines))
