@@ -256,7 +256,7 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
             return [(stream, characterization, remarks()) for stream, (
                 characterization, _, remarks) in zip(streams, begun, strict=True)]
 
-        taken, look = 0, next_look(0)
+        taken, look, warmed = 0, next_look(0), False
         for number, block in _side_by_side([blocks for _, blocks, _ in begun]):
             characterization, start = begun[number][0], 0
             while start < len(block):
@@ -264,6 +264,11 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
                 characterization.take([_part(block, slice(start, stop))])
                 taken, start = taken + (stop - start if number == 0 else 0), stop
                 if taken == look:
+                    if not warmed:
+                        # What is ahead of the samples waits for them.
+                        for stream, (growing_one, *_) in zip(streams, begun, strict=True):
+                            _take_temperature(recording, stream, growing_one)
+                        warmed = True
                     yield so_far()
                     look = next_look(taken)
         for characterization, *_ in begun:
@@ -326,10 +331,16 @@ def _characterized(recording: Recording, stream: Stream, options: TimelineOption
     characterization, blocks, remarks = _begun(recording, stream, options, start_s, duration_s,
                                                progress)
     characterization.take(blocks if fingerprint is None else fingerprint.watch(blocks))
+    _take_temperature(recording, stream, characterization)
+    return characterization, remarks()
+
+
+def _take_temperature(recording: Recording, stream: Stream, characterization: Characterization
+                      ) -> None:
+    """Read the thermometer beside the samples, by the clock that these turned out to have."""
     for stamps, celsius in temperatures(recording, stream.topic,
                                         characterization.summary().clock):
         characterization.take_temperature(stamps, celsius)
-    return characterization, remarks()
 
 
 def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start_s: float,

@@ -85,8 +85,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     quarters = _quarters(finished, dt)
     found: list[AxisFit | None] = []
     for axis in range(finished.axes):
-        if (finished.lowest[axis] == finished.highest[axis]
-                or still_stretch(finished, axis) is not None):
+        if is_still(finished, axis):
             found.append(None)
             continue
         whole = grouped(bins, axis)
@@ -107,6 +106,12 @@ def sample_noise(finished: Estimator) -> NDArray[np.float64]:
     pyramid = finished.pyramid
     # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
     return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
+
+
+def is_still(finished: Estimator, axis: int) -> bool:
+    """Tell whether an axis gave one value, all the time or for a part of it."""
+    return (finished.lowest[axis] == finished.highest[axis]
+            or still_stretch(finished, axis) is not None)
 
 
 def still_stretch(finished: Estimator, axis: int) -> tuple[int, int] | None:

@@ -10,6 +10,8 @@ from imu_allan.characterization.joint import joint_result
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Result
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.datasheet.live import standing
 import numpy as np
 import pytest
 
@@ -57,6 +59,21 @@ def axis_of(stream):
 
 def remarks(stream):
     return [remark.message for remark in stream.result().warnings if remark.code == 'temperature']
+
+
+def test_a_verdict_on_the_bench_takes_out_the_temperature_as_the_result_does(hour):
+    seconds, rows = hour
+    specification = parse_model(
+        'name: Limits\ngyro: {x: {rate_random_walk: 1e-4 rad/s^2/sqrt(Hz)}}\n')
+    verdicts = []
+    for warmed in (False, True):
+        stream = Characterization(kind='topic')
+        take(stream, stamps_of(seconds), rows)
+        if warmed:
+            stream.take_temperature(stamps_of(seconds[::20]), celsius_at(seconds[::20]))
+        verdicts.append([verdict.verdict for verdict in standing(stream, specification).verdicts])
+    assert verdicts[0] == ['cannot tell']
+    assert verdicts[1] == ['pass']
 
 
 def test_the_mean_follows_the_temperature_of_the_readings(hour):

@@ -54,6 +54,12 @@ def test_an_axis_that_is_constant_in_every_record_has_no_fit():
     assert joint_fits([finished(np.ones(500)), finished(np.full(500, 2.0))], 0.01) == [None]
 
 
+def test_a_record_in_which_the_axis_stood_still_is_left_out(records):
+    died = records[0].copy()
+    died[len(died) // 3:] = 0.5
+    assert estimates([died, *records[1:]]) == estimates(records[1:])
+
+
 def test_a_line_of_one_record_is_left_out_there_and_named(records):
     time = np.arange(60_000) / RATE_HZ
     humming = records[0] + 0.01 * np.sin(2 * np.pi * 17.3 * time)

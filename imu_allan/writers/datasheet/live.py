@@ -89,9 +89,11 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     recorded = float('inf')
     for half, record in records.items():
         if record is None or record.estimator.samples < SMALLEST_RECORD:
-            return Standing(False, tuple(_open(verdict) for verdict in verdicts), 0.0)
+            return Standing(False, tuple(_open(verdict) for verdict in verdicts),
+                            result.timeline.duration_s)
         recorded = min(recorded, record.estimator.samples / record.rate_hz)
-        fitted = zip(record.names, fit_axes(record.estimator, 1 / record.rate_hz), strict=True)
+        fitted = zip(record.names, fit_axes(record.estimator, 1 / record.rate_hz,
+                                            record.temperature), strict=True)
         fits |= {name: fit for name, fit in fitted if name.startswith(half)}
     limited = sum(verdict.key in COLUMNS for verdict in verdicts)
     settled = [_settled(verdict, fits.get(verdict.axis), margin, error, max(limited, 1), recorded)
