@@ -341,15 +341,108 @@ def spikes(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return m
 
 
+def header_whole_seconds(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Leave the nanoseconds of header stamps at zero."""
+    truth.exact = False
+    m.header = np.floor(m.header) - START_NS % 10**9 / 1e9
+    return m
+
+
+def header_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Stamp every message with the time at which the driver started."""
+    truth.exact = False
+    m.header = np.zeros(len(m.header))
+    return m
+
+
+def header_stray(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Stamp single messages an hour ahead."""
+    truth.exact = False
+    m.header[rng.integers(0, len(m.header), 3)] += 3600
+    return m
+
+
+def header_resets(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let the header clock begin anew, as that of a sensor which was switched off and on."""
+    truth.exact = False
+    at = int(len(m.header) * rng.uniform(0.1, 0.9))
+    m.header[at:] -= m.header[at]
+    return m
+
+
+def receive_constant(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Note one time of reception for all messages, as some converters do."""
+    m.receive = np.full(len(m.receive), m.receive[-1])
+    return m
+
+
+def heavy_loss(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Lose a fifth to six tenths of the messages at random."""
+    truth.exact = False
+    truth.told.add('many_missing')
+    return _lose(m, truth, rng.random(len(m.place)) >= rng.uniform(0.2, 0.6))
+
+
+def dropped_in_turn(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Drop several of a few messages in turn."""
+    truth.exact = False
+    truth.told.add('many_missing')
+    patterns = ((1, 1, 0), (1, 1, 0, 0), (1, 1, 1, 0, 0), (1, 1, 1, 1, 0, 0))
+    return _lose(m, truth, np.resize(
+        np.array(patterns[int(rng.integers(len(patterns)))], bool), len(m.place)))
+
+
+def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Lose a fifth of the recording in one piece."""
+    at = int(len(m.place) * rng.uniform(0.1, 0.7))
+    keep = np.ones(len(m.place), bool)
+    keep[at:at + len(keep) // 5] = False
+    return _lose(m, truth, keep)
+
+
+def infinite(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let single values be infinite or absurd."""
+    hit = rng.integers(0, len(m.place), max(len(m.place) // 1000, 1))
+    m.samples[hit, rng.integers(0, 6, len(hit))] = rng.choice([np.inf, -np.inf, 1e30], len(hit))
+    truth.exact = False
+    return m
+
+
+def axes_nan_for_a_while(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Leave some axes without values for a third of the recording."""
+    first = int(len(m.place) * rng.choice([0.0, 0.3, 0.67]))
+    m.samples[first:first + len(m.place) // 3, int(rng.integers(0, 6)):] = np.nan
+    truth.exact = False
+    return m
+
+
+def gyro_declared_absent_first(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Declare the gyroscope as not provided until some time."""
+    m.absent[:int(len(m.place) * rng.uniform(0.1, 0.6)), 0] = True
+    truth.exact = False
+    return m
+
+
+def tilt(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Tilt the sensor once, within two seconds."""
+    truth.told |= {'motion', 'rest_within_motion'}
+    at = m.place[0] + len(m.place) * rng.uniform(0.2, 0.8)
+    turned = np.clip((m.place - at) / (2 * truth.rate_hz), 0, 1)
+    m.samples[:, 3] += 2.0 * turned
+    return m
+
+
 STAMPS: tuple[Fault, ...] = (
     header_zero, header_tick, header_jitter, header_batches, header_nominal_batches,
-    header_drift, clock_step, receive_jitter, receive_bursts, header_speed)
+    header_drift, clock_step, receive_jitter, receive_bursts, header_speed, header_whole_seconds,
+    header_constant, header_stray, header_resets, receive_constant)
 LOSSES: tuple[Fault, ...] = (
     random_loss, burst_loss, outages, long_gaps, every_kth_dropped, lone_samples,
-    repeated_messages, swapped_messages)
+    repeated_messages, swapped_messages, heavy_loss, dropped_in_turn, driver_restart)
 SAMPLES: tuple[Fault, ...] = (
     frozen, not_a_number, knock, coarse_output, constant_axis, accel_declared_absent_later,
-    two_publishers, rate_change, polled_twice, spikes)
+    two_publishers, rate_change, polled_twice, spikes, infinite, axes_nan_for_a_while,
+    gyro_declared_absent_first, tilt)
 _SHORT_S = 6.0
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002

@@ -512,7 +512,8 @@ def test_a_slow_turn_is_told(rise_s):
     assert result.axes['gyro_z'].coefficients['rate_random_walk'].observable
     assert re.search(
         r'gyro_z by 0\.01\d* rad/s for 2\d s from 6\d s on; bias instability and random walk of '
-        'that axis may be nothing else', told(result, 'slow_motion'))
+        'that axis may be nothing else: take the upper end of their intervals for a bound',
+        told(result, 'slow_motion'))
 
 
 @pytest.mark.parametrize('term', ['rate_random_walk', 'bias_instability'])
