@@ -222,6 +222,11 @@ class MotionDetector:
         """Whether there are rows not yet decided on."""
         return bool(self._held)
 
+    @property
+    def knows_rest(self) -> bool:
+        """Whether the baseline rests on enough windows to be gone on with another time."""
+        return len(self._past) >= _FEW_WINDOWS
+
     def copy(self) -> 'MotionDetector':
         """Give an independent copy; arrays are shared, for they are never written to."""
         twin = shallow_copy(self)

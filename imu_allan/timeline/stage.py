@@ -258,7 +258,8 @@ class TimelineStage:
         if axes == self._axes or self._axes is None:
             return []
         blocks = self._motion.flush()
-        self._waiting[self._axes] = self._motion
+        if self._motion.knows_rest:
+            self._waiting[self._axes] = self._motion
         if len(self._waiting) > _MOST_WAITING:
             del self._waiting[next(iter(self._waiting))]
         found = self._waiting.pop(axes, None) or MotionDetector(self._motion.interval_s)

@@ -290,6 +290,16 @@ def test_sensors_that_are_absent_in_turn_are_judged_alone_and_motion_is_seen_in_
     assert message.count('gyro_x, gyro_y, gyro_z in') == message.count('accel_z in') == 1
 
 
+@pytest.mark.parametrize('beside', [0, 3, 6])
+def test_a_sample_missing_beside_the_end_of_an_axis_makes_no_motion_of_what_follows(beside):
+    messages, truth, _ = rest()
+    messages.absent[7000 + beside:, 1] = True
+    result = characterized(keep(messages, messages.place % 13 > 0))
+    assert_right(result, truth, 0.06)
+    assert result.timeline.motion == ()
+    assert result.timeline.missing == np.count_nonzero(messages.place % 13 == 0) - 1
+
+
 def test_blocks_and_saves_make_no_difference_where_axes_come_and_go():
     messages, _, rng = rest(duration_s=120)
     messages.absent[2000:7000, 1] = True
