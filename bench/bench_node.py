@@ -102,7 +102,7 @@ def write_state(path: str, rate: float, hours: float) -> None:
     from imu_allan.characterization import Characterization
     from imu_allan.node.checkpoint import StateFile
     from imu_allan.node.resuming import pack, Setup
-    from imu_allan.node.run import Run
+    from imu_allan.node.run import Lane, Run
     from imu_allan.sensor.noise_model import load_model
     from imu_allan.sensor.simulated_imu import find_model, simulated_blocks
     from imu_allan.timeline import TimelineOptions
@@ -113,7 +113,7 @@ def write_state(path: str, rate: float, hours: float) -> None:
                                   round(hours * 3600 * rate), start_ns=10**18):
         run.update(block)
     file = StateFile(path)
-    file.save(pack(Run(run), setup))
+    file.save(pack(Run(Lane(run)), setup))
     file.close()
 
 

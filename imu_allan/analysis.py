@@ -382,25 +382,13 @@ def _shared(progress: Callable[[int], None] | None, number: int, parts: int, siz
 
 
 def _as_one(streams: Sequence[Stream], results: Sequence[Result]) -> Result:
-    """Join the results of gyroscope and accelerometer; each axis tells its own rate."""
+    """Return the result of the IMU, of one stream or of gyroscope and accelerometer."""
     if len(results) == 1:
         return results[0]
-    axes = {name: replace(axis, sample_rate_hz=result.timeline.sample_rate_hz)
-            for stream, result in zip(streams, results, strict=True)
-            for name, axis in result.axes.items() if name.startswith(f'{stream.half}_')}
-    first = results[0]
-    rates = ' and '.join(
-        f'the {"gyroscope" if stream.half == "gyro" else "accelerometer"} from {stream.topic} '
-        f'at {result.timeline.sample_rate_hz or 0:.6g} Hz'
-        for stream, result in zip(streams, results, strict=True))
-    remarks = [Remark('two_rates', f'{rates}; rate, gaps and faults are those of the gyroscope')]
-    for result in results:
-        remarks += [remark for remark in result.warnings if remark not in remarks]
-    topics = list(dict.fromkeys(stream.topic for stream in streams))
-    spread = {name: found for result in results for name, found in result.turn_on_bias.items()
-              if name in axes}
-    return replace(first, source=replace(first.source, topic=', '.join(topics)), axes=axes,
-                   warnings=tuple(remarks), turn_on_bias=spread)
+    from imu_allan.characterization.halves import HalfResult, united
+    return united([HalfResult(stream.half, stream.topic, result)
+                   for stream, result in zip(streams, results, strict=True)
+                   if stream.half is not None])
 
 
 def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None

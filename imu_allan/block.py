@@ -7,7 +7,10 @@ A front door (topic or recording) yields `ImuBlock`; the timeline turns them int
 Columns of `samples` are always the six of `imu_allan.noise.terms.AXES`, in SI units.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +46,12 @@ class ImuBlock:
     def __len__(self) -> int:
         """Messages in the block."""
         return len(self.samples)
+
+    def only(self, half: Literal['gyro', 'accel']) -> ImuBlock:
+        """Return the block with the other sensor declared as not provided."""
+        absent = self.absent.copy()
+        absent[:, 1 if half == 'gyro' else 0] = True
+        return replace(self, absent=absent)
 
 
 @dataclass(frozen=True)

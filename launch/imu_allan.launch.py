@@ -10,7 +10,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-TEXTS = ('state_file', 'output_dir', 'spec_file', 'reference')
+TEXTS = ('gyro_topic', 'accel_topic', 'state_file', 'output_dir', 'spec_file', 'reference')
 """Parameters that an argument sets where it is not empty; else the parameter file does."""
 
 
@@ -25,6 +25,10 @@ def generate_launch_description() -> LaunchDescription:
                               description='Parameter file'),
         DeclareLaunchArgument('imu_topic', default_value='imu/data_raw',
                               description='Topic of the sensor_msgs/Imu messages'),
+        DeclareLaunchArgument('gyro_topic', default_value='',
+                              description='Of the gyroscope, where the IMU comes on two topics'),
+        DeclareLaunchArgument('accel_topic', default_value='',
+                              description='Of the accelerometer, where it comes on two topics'),
         DeclareLaunchArgument('state_file', default_value='',
                               description='Keeps what was learnt over a crash or a reboot'),
         DeclareLaunchArgument('output_dir', default_value='',

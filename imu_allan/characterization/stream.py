@@ -26,7 +26,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import AXES
-from imu_allan.result import AxisResult, Remark, Result, Signal, Source
+from imu_allan.result import AxisResult, Backtest, Remark, Result, Signal, Source
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
@@ -238,7 +238,13 @@ class Characterization:
         return Record(summary, rate, longest.names, finished,
                       heat.course if heat is not None else None)
 
-    def result(self, remarks: Iterable[Remark] = ()) -> Result:
+    @property
+    def clock(self) -> Literal['header', 'receive'] | None:
+        """Stamps in use; None as long as nothing has been decided for good."""
+        return self._timeline.clock
+
+    def result(self, remarks: Iterable[Remark] = (), *,
+               tested: Mapping[str, Backtest | None] | None = None) -> Result:
         """
         Fit what has come so far; the stream is left as it is.
 
@@ -246,6 +252,8 @@ class Characterization:
         ----------
         remarks : iterable of Remark, optional
             Findings of the front door, such as a truncated recording; they come first.
+        tested : mapping of axis name to Backtest or None, optional
+            Backtests of a shorter record, which spare a tenth of a second; else they are made.
 
         Returns
         -------
@@ -266,7 +274,7 @@ class Characterization:
                 f'{self._path}, topic {self._topic}: the IMU moves during most of the recording; '
                 'record it at rest, choose a still part with --start and --duration, or keep '
                 'everything with --motion keep')
-        axes, found = twin._axes(summary)
+        axes, found = twin._axes(summary, tested)
         source = Source(self._kind, self._path, self._topic, summary.frame_id,
                         summary.start_time, summary.clock)
         return Result(__version__, source, summary.timeline, axes,
@@ -281,7 +289,8 @@ class Characterization:
         first = self._groups[0]
         return first.thermometer.signal(first.estimator.finished().signal.columns(), 1 / rate)
 
-    def _axes(self, summary: TimelineSummary) -> tuple[dict[str, AxisResult], list[Remark]]:
+    def _axes(self, summary: TimelineSummary, tested: Mapping[str, Backtest | None] | None
+              ) -> tuple[dict[str, AxisResult], list[Remark]]:
         rate = summary.timeline.sample_rate_hz
         if not self._groups:
             return {}, []
@@ -292,24 +301,22 @@ class Characterization:
         remarks: list[Remark] = []
         unclear: set[str] = set()
         for group in self._groups:
-            axes |= self._fitted(group, rate, remarks, unclear)
+            axes |= self._fitted(group, rate, remarks, unclear, tested)
         axes = {name: axes[name] for name in AXES if name in axes}
         return axes, remarks + length_remarks(axes, summary, unclear)
 
-    def _fitted(self, group: _Group, rate: float, remarks: list[Remark], unclear: set[str]
-                ) -> dict[str, AxisResult]:
+    def _fitted(self, group: _Group, rate: float, remarks: list[Remark], unclear: set[str],
+                tested: Mapping[str, Backtest | None] | None) -> dict[str, AxisResult]:
         """Fit a group; what is worth telling goes to `remarks`, and to `unclear` its names."""
         names, finished = group.names, group.estimator.finished()
         series = finished.periodogram
         heat = _temperature(group, finished, rate)
         fitted = axis_results(finished, rate, [AXES[name] for name in names],
                               temperature=heat.course if heat is not None else None)
-        axes = {name: axis for name, (axis, _) in zip(names, fitted, strict=True)}
-        if self._kind == 'recording':
-            # It takes a tenth of a second, which a node does not spend at every publication.
-            tested = backtest(series.series, series.cell, 1 / rate)
-            axes = {name: replace(axis, backtest=found if axis.drift_model else None)
-                    for (name, axis), found in zip(axes.items(), tested, strict=True)}
+        if tested is None:
+            tested = dict(zip(names, backtest(series.series, series.cell, 1 / rate), strict=True))
+        axes = {name: replace(axis, backtest=tested.get(name) if axis.drift_model else None)
+                for name, (axis, _) in zip(names, fitted, strict=True)}
         for name, (_, own) in zip(names, fitted, strict=True):
             remarks += [Remark(remark.code, f'{name}: {remark.message}') for remark in own]
             if any(remark.code in MEAN_MOVES for remark in own):

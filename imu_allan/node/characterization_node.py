@@ -9,7 +9,7 @@ middleware's queue never has to hold more than moments. Nothing that a driver, a
 does lets an error out of the executor's thread; if one gets out all the same, `serve` saves first.
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from math import ceil
@@ -32,6 +32,7 @@ from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
 from imu_allan.node.resuming import new_run, Setup
+from imu_allan.node.run import Half, Lane
 from imu_allan.node.same_imu import Trial
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
@@ -39,6 +40,7 @@ from imu_allan.node.thermometer import Thermometer
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
@@ -78,31 +80,33 @@ class CharacterizationNode(Node):
             raise ImuAllanError(f'parameter aiding_interval: {values["aiding_interval"]:g} s is '
                                 f'longer than coast, {values["coast"]:g} s')
 
-        queue = queue_messages(values['expected_rate'])
-        fields = [values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')]
-        try:
-            decode = decoder(values['imu_type'], *fields)
-        except ImuAllanError as error:
-            raise ImuAllanError(f'parameter imu_type: {error}') from error
-        self._subscription = self._subscribe(values['imu_type'], queue)
-        topic, name = self._subscription.topic, self.get_fully_qualified_name()
-        self._facts = Facts(topic, queue, values['expected_rate'], values['state_file'])
-        self._reception = Reception(self._subscription, self._facts, decode,
-                                    self._on_malformed)
-        self._announcements = Announcements(self._log, topic)
+        topics = _topics(values)
+        self._receptions = [self._reception(topic, half, values) for topic, half in topics]
+        subscribed = [reception.subscription.topic for reception in self._receptions]
+        if len(set(subscribed)) < len(subscribed):
+            raise ImuAllanError(f'parameters gyro_topic and accel_topic: both are {subscribed[0]}')
+        self._facts, name = self._receptions[0].facts, self.get_fully_qualified_name()
+        self._announcements = [Announcements(self._log, topic) for topic in subscribed]
         self._publications = Publications(self)
         self._worker = Worker(self._log)
         self._results = Results(name, self._publications, self._worker, self._facts,
-                                self._announcements, values)
-        self._setup = Setup(topic, TimelineOptions(
-            clock=values['clock'], gap_tolerance=values['gap_tolerance'],
-            motion=values['motion']), ' '.join(filter(None, [values['imu_type'], *fields])))
-        self._thermometer = (Thermometer(self, values['temperature_topic'], self._facts)
-                             if values['temperature_topic'] else None)
+                                self._announcements[0], values)
+        self._setup = Setup(
+            subscribed[0], TimelineOptions(clock=values['clock'],
+                                           gap_tolerance=values['gap_tolerance'],
+                                           motion=values['motion']),
+            ' '.join(filter(None, [values['imu_type'], *_fields(values), *_units(values)])),
+            accel_topic=''.join(subscribed[1:]),
+            finds_unit=not (values['accel_unit'] or values['accel_field']))
+        self._thermometer = (Thermometer(self, values['temperature_topic'], self._facts,
+                                         len(topics)) if values['temperature_topic'] else None)
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
-        self._reports = Reports(self, TOPIC, values['imu_type'], self._subscription,
-                                self._publications, self._facts, self._announcements, self._log)
+        self._reports = Reports(
+            self, values['imu_type'],
+            [f'-p {half}_topic' if half else f'-r {TOPIC}' for _, half in topics],
+            self._receptions, self._publications, self._announcements, self._log)
         self._run = self._storage.first_run()
+        self._note_trials()
 
         # Services wait for the worker while samples come in: they have a group of their own.
         services = ReentrantCallbackGroup()
@@ -110,11 +114,12 @@ class CharacterizationNode(Node):
         self.create_service(Trigger, '~/reset', self._reset, callback_group=services)
         self.create_service(SetBool, '~/pause', self._pause, callback_group=services)
         now = time.monotonic()
-        self._reception.last_take = self._reception.last_message = now
-        if self._run.trial is not None:
+        for reception in self._receptions:
+            reception.last_take = reception.last_message = now
+        if self._run.on_trial:
             self._results.fit(self._run)
         self._storage.try_output()
-        self._log.info(f'characterizing the IMU on {topic}')
+        self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
 
     def serve(self, stop: StopRequest) -> int:
         """
@@ -150,11 +155,24 @@ class CharacterizationNode(Node):
             executor.shutdown()
         return 0 if self._finish() and well else 1
 
-    def _subscribe(self, type_name: str, queue: int) -> DrainedSubscription:
+    def _reception(self, topic: str, half: Half | None, values: Mapping[str, Any]) -> Reception:
+        expected = 0.0 if half == 'accel' else values['expected_rate']
+        queue, (gyro_unit, accel_unit) = queue_messages(expected), _units(values)
         try:
-            return DrainedSubscription(self, message_class(type_name), TOPIC, queue)
+            decode = decoder(values['imu_type'], *_fields(values), gyro_unit=gyro_unit,
+                             accel_unit=accel_unit)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'parameter imu_type: {error}') from error
+        try:
+            subscription = DrainedSubscription(self, message_class(values['imu_type']), topic,
+                                               queue)
+        except NameValidationException as error:
+            raise ImuAllanError(f'parameter {half}_topic: {" ".join(str(error).split())}'
+                                ) from error
         except (InvalidQosOverridesError, RuntimeError) as error:
-            raise ImuAllanError(f'qos_overrides of {TOPIC}: {error}') from error
+            raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
+        facts = Facts(subscription.topic, queue, expected, values['state_file'], half)
+        return Reception(subscription, facts, decode, self._on_malformed)
 
     def _apply(self, name: str, value: Any) -> None:
         results, storage = self._results, self._storage
@@ -175,82 +193,101 @@ class CharacterizationNode(Node):
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 
     def _tick(self, now: float) -> int:
-        count = self._reception.take(now)
+        count = self._take(now)
         self._feed(now)
         self._worker.hand_out()
         if self._results.due(now):
-            self._results.publish_or_fit(now, self._run, self._reception.last_message)
+            self._results.publish_or_fit(now, self._run, max(
+                reception.last_message for reception in self._receptions))
         if self._storage.checkpoint_due(now, self._run):
             self._storage.checkpoint(self._run)
         if self._reports.due(now):
             self._reports.report(now, self._run, self._results.latest,
-                                 self._reception.last_message, self._storage.checkpoint_age_s(now))
+                                 self._storage.checkpoint_age_s(now))
             self._results.draw_if_watched(self._run)
         return count
+
+    def _take(self, now: float) -> int:
+        return max([reception.take(now) for reception in self._receptions])
 
     def _feed(self, now: float) -> None:
         if self._thermometer is not None:
             self._thermometer.take()
-            self._thermometer.feed(self._run.characterization)
-        blocks = self._reception.blocks(now)
-        run = self._run
-        if not blocks:
+            for number, lane in enumerate(self._run.lanes):
+                self._thermometer.feed(number, lane.characterization)
+        for number, reception in enumerate(self._receptions):
+            blocks = reception.blocks(now)
+            if blocks:
+                # What comes on one topic can begin another run.
+                self._feed_lane(number, self._run.lanes[number], blocks)
+
+    def _feed_lane(self, number: int, lane: Lane, blocks: list[ImuBlock]) -> None:
+        if lane.trial is not None:
+            lane.trial.hold(blocks)
+            if lane.trial.complete:
+                self._end_trial(number, lane.trial)
             return
-        if run.trial is not None:
-            run.trial.hold(blocks)
-            if run.trial.complete:
-                self._end_trial(run.trial)
-            return
-        self._update(blocks)
+        self._update(number, blocks)
         # Where two publishers take turns, neither has changed.
-        changed = run.changed(blocks) if self._facts.publishers <= 1 else None
+        changed = (lane.changed(blocks) if self._receptions[number].facts.publishers <= 1
+                   else None)
         if changed is not None:
-            self._storage.save(run)
-            self._begin_because(*changed)
+            self._storage.save(self._run)
+            self._begin_because(changed[0], {number: changed[1]})
 
-    def _update(self, blocks: Sequence[ImuBlock]) -> None:
-        run = self._run
-        run.update(blocks)
-        self._facts.looping = run.looping
-        self._facts.update_error = run.error
-        if run.error:
-            self._log.error(run.error)
+    def _update(self, number: int, blocks: Sequence[ImuBlock]) -> None:
+        lane, facts = self._run.lanes[number], self._receptions[number].facts
+        lane.update(blocks)
+        facts.looping = lane.looping
+        facts.update_error = lane.error
+        if lane.error:
+            self._log.error(lane.error)
 
-    def _on_malformed(self, error: MalformedImu) -> None:
-        self._log.error(f'{self._subscription.topic}: {error}')
+    def _on_malformed(self, topic: str, error: MalformedImu) -> None:
+        self._log.error(f'{topic}: {error}')
 
     # -- one run after the other ----------------------------------------------------------------
 
-    def _end_trial(self, trial: Trial) -> None:
+    def _end_trial(self, number: int, trial: Trial) -> None:
         verdict = trial.verdict()
-        self._run.trial = None
-        self._facts.on_trial = False
-        self._storage.hurry()
         if verdict is None:
-            self._update(trial.blocks)
+            self._run.lanes[number].trial = None
+            self._note_trials()
+            self._update(number, trial.blocks)
         else:
-            self._begin_because(verdict, trial.blocks)
+            self._begin_because(verdict, {
+                place: lane.trial.blocks for place, lane in enumerate(self._run.lanes)
+                if lane.trial is not None})
+        self._storage.hurry()
 
-    def _begin_because(self, verdict: UnusableState, blocks: Sequence[ImuBlock]) -> None:
-        """Leave the run, its state kept aside, and begin another with these messages."""
+    def _begin_because(self, verdict: UnusableState, blocks: Mapping[int, Sequence[ImuBlock]]
+                       ) -> None:
+        """Leave the run, its state kept aside, and begin another with these messages by lane."""
         self._log.warning(f'a new run begins: the one before cannot be gone on with, {verdict}')
         self._storage.keep_aside(self._run, verdict)
         self._begin_anew()
-        self._update(blocks)
+        for number, held in blocks.items():
+            self._update(number, held)
         self._results.fit(self._run)
 
     def _begin_anew(self) -> None:
         self._run.over = True
         self._run = new_run(self._setup)
-        self._facts.on_trial = self._facts.looping = False
+        self._note_trials()
         self._results.begin_run()
-        self._announcements.begin_run()
+        for reception, announcements in zip(self._receptions, self._announcements, strict=True):
+            reception.facts.looping = False
+            announcements.begin_run()
+
+    def _note_trials(self) -> None:
+        for reception, lane in zip(self._receptions, self._run.lanes, strict=True):
+            reception.facts.on_trial = lane.trial is not None
 
     # -- services -------------------------------------------------------------------------------
 
     async def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         now = time.monotonic()
-        self._reception.take(now)
+        self._take(now)
         self._feed(now)
         future = self._storage.save(self._run)
         await self._settled(future)
@@ -261,8 +298,9 @@ class CharacterizationNode(Node):
         return response
 
     async def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._reception.take(time.monotonic())
-        self._reception.drop()
+        self._take(time.monotonic())
+        for reception in self._receptions:
+            reception.drop()
         self._begin_anew()
         self._results.fit(self._run)
         response.success, response.message = True, 'a new run has begun'
@@ -286,9 +324,10 @@ class CharacterizationNode(Node):
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         now = time.monotonic()
-        self._reception.take(now)
+        self._take(now)
         self._feed(now)
-        self._facts.paused = request.data
+        for reception in self._receptions:
+            reception.facts.paused = request.data
         response.success = True
         response.message = ('paused: samples are passed over' if request.data
                             else 'going on; the pause counts as a gap')
@@ -320,17 +359,38 @@ class CharacterizationNode(Node):
     def _take_rest(self) -> bool:
         now = time.monotonic()
         if self.context.ok():
-            self._reception.take(now)
+            self._take(now)
         self._feed(now)
-        trial = self._run.trial
-        if trial is not None and not trial.hopeless:
-            self._end_trial(trial)
+        for number in range(len(self._receptions)):
+            trial = self._run.lanes[number].trial
+            if trial is not None and not trial.hopeless:
+                self._end_trial(number, trial)
         return True
 
     def _end_worker(self) -> bool:
         # Nobody listens any more; but what became of files is told.
         self._worker.finish({'save', 'checkpoint', 'aside'})
         return True
+
+
+def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
+    """Give the topics to subscribe to, with the sensor that comes on it if it is one alone."""
+    gyro, accel = values['gyro_topic'], values['accel_topic']
+    if not gyro and not accel:
+        return [(TOPIC, None)]
+    if not (gyro and accel):
+        named, other = ('gyro', 'accel') if gyro else ('accel', 'gyro')
+        raise ImuAllanError(f'parameter {named}_topic: needs {other}_topic, too: an IMU on two '
+                            'topics has both')
+    return [(gyro, 'gyro'), (accel, 'accel')]
+
+
+def _fields(values: Mapping[str, Any]) -> list[str]:
+    return [values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')]
+
+
+def _units(values: Mapping[str, Any]) -> list[str]:
+    return [values['gyro_unit'], values['accel_unit']]
 
 
 def queue_messages(expected_rate: float) -> int:

@@ -6,7 +6,7 @@ What ``/diagnostics`` says, in one module because all of its statuses read the s
 Is everything well with the samples, the fit and the files?
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from builtin_interfaces.msg import Time
@@ -32,11 +32,15 @@ _LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR}
 @dataclass
 class Facts:
     """
-    What the node counts and remembers for ``/diagnostics``.
+    What the node counts and remembers for ``/diagnostics``, of each topic of an IMU.
+
+    What concerns the whole node stands in those of the first topic.
 
     Attributes
     ----------
     topic : str
+    half : {'gyro', 'accel'} or None
+        The sensor that comes on the topic, where it is one alone.
     queue : int
         Messages the middleware keeps until they are taken.
     expected_rate : float
@@ -92,6 +96,7 @@ class Facts:
     queue: int
     expected_rate: float
     state_file: str
+    half: str | None = None
     received: int = 0
     lost: int = 0
     malformed: int = 0
@@ -123,8 +128,9 @@ class Facts:
     findings: list[Finding] = field(default_factory=list)
 
 
-def diagnostics_message(node_name: str, stamp: Time, facts: Facts, summary: TimelineSummary,
-                        result: Result | None) -> DiagnosticArray:
+def diagnostics_message(node_name: str, stamp: Time,
+                        topics: Sequence[tuple[Facts, TimelineSummary]], result: Result | None
+                        ) -> DiagnosticArray:
     """
     All statuses of the node.
 
@@ -134,27 +140,30 @@ def diagnostics_message(node_name: str, stamp: Time, facts: Facts, summary: Time
         Fully qualified, so that two nodes in two namespaces do not share a status.
     stamp : builtin_interfaces.msg.Time
         Now.
-    facts : Facts
-        What the node counts.
-    summary : TimelineSummary
-        Of everything received so far.
+    topics : sequence of (Facts, TimelineSummary)
+        What the node counts, and everything received so far, of each topic.
     result : Result or None
         The last fit.
 
     """
     array = DiagnosticArray()
     array.header.stamp = stamp
-    parts: dict[str, tuple[Verdict, Mapping[str, object]]] = {
-             'reception': (_reception_verdict(facts), _reception_values(facts)),
-             'timeline': (_timeline_verdict(facts, summary), _timeline_values(facts, summary)),
-             'estimation': (_estimation_verdict(facts, result),
-                            _estimation_values(facts, result)),
-             'storage': (_storage_verdict(facts), _storage_values(facts))}
-    for finding in facts.findings:
-        parts[finding.standard] = (_LEVELS[finding.level], finding.message), {}
-    for name, ((level, message), values) in parts.items():
+    parts: list[tuple[str, str, Verdict, Mapping[str, object]]] = []
+    for facts, summary in topics:
+        which = f' {facts.half}' if facts.half else ''
+        parts += [(f'reception{which}', facts.topic, _reception_verdict(facts),
+                   _reception_values(facts)),
+                  (f'timeline{which}', facts.topic, _timeline_verdict(facts, summary),
+                   _timeline_values(facts, summary))]
+    facts, both = topics[0][0], ', '.join(facts.topic for facts, _ in topics)
+    parts += [('estimation', both, _estimation_verdict(facts, result),
+               _estimation_values(facts, result)),
+              ('storage', both, _storage_verdict(facts), _storage_values(facts))]
+    parts += [(finding.standard, both, (_LEVELS[finding.level], finding.message), {})
+              for finding in facts.findings]
+    for name, topic, (level, message), values in parts:
         array.status.append(DiagnosticStatus(
-            level=level, name=f'{node_name}: {name}', message=message, hardware_id=facts.topic,
+            level=level, name=f'{node_name}: {name}', message=message, hardware_id=topic,
             values=[KeyValue(key=key, value=as_text(value)) for key, value in values.items()
                     if value is not None]))
     return array

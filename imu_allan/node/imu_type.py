@@ -28,7 +28,8 @@ _NAME = re.compile(r'(?P<package>[a-z]\w*)/(?:msg/)?(?P<name>[A-Z]\w*)')
 _SEQUENCE = re.compile(r'sequence<(?P<kind>[^,]+)(?:, (?P<most>\d+))?>')
 _BASE = {'float': 'float32', 'double': 'float64', 'boolean': 'bool', 'octet': 'byte'}
 """Names that Python has for types whose name in a ``.msg`` file is another."""
-_OPTIONS = {'--gyro': 'gyro_field', '--accel': 'accel_field', '--stamp': 'stamp_field'}
+_OPTIONS = {'--gyro-unit': 'gyro_unit', '--accel-unit': 'accel_unit', '--gyro': 'gyro_field',
+            '--accel': 'accel_field', '--stamp': 'stamp_field'}
 _SEPARATOR = '=' * 80
 """As rosbag2 puts it between the definitions of the parts of a message."""
 
@@ -107,7 +108,8 @@ def definition_of(type_name: str) -> str:
     return first + ''.join(f'\n{_SEPARATOR}\nMSG: {name}\n{text}' for name, text in texts.items())
 
 
-def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '') -> Decode:
+def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
+            gyro_unit: str = '', accel_unit: str = '') -> Decode:
     """
     Return what decodes the messages of a type.
 
@@ -117,6 +119,8 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '') ->
         As for `message_class`.
     gyro, accel, stamp : str, optional
         Fields that hold the samples and their time, with units.
+    gyro_unit, accel_unit : str, optional
+        Units of the samples where they are not rad/s and m/s^2.
 
     Raises
     ------
@@ -124,7 +128,7 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '') ->
         If the type is not there, holds no IMU, or the fields are none of it.
 
     """
-    if type_name == IMU and not (gyro or accel or stamp):
+    if type_name == IMU and not (gyro or accel or stamp or gyro_unit or accel_unit):
         return lambda messages, receive_ns, on_malformed: blocks_from_messages(
             messages, receive_ns, on_malformed=on_malformed)
     # Most nodes read sensor_msgs/Imu and have no use for these.
@@ -133,7 +137,8 @@ def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '') ->
     from imu_allan.recordings.options import RecordingOptions
     try:
         decode = decoder_of(type_name, definition_of(type_name), options=RecordingOptions(
-            gyro=gyro or None, accel=accel or None, stamp=stamp or None))
+            gyro=gyro or None, accel=accel or None, stamp=stamp or None,
+            gyro_unit=gyro_unit or None, accel_unit=accel_unit or None))
     except ImportError as error:
         raise ImuAllanError(f'{type_name}: needs the Python package {error.name}: '
                             f'pip install {error.name}') from error

@@ -38,7 +38,8 @@ class Interface:
 CHARACTERIZATION = Interface(
     'imu_allan_node',
     'Characterizes the noise of the IMU on a topic while it is at rest.',
-    (('imu/data_raw', 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC'),),
+    (('imu/data_raw', 'sensor_msgs/Imu', 'the IMU; another topic with -r imu/data_raw:=TOPIC; '
+      'the two topics of gyro_topic and accel_topic instead, where they are set'),),
     (('~/result', 'std_msgs/String', 'the whole result as JSON'),
      ('~/coefficients', 'diagnostic_msgs/DiagnosticArray', 'every coefficient of every axis'),
      ('~/gyro/TERM, ~/accel/TERM', 'geometry_msgs/Vector3Stamped',

@@ -38,14 +38,14 @@ class Reception:
     decode : Decode
         For the type of the messages.
     on_malformed : callable
-        Called with the error of messages that cannot be decoded.
+        Called with the topic and the error of messages that cannot be decoded.
 
     """
 
     def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode,
-                 on_malformed: Callable[[MalformedImu], None]) -> None:
-        self._subscription = subscription
-        self._facts = facts
+                 on_malformed: Callable[[str, MalformedImu], None]) -> None:
+        self.subscription = subscription
+        self.facts = facts
         self._decode = decode
         self._on_malformed = on_malformed
         self._waiting: list[Batch] = []
@@ -55,7 +55,7 @@ class Reception:
 
     def take(self, now: float) -> int:
         """Take what has come, and return how much; what comes in a pause is passed over."""
-        batch, facts = self._subscription.take(), self._facts
+        batch, facts = self.subscription.take(), self.facts
         facts.longest_hold_s = max(facts.longest_hold_s, now - self.last_take)
         facts.received += len(batch.messages)
         facts.lost += batch.lost
@@ -78,10 +78,10 @@ class Reception:
         messages = [message for batch in batches for message in batch.messages]
         receive_ns = np.concatenate([batch.receive_ns for batch in batches])
         blocks = self._decode(messages, receive_ns, self._count_malformed)
-        self._facts.mixed = now < self._mixed_until
+        self.facts.mixed = now < self._mixed_until
         # Of publishers with frame_ids of their own the timeline keeps to the first.
-        if self._facts.mixed and len({block.frame_id for block in blocks}) == 1:
-            self._facts.mixed_samples += sum(map(len, blocks))
+        if self.facts.mixed and len({block.frame_id for block in blocks}) == 1:
+            self.facts.mixed_samples += sum(map(len, blocks))
             return []
         return blocks
 
@@ -96,5 +96,5 @@ class Reception:
             self._mixed_until = now + MIXED_FOR_S
 
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
-        self._facts.malformed += count
-        self._on_malformed(error)
+        self.facts.malformed += count
+        self._on_malformed(self.subscription.topic, error)

@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Once a second: what is true now, for the log and for who listens to ``/diagnostics``."""
 
+from collections.abc import Sequence
 import time
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.announcements import Announcements, SILENCE_S
 from imu_allan.node.diagnostics import diagnostics_message, Facts
-from imu_allan.node.drained_subscription import DrainedSubscription
 from imu_allan.node.log import Log
 from imu_allan.node.publications import Publications
-from imu_allan.node.run import Run
+from imu_allan.node.reception import Reception
+from imu_allan.node.run import Lane, Run
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted
@@ -30,31 +31,33 @@ class Reports:
     ----------
     node : rclpy.node.Node
         Asked who else is there.
-    topic, type_name : str
-        Of the IMU; the topic as the node names it before remapping.
-    subscription : DrainedSubscription
+    type_name : str
+        Of the messages.
+    remedies : sequence of str
+        How each topic can be chosen.
+    receptions : sequence of Reception
+        Their facts are brought up to date here; those of the whole node are in the first.
     publications : Publications
-    facts : Facts
-        Brought up to date here.
-    announcements : Announcements
-        Told of all that was seen.
+    announcements : sequence of Announcements
+        Told of all that was seen, on each topic.
     log : Log
 
     """
 
-    def __init__(self, node: Node, topic: str, type_name: str,
-                 subscription: DrainedSubscription, publications: Publications, facts: Facts,
-                 announcements: Announcements, log: Log) -> None:
+    def __init__(self, node: Node, type_name: str, remedies: Sequence[str],
+                 receptions: Sequence[Reception], publications: Publications,
+                 announcements: Sequence[Announcements], log: Log) -> None:
         self._node = node
-        self._topic, self._type_name = topic, type_name
-        self._subscription = subscription
+        self._type_name = type_name
+        self._remedies = remedies
+        self._receptions = receptions
         self._publications = publications
-        self._facts = facts
         self._announcements = announcements
         self._log = log
         self._last = self._last_look = time.monotonic()
-        self._last_complaint = self._last - 6 * SILENCE_S
-        self._last_cpu, self._last_received = time.process_time(), 0
+        self._last_complaint = [self._last - 6 * SILENCE_S] * len(receptions)
+        self._last_cpu = time.process_time()
+        self._last_received = [0] * len(receptions)
 
     @property
     def _kind(self) -> str:
@@ -64,44 +67,54 @@ class Reports:
         """Whether it is time for the next report."""
         return now - self._last >= REPORT_S
 
-    def report(self, now: float, run: Run, result: Result | None, last_message: float,
+    def report(self, now: float, run: Run, result: Result | None,
                checkpoint_age_s: float | None) -> None:
         """Bring the facts up to date, tell the log, and whoever listens."""
-        facts = self._facts
-        facts.publishers = self._subscription.publishers
-        facts.silent_s = now - last_message
+        cpu = time.process_time()
+        counts = [reception.facts.received for reception in self._receptions]
+        received = sum(counts) - sum(self._last_received)
+        for number, reception in enumerate(self._receptions):
+            self._see_reception(now, number, reception)
+            if received:
+                reception.facts.cpu_s = (cpu - self._last_cpu) / received
+        self._last, self._last_cpu, self._last_received = now, cpu, counts
+        facts = self._receptions[0].facts
         facts.checkpoint_age_s = checkpoint_age_s
-        cpu, received = time.process_time(), facts.received - self._last_received
-        if received:
-            facts.cpu_s = (cpu - self._last_cpu) / received
-        facts.received_hz = received / (now - self._last)
-        self._last, self._last_cpu = now, cpu
-        self._last_received = facts.received
-        if not facts.publishers:
-            facts.refused = self._subscription.refused_publishers()
-        names = self._subscription.publisher_names() if facts.publishers > 1 else []
-        self._announcements.see_reception(facts, names)
-        if facts.silent_s > SILENCE_S and now - self._last_complaint > 6 * SILENCE_S:
-            self._last_complaint = now
-            self._complain_of_silence()
-        self._announcements.see_progress(now, facts, result)
+        self._announcements[0].see_progress(now, facts, result)
         watched = bool(self._publications.diagnostics.get_subscription_count())
-        waited_for = facts.received > 0 and not self._announcements.has_begun
+        waited_for = any(count > 0 and not announcements.has_begun for count, announcements
+                         in zip(counts, self._announcements, strict=True))
         if watched or waited_for or now - self._last_look >= LOOK_S:
             self._last_look = now
-            summary = self._look(now, run)
+            own = self._node.get_name(), self._node.get_namespace()
+            facts.namesakes = self._node.get_node_names_and_namespaces().count(own) - 1
+            topics = [(reception.facts, self._look(now, lane, reception.facts, announcements))
+                      for reception, lane, announcements in zip(
+                          self._receptions, run.lanes, self._announcements, strict=True)]
             if watched:
                 self._publications.diagnostics.publish(diagnostics_message(
                     self._node.get_fully_qualified_name(), self._node.get_clock().now().to_msg(),
-                    facts, summary, result))
-                facts.longest_hold_s = 0.0
+                    topics, result))
+                for reception in self._receptions:
+                    reception.facts.longest_hold_s = 0.0
 
-    def _look(self, now: float, run: Run) -> TimelineSummary:
-        """Look at names and timeline, and tell the log of it."""
-        facts, node = self._facts, self._node
-        own = node.get_name(), node.get_namespace()
-        facts.namesakes = node.get_node_names_and_namespaces().count(own) - 1
-        snapshot = run.characterization.snapshot()
+    def _see_reception(self, now: float, number: int, reception: Reception) -> None:
+        facts, subscription = reception.facts, reception.subscription
+        facts.publishers = subscription.publishers
+        facts.silent_s = now - reception.last_message
+        facts.received_hz = (facts.received - self._last_received[number]) / (now - self._last)
+        if not facts.publishers:
+            facts.refused = subscription.refused_publishers()
+        names = subscription.publisher_names() if facts.publishers > 1 else []
+        self._announcements[number].see_reception(facts, names)
+        if facts.silent_s > SILENCE_S and now - self._last_complaint[number] > 6 * SILENCE_S:
+            self._last_complaint[number] = now
+            self._complain_of_silence(facts, self._remedies[number])
+
+    def _look(self, now: float, lane: Lane, facts: Facts, announcements: Announcements
+              ) -> TimelineSummary:
+        """Look at the timeline, and tell the log of it."""
+        snapshot = lane.characterization.snapshot()
         try:
             snapshot.finish()
         except ImuAllanError as error:
@@ -112,11 +125,11 @@ class Reports:
             facts.update_error = ''
         summary = snapshot.summary()
         facts.moved_s = summary.excluded_s
-        self._announcements.see_timeline(now, facts, summary)
+        announcements.see_timeline(now, facts, summary)
         return summary
 
-    def _complain_of_silence(self) -> None:
-        topic, facts = self._subscription.topic, self._facts
+    def _complain_of_silence(self, facts: Facts, remedy: str) -> None:
+        topic = facts.topic
         others = [name for name, types in self._node.get_topic_names_and_types()
                   if self._type_name in types and name != topic
                   and self._node.count_publishers(name)]
@@ -127,7 +140,7 @@ class Reports:
             text += f'; {"; ".join(facts.refused)}'
         elif others:
             text += (f'; {self._kind} topics here: {", ".join(sorted(others))}; choose one with '
-                     f'--ros-args -r {self._topic}:=TOPIC')
+                     f'--ros-args {remedy}:=TOPIC')
         else:
             text += f'; no node publishes {self._kind} messages'
         self._log.warning(text)

@@ -33,6 +33,7 @@ class _Fitted:
     """What the worker makes of a snapshot."""
 
     result: Result
+    of_lanes: list[Result]
     messages: ResultMessages
     findings: list[Finding]
     took_s: float
@@ -111,25 +112,32 @@ class Results:
         if self._worker.under_way('fit'):
             return
         if run.fed != run.fitted and (now >= self._next_fit or settled):
-            self.fit(run)
+            self.fit(run, to_the_end=settled)
         elif self._messages is not None:
             # A volatile subscription that came late waits for no more than a period.
             self._publications.publish(self._messages)
 
-    def fit(self, run: Run) -> None:
-        """Have the run fitted; what comes of it is published if the run still goes on then."""
+    def fit(self, run: Run, to_the_end: bool = False) -> None:
+        """
+        Have the run fitted; what comes of it is published if the run still goes on then.
+
+        With `to_the_end` nothing is left as it was in an earlier fit: no other may follow.
+        """
         began = time.monotonic()
         standards, filter_of = self._standards, self.filter_of
-        run.fitted = run.fed
+        run.fitted = fed = run.fed
         snapshot, name, looks = run.snapshot(), self._node_name, run.looks
+        tested = None if to_the_end else run.backtests
         stamp = run.stamp_ns or time.time_ns()
 
         def work() -> _Fitted:
             started = time.monotonic()
-            result = snapshot.result()
+            of_lanes = snapshot.results(tested)
+            result = snapshot.as_one(of_lanes)
             messages = result_messages(result, name, _time(stamp), filter_of)
-            return _Fitted(result, messages, standards.judge(
-                result, snapshot.characterization, looks), time.monotonic() - started)
+            findings = standards.judge(
+                result, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks)
+            return _Fitted(result, of_lanes, messages, findings, time.monotonic() - started)
 
         def publish(future: 'Future[_Fitted]') -> None:
             if run.over:
@@ -140,7 +148,7 @@ class Results:
             fitted = future.result()
             self._facts.fit_s, self._facts.findings = fitted.took_s, fitted.findings
             self.latest, self._messages = fitted.result, fitted.messages
-            run.learn(fitted.result)
+            run.learn(fitted.of_lanes, fed if tested is None else None)
             self._next_fit = began + max(FIT_SHARE * fitted.took_s,
                                          FIT_GROWTH * run.duration_s)
             give_back_memory()

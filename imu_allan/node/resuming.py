@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Going on with a run after a crash or a reboot: its arrays, and what it was made with."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 import json
 from typing import Any
@@ -11,7 +12,8 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import State, UnusableState
 from imu_allan.node.imu_type import IMU
 from imu_allan.node.power_ons import PowerOns
-from imu_allan.node.run import Run
+from imu_allan.node.run import Half, Lane, Run
+from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +28,34 @@ class Setup:
     topic: str
     options: TimelineOptions
     messages: str = IMU
-    """How the messages are read: their type, and fields that the user names."""
+    """How the messages are read: their type, and fields and units that the user names."""
+    accel_topic: str = ''
+    """Of the accelerometer, where `topic` is that of the gyroscope alone."""
+    finds_unit: bool = True
+    """Whether the unit of the acceleration is for the samples to show."""
+
+    @property
+    def topics(self) -> str:
+        """Both topics in words, or the one."""
+        return ', '.join(filter(None, [self.topic, self.accel_topic]))
+
+    @property
+    def streams(self) -> list[tuple[str, Half | None]]:
+        """Each topic, and the sensor that is taken from it if it is one alone."""
+        if not self.accel_topic:
+            return [(self.topic, None)]
+        return [(self.topic, 'gyro'), (self.accel_topic, 'accel')]
 
 
 def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
     """Give the arrays to save of a run."""
-    about = json.dumps({'topic': setup.topic, 'options': asdict(setup.options),
-                        'messages': setup.messages,
-                        'power_ons': run.power_ons.to_dict()})
-    return {**run.characterization.to_state(), _KEY: np.array(about)}
+    lanes = [{'power_ons': lane.power_ons.to_dict(),
+              'in_g': None if lane.unit is None else lane.unit.decision} for lane in run.lanes]
+    about = json.dumps({'topic': setup.topics, 'options': asdict(setup.options),
+                        'messages': setup.messages, 'lanes': lanes})
+    return {**{f'{_prefix(number)}{key}': array for number, lane in enumerate(run.lanes)
+               for key, array in lane.characterization.to_state().items()},
+            _KEY: np.array(about)}
 
 
 def unpack(state: State, setup: Setup) -> Run:
@@ -50,7 +71,7 @@ def unpack(state: State, setup: Setup) -> Run:
     try:
         about = json.loads(str(state[_KEY]))
         topic, options = about['topic'], TimelineOptions(**about['options'])
-        if topic != setup.topic:
+        if topic != setup.topics:
             raise UnusableState('topic', f'it is of the topic {topic}')
         if about['messages'] != setup.messages:
             raise UnusableState('settings', f'its messages were read as {about["messages"]}, now '
@@ -58,26 +79,48 @@ def unpack(state: State, setup: Setup) -> Run:
         if options != setup.options:
             raise UnusableState('settings', 'it was made with other parameters '
                                 f'({_difference(options, setup.options)})')
-        power_ons = PowerOns.from_dict(about['power_ons'])
-        saved = Characterization.from_state({key: array for key, array in state.items()
-                                             if key != _KEY})
+        lanes = [_lane(state, number, half, saved, setup) for number, ((_, half), saved)
+                 in enumerate(zip(setup.streams, about.get('lanes', [about]), strict=True))]
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
         raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
+    for number, lane in enumerate(lanes):
+        try:
+            lane.characterization.break_run()
+        except ImuAllanError:
+            # All that had come was of no use.
+            lanes[number] = new_run(setup).lanes[number]
     try:
-        saved.break_run()
-    except ImuAllanError:
-        # All that had come was of no use.
-        return new_run(setup)
-    try:
-        return Run(saved, power_ons=power_ons.resumed(saved))
+        for lane in lanes:
+            lane.power_ons = lane.power_ons.resumed(lane.characterization)
     except (ImuAllanError, ValueError, TypeError, IndexError, ArithmeticError) as error:
         raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
+    return Run(*lanes)
 
 
 def new_run(setup: Setup) -> Run:
     """Give a run that has nothing yet."""
-    return Run(Characterization(kind='topic', topic=setup.topic, options=setup.options))
+    return Run(*(Lane(Characterization(kind='topic', topic=topic, options=setup.options),
+                      half=half, unit=AccelerationUnit() if setup.finds_unit else None)
+                 for topic, half in setup.streams))
+
+
+def _lane(state: State, number: int, half: Half | None, about: Mapping[str, Any], setup: Setup
+          ) -> Lane:
+    prefix = _prefix(number)
+    own = {key[len(prefix):]: array for key, array in state.items()
+           if key != _KEY and key.startswith(prefix)}
+    # A state from before the unit was found out has its samples as they came.
+    in_g = about.get('in_g', False)
+    if in_g is not None:
+        in_g = bool(in_g)
+    return Lane(Characterization.from_state(own), PowerOns.from_dict(about['power_ons']), half,
+                AccelerationUnit(in_g) if setup.finds_unit else None)
+
+
+def _prefix(number: int) -> str:
+    """Return what the arrays of a lane begin with: those of the first have no prefix."""
+    return f'lane{number}/' if number else ''
 
 
 def _difference(saved: TimelineOptions, now: TimelineOptions) -> str:

@@ -2,73 +2,106 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run: what belongs to it, and is left behind when another begins."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
+from imu_allan.characterization.halves import HalfResult, united
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
 from imu_allan.node.same_imu import ChangeWatch, Signature, Trial
 from imu_allan.node.standards import Looks
-from imu_allan.result import Result
+from imu_allan.result import Backtest, Remark, Result
+from imu_allan.sensor.acceleration_unit import AccelerationUnit
+
+BACKTEST_GROWTH = 1.15
+"""A backtest is made again when the record is longer by so much: what it says has hardly changed
+before, and each of its filters runs over half of the record."""
+
+Half = Literal['gyro', 'accel']
+Backtests = Mapping[str, Backtest | None]
+
+
+@dataclass(frozen=True)
+class LaneSnapshot:
+    """All that a lane had taken in at a moment."""
+
+    characterization: Characterization
+    power_ons: PowerOns
+    half: Half | None
+    remarks: Sequence[Remark]
+
+    def result(self, tested: Backtests | None = None) -> Result:
+        """Fit it."""
+        return self.power_ons.entered(
+            self.characterization.result(self.remarks, tested=tested), self.characterization)
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """All that a run had taken in at a moment."""
 
-    characterization: Characterization
-    power_ons: PowerOns
+    lanes: tuple[LaneSnapshot, ...]
+
+    def results(self, tested: Backtests | None = None) -> list[Result]:
+        """Fit each lane; without backtests from before they are made."""
+        return [lane.result(tested) for lane in self.lanes]
+
+    def as_one(self, results: Sequence[Result]) -> Result:
+        """Join the results of the lanes."""
+        if len(results) == 1:
+            return results[0]
+        return united([HalfResult(lane.half, lane.characterization.topic or '', result)
+                       for lane, result in zip(self.lanes, results, strict=True)
+                       if lane.half is not None])
 
     def result(self) -> Result:
         """Fit it."""
-        return self.power_ons.entered(self.characterization.result(), self.characterization)
+        return self.as_one(self.results())
 
 
-class Run:
+class Lane:
     """
-    A characterization, and what the node remembers about its samples.
+    What a run takes in of one topic, and what the node remembers about its samples.
 
     Parameters
     ----------
     characterization : Characterization
         New, or resumed.
-    trial : Trial, optional
-        Of a resumed one: messages are held back until it has passed.
     power_ons : PowerOns, optional
         Of a resumed one.
+    half : {'gyro', 'accel'}, optional
+        The sensor that is taken from the topic; both by default.
+    unit : AccelerationUnit, optional
+        Finds out the unit of the acceleration, where the user has not said it.
 
     Attributes
     ----------
-    fed, fitted, checkpointed : int
-        Messages it has been given, and how many of them are in the last fit and checkpoint.
+    trial : Trial or None
+        Of a resumed one: messages are held back until it has passed.
+    fed : int
+        Messages it has been given.
     stamp_ns : int
         Of the last message.
-    duration_s : float
-        Time that the last fit spans.
     error : str
         Why the latest messages are of no use; empty while they are.
-    over : bool
-        Whether another has begun since.
-    looks : Looks
-        At how it stands to a datasheet, kept by the thread that fits.
 
     """
 
-    def __init__(self, characterization: Characterization, trial: Trial | None = None,
-                 power_ons: PowerOns | None = None) -> None:
+    def __init__(self, characterization: Characterization, power_ons: PowerOns | None = None,
+                 half: Half | None = None, unit: AccelerationUnit | None = None) -> None:
         self.characterization = characterization
         self.power_ons = PowerOns(boot_id()) if power_ons is None else power_ons
-        self.trial = trial
-        self.fed = self.fitted = self.checkpointed = 0
+        self.half: Half | None = half
+        self.unit = unit
+        self.trial: Trial | None = None
+        self.fed = 0
         self.stamp_ns = 0
-        self.duration_s = 0.0
         self.error = ''
-        self.over = False
-        self.looks = Looks()
         self._loop = LoopWatch()
         self._change = ChangeWatch(Signature())
 
@@ -77,13 +110,13 @@ class Run:
         """Whether the messages that come now have come before."""
         return self._loop.looping
 
-    def snapshot(self) -> Snapshot:
-        """Return an independent copy, which can be fitted in another thread."""
-        return Snapshot(self.characterization.snapshot(), self.power_ons)
+    def snapshot(self) -> LaneSnapshot:
+        """Return an independent copy."""
+        return LaneSnapshot(self.characterization.snapshot(), self.power_ons, self.half,
+                            [] if self.unit is None else self.unit.remarks)
 
     def learn(self, result: Result) -> None:
-        """Remember what a fit has told about the messages."""
-        self.duration_s = result.timeline.duration_s
+        """Remember what a fit of this lane has told about the messages."""
         self._change.signature = Signature(
             result.source.frame_id, result.timeline.sample_rate_hz, result.source.clock)
 
@@ -93,14 +126,94 @@ class Run:
         if blocks:
             self.error = ''
         for block in blocks:
+            self.fed += len(block)
+            self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
+            if self.unit is not None:
+                block = self.unit(block)
+            if self.half is not None:
+                block = block.only(self.half)
             try:
                 self.characterization.update(block)
             except ImuAllanError as error:
                 self.error = str(error)
-            self.fed += len(block)
-            self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
 
     def changed(self, blocks: Sequence[ImuBlock]) -> tuple[UnusableState, list[ImuBlock]] | None:
         """Tell of a change of rate or frame_id that has lasted, with the messages since."""
         verdict = self._change.look(blocks)
         return None if verdict is None else (verdict, self._change.changed)
+
+
+class Run:
+    """
+    One lane, or that of the gyroscope and that of the accelerometer.
+
+    Parameters
+    ----------
+    lanes : Lane
+        The gyroscope first.
+
+    Attributes
+    ----------
+    fitted, checkpointed : int
+        How many of the messages are in the last fit and checkpoint.
+    duration_s : float
+        Time that the last fit spans.
+    over : bool
+        Whether another has begun since.
+    looks : Looks
+        At how it stands to a datasheet, kept by the thread that fits.
+
+    """
+
+    def __init__(self, *lanes: Lane) -> None:
+        self.lanes = lanes
+        self.fitted = self.checkpointed = 0
+        self.duration_s = 0.0
+        self.over = False
+        self.looks = Looks()
+        self._backtests: Backtests | None = None
+        self._tested = 0
+
+    @property
+    def fed(self) -> int:
+        """Messages it has been given."""
+        return sum(lane.fed for lane in self.lanes)
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the last message."""
+        return max(lane.stamp_ns for lane in self.lanes)
+
+    @property
+    def on_trial(self) -> bool:
+        """Whether all messages are held back until they show the IMU of the state file."""
+        return all(lane.trial is not None for lane in self.lanes)
+
+    @property
+    def backtests(self) -> Backtests | None:
+        """Backtests that are still good; None where the record has become so much longer."""
+        return self._backtests if self.fed < BACKTEST_GROWTH * self._tested else None
+
+    def snapshot(self) -> Snapshot:
+        """Return an independent copy, which can be fitted in another thread."""
+        return Snapshot(tuple(lane.snapshot() for lane in self.lanes))
+
+    def learn(self, results: Sequence[Result], tested_at: int | None) -> None:
+        """
+        Remember what a fit has told.
+
+        Parameters
+        ----------
+        results : sequence of Result
+            Of each lane.
+        tested_at : int or None
+            Messages that were in its backtests, if they were made anew.
+
+        """
+        self.duration_s = max(result.timeline.duration_s for result in results)
+        for lane, result in zip(self.lanes, results, strict=True):
+            lane.learn(result)
+        if tested_at is not None:
+            self._tested = tested_at
+            self._backtests = {name: axis.backtest for result in results
+                               for name, axis in result.axes.items()}

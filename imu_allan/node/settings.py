@@ -112,6 +112,14 @@ SETTINGS = (
             'empty finds it', read_only=True),
     Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if it is '
             'a number (t us); empty finds it', read_only=True),
+    Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
+            read_only=True),
+    Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g where '
+            'its magnitude at rest is near 1', read_only=True),
+    Setting('gyro_topic', '', 'Topic of the gyroscope, where the IMU comes on two; empty takes '
+            'both sensors from imu/data_raw', read_only=True),
+    Setting('accel_topic', '', 'Topic of the accelerometer, where the IMU comes on two',
+            read_only=True),
     Setting('spec_file', '', 'Datasheet (YAML) that the IMU is held against all the time; empty '
             'is none', read_only=True),
     Setting('reference', '', 'Result file of the same IMU from before; a departure from it is '

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a running IMU is held against: its datasheet, and itself as it was before."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,7 +16,10 @@ from imu_allan.wording import duration, number
 from imu_allan.writers.datasheet import check, summary
 from imu_allan.writers.datasheet.live import next_look, Standing, standing
 from imu_allan.writers.datasheet.measured import zero_bias
+from imu_allan.writers.datasheet.verdicts import Verdict
 from imu_allan.writers.result_file import load_result
+
+Stream = Characterization | Mapping[str, Characterization]
 
 _SAME_LINE = 0.03
 """Two lines so close in frequency are one: a fan or a wheel is not more constant than that."""
@@ -55,12 +58,13 @@ class Looks:
         self._next = next_look(0)
         self._decided: Standing | None = None
 
-    def decided(self, characterization: Characterization, specification: NoiseModel,
-                samples: int) -> Standing | None:
+    def decided(self, stream: Stream, specification: NoiseModel, result: Result
+                ) -> Standing | None:
         """Look again if it is time to; return the verdict once it is certain."""
+        samples = result.timeline.samples
         if self._decided is None and samples >= self._next:
             self._next = next_look(samples)
-            now = standing(characterization, specification)
+            now = standing(stream, specification, result=result)
             self._decided = now if now.decided else None
         return self._decided
 
@@ -94,8 +98,7 @@ class Standards:
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
 
-    def judge(self, result: Result, characterization: Characterization, looks: Looks
-              ) -> list[Finding]:
+    def judge(self, result: Result, stream: Stream, looks: Looks) -> list[Finding]:
         """
         Hold a result against every standard.
 
@@ -103,8 +106,8 @@ class Standards:
         ----------
         result : Result
             Of the run so far.
-        characterization : Characterization
-            That it was made of.
+        stream : Characterization, or a mapping of str to it
+            That it was made of; of an IMU in halves each, by ``gyro`` and ``accel``.
         looks : Looks
             Of the run.
 
@@ -120,8 +123,9 @@ class Standards:
                     for name, given in (('specification', self._specification),
                                         ('reference', self._reference)) if given is not None]
         if self._specification is not None:
-            findings.append(_against_specification(result, self._specification, looks.decided(
-                characterization, self._specification, result.timeline.samples)))
+            verdicts = check(result, self._specification)
+            findings.append(_against_specification(verdicts, looks.decided(
+                stream, self._specification, result)))
         if self._reference is not None:
             findings.append(_against_reference(result, self._reference))
         return findings
@@ -135,9 +139,8 @@ def _path(text: str) -> Path:
                             ) from error
 
 
-def _against_specification(result: Result, specification: NoiseModel,
-                           decided: Standing | None) -> Finding:
-    outcome, sentences = summary(check(result, specification))
+def _against_specification(verdicts: Sequence[Verdict], decided: Standing | None) -> Finding:
+    outcome, sentences = summary(verdicts)
     if decided is None:
         about = sentences or ['no limit is broken so far']
         return Finding('specification', 'warn', f'nothing is certain yet: {"; ".join(about)}')

@@ -106,13 +106,13 @@ class Storage:
         except UnusableState as error:
             self._note_aside(error, self._state_file.keep_aside(error.reason))
             return new_run(self._setup)
-        summary = run.characterization.summary()
-        self._facts.resumed = (f'resumed {duration(summary.timeline.duration_s)} of data from '
-                               f'{self._state_file.path}')
-        self._facts.on_trial = True
+        summaries = [lane.characterization.summary() for lane in run.lanes]
+        longest_s = max(summary.timeline.duration_s for summary in summaries)
+        self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
         self._log.info(self._facts.resumed)
-        # Held back means lost in a crash: no more than half of what may be lost.
-        run.trial = Trial(Signature.of(summary), min(TRIAL_S, self.checkpoint_period / 2))
+        for lane, summary in zip(run.lanes, summaries, strict=True):
+            # Held back means lost in a crash: no more than half of what may be lost.
+            lane.trial = Trial(Signature.of(summary), min(TRIAL_S, self.checkpoint_period / 2))
         return run
 
     def keep_aside(self, run: Run, verdict: UnusableState) -> None:
@@ -149,7 +149,7 @@ class Storage:
         period = self.checkpoint_period
         # Sooner than the period, so that a sample is not older when its checkpoint is on the disk.
         due = now - self._last_checkpoint >= max(period / 2, period - 2.0)
-        return (self.keeps_state and due and run.trial is None and run.fed != run.checkpointed
+        return (self.keeps_state and due and not run.on_trial and run.fed != run.checkpointed
                 and not self._worker.under_way('checkpoint'))
 
     def checkpoint(self, run: Run) -> 'Future[int]':
@@ -206,7 +206,7 @@ class Storage:
             result = waiting.pop().result()
             if not result.axes:
                 raise NothingToSave('nothing to save: too few usable samples have come from '
-                                    f'{self._setup.topic} yet')
+                                    f'{self._setup.topics} yet')
             return save_folder(result, claimed(run_folder(folder, name, result)), consumers,
                                report=False)
 

@@ -16,6 +16,7 @@ QUEUE = 1000
 """Readings: seconds of the fastest thermometer, while the node fits."""
 _MOST_WAITING = 100_000
 """Readings that wait until it is known which stamps the samples have: hours of most sensors."""
+_NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
 class Thermometer:
@@ -29,6 +30,8 @@ class Thermometer:
         Of sensor_msgs/Temperature.
     facts : Facts
         Where the latest reading is reported.
+    lanes : int
+        Of a run.
 
     Raises
     ------
@@ -37,15 +40,14 @@ class Thermometer:
 
     """
 
-    def __init__(self, node: Node, topic: str, facts: Facts) -> None:
+    def __init__(self, node: Node, topic: str, facts: Facts, lanes: int) -> None:
         try:
             self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE)
         except (NameValidationException, RuntimeError) as error:
             raise ImuAllanError(f'parameter temperature_topic: {" ".join(str(error).split())}'
                                 ) from error
         self._facts = facts
-        self._waiting = np.empty((0, 2), np.int64)
-        self._celsius = np.empty(0)
+        self._waiting = [_NONE] * lanes
         facts.temperature_topic = self._subscription.topic
 
     def take(self) -> None:
@@ -66,16 +68,19 @@ class Thermometer:
             celsius.append(message.temperature)
         if celsius:
             self._facts.temperature_c = celsius[-1]
-            self._waiting = np.concatenate([self._waiting, stamps])[-_MOST_WAITING:]
-            self._celsius = np.concatenate([self._celsius, celsius])[-_MOST_WAITING:]
+            self._waiting = [
+                (np.concatenate([before, stamps])[-_MOST_WAITING:],
+                 np.concatenate([warmth, celsius])[-_MOST_WAITING:])
+                for before, warmth in self._waiting]
 
-    def feed(self, characterization: Characterization) -> None:
-        """Give the readings to a run, once it is known by which stamps its samples are placed."""
-        if not len(self._celsius):
+    def feed(self, lane: int, characterization: Characterization) -> None:
+        """Give the readings to a lane, once it is known by which stamps its samples are placed."""
+        stamps, celsius = self._waiting[lane]
+        if not len(celsius):
             return
-        clock = characterization.summary().clock
+        # What is decided for good is at hand; to guess before takes a copy of what waits.
+        clock = characterization.clock or characterization.summary().clock
         if clock is None:
             return
-        characterization.take_temperature(
-            self._waiting[:, 0 if clock == 'header' else 1], self._celsius)
-        self._waiting, self._celsius = self._waiting[:0], self._celsius[:0]
+        characterization.take_temperature(stamps[:, 0 if clock == 'header' else 1], celsius)
+        self._waiting[lane] = _NONE

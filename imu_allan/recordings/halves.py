@@ -9,7 +9,7 @@ next sample or interpolated between two.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from imu_allan.block import ImuBlock
@@ -80,9 +80,7 @@ class Stream:
             if self.half is None:
                 yield block
                 continue
-            absent = block.absent.copy()
-            absent[:, 1 if self.half == 'gyro' else 0] = True
-            block = replace(block, absent=absent)
+            block = block.only(self.half)
             if not self.only_new or not len(block):
                 yield block
                 continue

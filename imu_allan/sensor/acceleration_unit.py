@@ -24,11 +24,25 @@ _STEADY = 0.2
 
 
 class AccelerationUnit:
-    """Turns acceleration that is found to be in g into m/s^2; decides once and keeps to it."""
+    """
+    Turns acceleration that is found to be in g into m/s^2; decides once and keeps to it.
 
-    def __init__(self) -> None:
-        self.in_g = False
-        self._decided = False
+    Parameters
+    ----------
+    decided : bool, optional
+        What was decided before, of a stream that goes on: whether it is in g.
+
+    """
+
+    def __init__(self, decided: bool | None = None) -> None:
+        self.in_g = bool(decided)
+        self._decided = decided is not None
+        self._seen = np.empty(0)
+
+    @property
+    def decision(self) -> bool | None:
+        """Whether the stream is in g; None as long as that is open."""
+        return self.in_g if self._decided else None
 
     @property
     def remarks(self) -> list[Remark]:
@@ -57,9 +71,11 @@ class AccelerationUnit:
         # Damaged messages may hold numbers of any size.
         with np.errstate(over='ignore', invalid='ignore'):
             magnitude = np.sqrt((acceleration**2).sum(axis=1))
-        magnitude = magnitude[np.isfinite(magnitude)]
+        # The blocks of a slow topic have a few messages each.
+        magnitude = np.append(self._seen, magnitude[np.isfinite(magnitude)])
         if len(magnitude) == 0:
             return
+        self._seen = magnitude
         low, middle, high = np.percentile(magnitude, [5, 50, 95])
         self.in_g = bool(_NEAR_ONE[0] <= middle <= _NEAR_ONE[1] and high - low <= _STEADY)
         self._decided = len(magnitude) >= _ENOUGH

@@ -12,7 +12,7 @@ motion detector leaves out what is not at rest.
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 import json
-from typing import Any
+from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
@@ -206,6 +206,11 @@ class TimelineStage:
         if cursor.last_ns is None or self._intake.decision.counted_only:
             return None
         return cursor.last_ns - cursor.elapsed_ns
+
+    @property
+    def clock(self) -> Literal['header', 'receive'] | None:
+        """Stamps in use; None as long as none are chosen for good."""
+        return self._intake.decision.clock
 
     @property
     def interval_ns(self) -> float | None:

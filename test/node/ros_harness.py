@@ -14,8 +14,10 @@ import sys
 import time
 from typing import Any, TypeVar
 
-from imu_allan.cdr import encode_imu
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu, encode_imu_rows
 from imu_allan.node.drained_subscription import DrainedSubscription
+from mcap.writer import Writer
 import numpy as np
 import pytest
 from rclpy.context import Context
@@ -54,6 +56,7 @@ class Process:
                  polite: bool, wrapper: Sequence[str] = ()) -> None:
         self.log_path = log
         self.polite = polite
+        self.awaited = False
         start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
         with log.open('wb') as output:
             self.popen = subprocess.Popen([*wrapper, sys.executable, '-c', start, *args],
@@ -71,6 +74,12 @@ class Process:
         return self.popen.poll() is None
 
     @property
+    def failed(self) -> bool:
+        """Whether it has ended by itself, and not well, though nobody waits for its end."""
+        return not self.awaited and self.popen.poll() not in (
+            None, 0, -signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)
+
+    @property
     def starved_s(self) -> float:
         """Time for which its threads were ready to run and others had the cores."""
         threads = Path(f'/proc/{self.popen.pid}/task').iterdir()
@@ -78,6 +87,7 @@ class Process:
 
     def wait(self, timeout: float = PATIENCE_S) -> int:
         """Wait for its end and return the exit status."""
+        self.awaited = True
         try:
             return self.popen.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -169,9 +179,11 @@ class Ros:
             found = condition()
             if found:
                 return found
-            if time.monotonic() > end:
+            dead = [p.log_path.name for p in self._processes if p.failed]
+            if dead or time.monotonic() > end:
                 logs = '\n'.join(f'-- {p.log_path.name}\n{p.log}' for p in self._processes)
-                raise AssertionError(f'did not come true within {timeout} s\n{logs}')
+                why = f'{", ".join(dead)} ended' if dead else f'did not come true in {timeout} s'
+                raise AssertionError(f'{why}\n{logs}')
             self.executor.spin_once(timeout_sec=0.1)
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = LATCHED,
@@ -268,6 +280,21 @@ class Driver:
             stamp = 1_700_000_000 * 10**9 + round(self.next / rate_hz * 1e9)
             self.publisher.publish(encode_imu(stamp, sample, frame_id))
             self.next += 1
+
+
+def recorded(path: Path, blocks: Mapping[str, ImuBlock]) -> Path:
+    """Write messages as a recording, each block as a topic."""
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
+        for name, block in blocks.items():
+            channel = writer.register_channel(f'/{name}', 'cdr', schema)
+            for stamp, row in zip(block.header_ns.tolist(), encode_imu_rows(block), strict=True):
+                writer.add_message(channel, log_time=stamp, data=row.tobytes(),
+                                   publish_time=stamp)
+        writer.finish()
+    return path
 
 
 def assert_kept_up(node: Process, lost: float, longest_hold_s: float, queue: float,

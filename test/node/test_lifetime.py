@@ -153,6 +153,11 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         assert 'Traceback' not in text
 
 
+def test_a_missing_parameter_file_is_one_line(ros: Ros) -> None:
+    [(status, text)] = start_repeatedly(ros, [['--params-file', '/no/such.yaml']])
+    assert (status, text) == (1, 'imu_allan_node: --params-file /no/such.yaml: no such file\n')
+
+
 def test_no_filter_to_export_for_is_no_error_in_either_form(ros: Ros) -> None:
     for status, text in start_repeatedly(ros, [['-p', 'export_for:=[]'],
                                                ['-p', "export_for:=['']"]]):

@@ -14,7 +14,7 @@ from imu_allan.node import power_ons
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.power_ons import PowerOns
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
-from imu_allan.node.run import Run
+from imu_allan.node.run import Lane, Run
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def feed(run: Run, mean: float, seed: int) -> float:
     samples = np.random.default_rng(seed).normal(0, SIGMA, (SAMPLES, 6))
     samples[:, :3] += mean
     stamps = np.rint((seed * 10**5 + np.arange(SAMPLES) / RATE_HZ) * 1e9).astype(np.int64)
-    run.characterization.update(ImuBlock(stamps, stamps, samples,
+    run.lanes[0].characterization.update(ImuBlock(stamps, stamps, samples,
                                          np.zeros((SAMPLES, 2), bool), 'imu'))
     return float(samples[:, 0].mean())
 
@@ -84,7 +84,7 @@ def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on
     boot.unlink()
     for _ in range(2):
         run = resumed(run)
-    assert len(run.power_ons.ended) == 2
+    assert len(run.lanes[0].power_ons.ended) == 2
 
 
 def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
@@ -94,7 +94,7 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
         for pause in 'ab':
             boot.write_text(f'{number} {pause}')
             run = resumed(run)
-    assert len(run.power_ons.ended) == 8
+    assert len(run.lanes[0].power_ons.ended) == 8
     assert run.snapshot().result().turn_on_bias['gyro_x'].sigma == pytest.approx(
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
@@ -111,7 +111,7 @@ def test_what_is_no_list_of_power_ons_is_refused(document: Any) -> None:
 def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
     topic, state = ros.name('imu/data_raw'), ros.folder / 'state'
     setup = Setup(topic, TimelineOptions())
-    run = Run(Characterization(kind='topic', topic=topic), power_ons=PowerOns('an earlier boot'))
+    run = Run(Lane(Characterization(kind='topic', topic=topic), PowerOns('an earlier boot')))
     feed(run, 0.2, 1)
     state.write_bytes(encode_state(pack(run, setup)))
     ros.start('imu_allan_node', {'state_file': str(state), 'checkpoint_period': 1.0,

@@ -133,7 +133,7 @@ def test_remarks_of_the_fit_stand_with_their_axis() -> None:
     x, y = coefficients_message(result, '/imu_allan', STAMP).status
     assert entries(x)['remarks/band_limited'] == 'the noise rolls off'
     assert 'remarks/band_limited' not in entries(y)
-    array = diagnostics_message('/imu_allan', STAMP, facts(), summary(), result)
+    array = diagnostics_message('/imu_allan', STAMP, [(facts(), summary())], result)
     [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
     assert entries(status)['remarks/band_limited'] == 'gyro_x: the noise rolls off'
 
@@ -208,7 +208,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('storage', facts(save_error='No space left'), summary(), ERROR, 'No space left')])
 def test_the_verdict_of_a_status_names_what_is_wrong(
         part: str, facts_: Facts, summary_: TimelineSummary, level: bytes, words: str) -> None:
-    array = diagnostics_message('imu_allan', STAMP, facts_, summary_, None)
+    array = diagnostics_message('imu_allan', STAMP, [(facts_, summary_)], None)
     [status] = [s for s in array.status if s.name == f'imu_allan: {part}']
     assert status.level == level
     assert words in status.message
@@ -221,7 +221,7 @@ def test_the_coefficient_that_is_awaited_next_is_named_with_its_time() -> None:
                               waits={'rate_random_walk': 5000.0, 'bias_instability': 900.0}),
         'gyro_y': axis_result('gyro_y', ALL, waits={'bias_instability': 1200.0})})
     assert waiting_for(result) == ('gyro_x', 'bias_instability', 900.0)
-    array = diagnostics_message('imu_allan', STAMP, facts(), summary(), result)
+    array = diagnostics_message('imu_allan', STAMP, [(facts(), summary())], result)
     [status] = [s for s in array.status if s.name == 'imu_allan: estimation']
     assert status.message == 'bias instability of gyro x expected to be observable in 15 min'
     assert entries(status)['next_observable_in_s'] == '900.0'
@@ -237,7 +237,7 @@ def test_the_queue_holds_two_seconds_at_every_rate(rate_hz: float) -> None:
 def test_gaps_are_counted_with_the_longest() -> None:
     seen = summary(timeline=Timeline(100.0, 1000, 20.0, missing=700, gaps=(Span(1.0, 2.0),)),
                    gaps=2, gaps_s=7.0, longest_gap_s=5.0)
-    array = diagnostics_message('imu_allan', STAMP, facts(), seen, None)
+    array = diagnostics_message('imu_allan', STAMP, [(facts(), seen)], None)
     [status] = [s for s in array.status if s.name == 'imu_allan: timeline']
     assert entries(status)['gaps'] == '2'
     assert entries(status)['longest_gap_s'] == '5.0'

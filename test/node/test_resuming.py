@@ -15,7 +15,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.resuming import pack, Setup, unpack
-from imu_allan.node.run import Run
+from imu_allan.node.run import Lane, Run
 from imu_allan.node.same_imu import Signature, Trial
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -42,7 +42,7 @@ def checkpoint(ros: Ros) -> Path:
                                   frame_id='imu'):
         run.update(block)
     path = ros.folder / 'state'
-    path.write_bytes(encode_state(pack(Run(run), Setup(topic, TimelineOptions()))))
+    path.write_bytes(encode_state(pack(Run(Lane(run)), Setup(topic, TimelineOptions()))))
     return path
 
 
@@ -122,7 +122,7 @@ def test_a_trial_looks_longer_where_jitter_could_be_the_reason(
         ros: Ros, checkpoint: Path, rate_hz: float, needed_s: float, reason: str | None) -> None:
     run = unpack(decode_state(checkpoint.read_bytes()),
                  Setup(ros.name('imu/data_raw'), TimelineOptions()))
-    trial = Trial(Signature.of(run.characterization.summary()))
+    trial = Trial(Signature.of(run.lanes[0].characterization.summary()))
     lasted = 0.0
     while not trial.complete:
         assert lasted < 20

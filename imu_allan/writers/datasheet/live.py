@@ -82,7 +82,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     halves = {'': stream} if isinstance(stream, Characterization) else stream
     if result is None:
         [alone] = halves.values()
-        result = alone.result()
+        result = alone.result(tested={})
     verdicts = check(result, specification, shortest_s=shortest_s)
     records = {half: each.record() for half, each in halves.items()}
     fits: dict[str, AxisFit | None] = {}

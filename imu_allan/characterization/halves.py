@@ -1,0 +1,67 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""An IMU whose gyroscope and accelerometer come on their own, each at its own rate."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from imu_allan.result import Remark, Result
+
+
+@dataclass(frozen=True)
+class HalfResult:
+    """
+    What was found of one of the two sensors.
+
+    Attributes
+    ----------
+    half : {'gyro', 'accel'}
+    topic : str
+    result : Result
+
+    """
+
+    half: Literal['gyro', 'accel']
+    topic: str
+    result: Result
+
+    @property
+    def sensor(self) -> str:
+        """Name of the sensor in words."""
+        return 'gyroscope' if self.half == 'gyro' else 'accelerometer'
+
+
+def united(parts: Sequence[HalfResult]) -> Result:
+    """
+    Join the results of gyroscope and accelerometer into that of the IMU.
+
+    Parameters
+    ----------
+    parts : sequence of HalfResult
+        The gyroscope first.
+
+    Returns
+    -------
+    Result
+        Each axis tells its own rate. Rate, gaps and faults of the whole are those of the first
+        part that has axes, as its remark `two_rates` says.
+
+    """
+    axes = {name: replace(axis, sample_rate_hz=part.result.timeline.sample_rate_hz)
+            for part in parts for name, axis in part.result.axes.items()
+            if name.startswith(f'{part.half}_')}
+    known = [part for part in parts if part.result.axes] or list(parts[:1])
+    rates = ' and '.join(
+        f'the {part.sensor} from {part.topic} at '
+        f'{part.result.timeline.sample_rate_hz or 0:.6g} Hz' for part in known)
+    remarks = [Remark('two_rates', f'{rates}; rate, gaps and faults are those of the '
+                      f'{known[0].sensor}')]
+    for part in parts:
+        remarks += [remark for remark in part.result.warnings if remark not in remarks]
+    topics = list(dict.fromkeys(part.topic for part in parts))
+    spread = {name: found for part in parts for name, found in part.result.turn_on_bias.items()
+              if name in axes}
+    first = known[0].result
+    return replace(first, source=replace(first.source, topic=', '.join(topics)), axes=axes,
+                   warnings=tuple(remarks), turn_on_bias=spread)

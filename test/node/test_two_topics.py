@@ -1,0 +1,250 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Gyroscope and accelerometer on two topics, at two rates, as a RealSense publishes them."""
+
+from dataclasses import replace
+import json
+from pathlib import Path
+import signal
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.analysis import analyze
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu
+from imu_allan.recordings import RecordingOptions
+import numpy as np
+import pytest
+from rclpy.publisher import Publisher
+from ros_harness import Driver, recorded, Ros, start_repeatedly
+from sensor_msgs.msg import Imu
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+START_NS = 1_700_000_000 * 10**9
+RATES_HZ = {'gyro': 200.0, 'accel': 125.0}
+SECONDS = 30.0
+
+
+def half(name: str, seconds: float = SECONDS, start_s: float = 0.0, frame_id: str = '',
+         rate_hz: float = 0.0) -> ImuBlock:
+    """Give messages of one sensor, the other half of each zero."""
+    rate_hz = rate_hz or RATES_HZ[name]
+    count = round(seconds * rate_hz)
+    stamps = START_NS + np.rint((start_s + np.arange(count) / rate_hz) * 1e9).astype(np.int64)
+    samples = np.zeros((count, 6))
+    own = samples[:, :3] if name == 'gyro' else samples[:, 3:]
+    own[:] = np.random.default_rng(len(name) + round(start_s)).normal(0, 0.01, (count, 3))
+    if name == 'accel':
+        own[:, 2] += 9.8
+    return ImuBlock(stamps, stamps, samples, np.zeros((count, 2), bool),
+                    frame_id or f'{name}_frame')
+
+
+class Camera:
+    """The driver of the test: it publishes what it is given."""
+
+    def __init__(self, ros: Ros, **changes: Any) -> None:
+        self.ros = ros
+        topics = {name: ros.name(f'camera/{name}/sample') for name in RATES_HZ}
+        parameters = {'publish_period': 0.5, 'gyro_topic': topics['gyro'],
+                      'accel_topic': topics['accel'], **changes}
+        for topic in topics.values():
+            parameters |= {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
+                           f'qos_overrides.{topic}.subscription.history': 'keep_all'}
+        self.node = ros.start('imu_allan_node', parameters, best_effort=True)
+        self.drivers = {name: Driver(ros, f'camera/{name}/sample') for name in topics}
+        for driver in self.drivers.values():
+            driver.wait_for_node()
+
+    def publish(self, name: str, block: ImuBlock) -> None:
+        publisher: Publisher = self.drivers[name].publisher
+        for stamp, sample in zip(block.header_ns.tolist(), block.samples, strict=True):
+            publisher.publish(encode_imu(stamp, sample, block.frame_id))
+
+    def saved(self, samples: int, accel_samples: int) -> dict[str, Any]:
+        """Save until the file has so many samples, and return what it holds."""
+        def written() -> Any:
+            response = self.ros.call(Trigger, 'imu_allan/save')
+            if not response.success:
+                return None
+            document = json.loads(Path(response.message.splitlines()[0]).read_text())
+            complete = (document['timeline']['samples'] == samples
+                        and self._received('accel') >= accel_samples)
+            return document if complete else None
+
+        self._reports = self.ros.listen(DiagnosticArray, '/diagnostics', 10)
+        return dict(self.ros.until(written))
+
+    def _received(self, name: str) -> int:
+        found = [int(entry.value) for array in self._reports for status in array.status
+                 if status.name == f'{self.ros.name("imu_allan")}: reception {name}'
+                 for entry in status.values if entry.key == 'received']
+        return max(found, default=0)
+
+
+def numbers_of(document: dict[str, Any]) -> dict[str, Any]:
+    """Give what must not depend on the way the samples came."""
+    return {'axes': document['axes'], 'timeline': document['timeline']}
+
+
+def test_two_topics_give_the_result_of_a_recording_of_them(ros: Ros) -> None:
+    # The gyroscope has a gap of its own.
+    blocks = {'gyro': half('gyro'), 'accel': half('accel')}
+    kept = np.ones(len(blocks['gyro']), bool)
+    kept[3000:3040] = False
+    gyro = blocks['gyro']
+    blocks['gyro'] = ImuBlock(gyro.header_ns[kept], gyro.receive_ns[kept], gyro.samples[kept],
+                              gyro.absent[kept], gyro.frame_id)
+    camera = Camera(ros)
+    results = ros.listen(String, 'imu_allan/result')
+    for start in range(0, len(kept), 500):
+        for name, block in blocks.items():
+            part = slice(start, start + 500)
+            camera.publish(name, replace(
+                block, header_ns=block.header_ns[part], receive_ns=block.receive_ns[part],
+                samples=block.samples[part], absent=block.absent[part]))
+    document = camera.saved(len(blocks['gyro']), len(blocks['accel']))
+    path = recorded(ros.folder / 'both.mcap', blocks)
+    expected = analyze(path, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'))
+    plain = json.loads(expected.to_json())
+    assert numbers_of(document) == numbers_of(plain)
+    rates = {name: axis['sample_rate_hz'] for name, axis in document['axes'].items()}
+    assert rates['gyro_y'] == pytest.approx(200.0, rel=1e-6)
+    assert rates['accel_y'] == pytest.approx(125.0, rel=1e-6)
+    assert len(document['timeline']['gaps']) == 1
+    topics = [camera.drivers[name].topic for name in ('gyro', 'accel')]
+    assert document['source']['topic'] == ', '.join(topics)
+    [remark] = [each for each in document['warnings'] if each['code'] == 'two_rates']
+    assert 'gyroscope' in remark['message']
+    assert ros.until(lambda: [message for message in results if set(
+        json.loads(message.data)['axes']) == set(document['axes'])])
+
+
+def test_a_run_of_two_topics_goes_on_after_a_kill(ros: Ros) -> None:
+    state = ros.folder / 'state'
+    first = Camera(ros, state_file=str(state), checkpoint_period=1.0)
+    for name in RATES_HZ:
+        first.publish(name, half(name, 12.0))
+    first.saved(2400, 1500)
+    first.node.stop()
+    for driver in first.drivers.values():
+        ros.node.destroy_publisher(driver.publisher)
+    second = Camera(ros, state_file=str(state), checkpoint_period=1.0)
+    ros.until(lambda: 'resumed' in second.node.log)
+    results = ros.listen(String, 'imu_allan/result')
+    published = iter(range(1000))
+
+    def goes_on() -> bool:
+        # Two seconds of the wall clock show that it is the same IMU.
+        second_no = next(published)
+        for name in RATES_HZ:
+            second.publish(name, half(name, 1.0, start_s=100.0 + second_no))
+        documents = [json.loads(message.data) for message in results[-1:]]
+        return any(each['timeline']['samples'] > 2400 and len(each['axes']) == 6
+                   for each in documents)
+
+    ros.until(goes_on)
+    assert second.node.stop(signal.SIGINT) == 0
+    # Another topic for one half is another run.
+    third = ros.start('imu_allan_node', {
+        'gyro_topic': first.drivers['gyro'].topic, 'accel_topic': ros.name('other'),
+        'state_file': str(state)})
+    ros.until(lambda: 'it is of the topic' in third.log)
+
+
+def test_a_half_that_is_silent_costs_the_other_nothing_and_is_told(ros: Ros) -> None:
+    camera = Camera(ros)
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    camera.publish('accel', half('accel', 20.0))
+    document = camera.saved(2500, 2500)
+    assert sorted(document['axes']) == ['accel_x', 'accel_y', 'accel_z']
+
+    def told() -> Any:
+        levels = {status.name.rpartition(': ')[2]: status for array in reports
+                  for status in array.status}
+        silent = levels.get('reception gyro')
+        return levels if silent is not None and 'no message' in silent.message else None
+
+    levels = ros.until(told)
+    assert levels['reception gyro'].level == b'\2'
+    assert levels['reception gyro'].hardware_id == camera.drivers['gyro'].topic
+    assert levels['timeline accel'].hardware_id == camera.drivers['accel'].topic
+
+
+def test_a_half_that_changes_its_rate_for_good_begins_a_new_run(ros: Ros) -> None:
+    camera = Camera(ros)
+    results = ros.listen(String, 'imu_allan/result')
+    for name in RATES_HZ:
+        camera.publish(name, half(name, 12.0))
+    ros.until(lambda: [message for message in results if len(
+        json.loads(message.data)['axes']) == 6])
+    camera.publish('accel', half('accel', 20.0, start_s=20.0, rate_hz=250.0))
+    ros.until(lambda: 'a new run begins' in camera.node.log)
+    camera.publish('accel', half('accel', 20.0, start_s=40.0, rate_hz=250.0))
+    camera.publish('gyro', half('gyro', 20.0, start_s=40.0))
+
+    def both_new() -> bool:
+        axes = json.loads(results[-1].data)['axes']
+        rate = axes.get('accel_x', {}).get('sample_rate_hz') or 0.0
+        return len(axes) == 6 and abs(rate / 250.0 - 1) < 1e-3
+
+    ros.until(both_new)
+
+
+def test_reset_and_pause_mean_both_halves(ros: Ros) -> None:
+    camera = Camera(ros)
+    for name in RATES_HZ:
+        camera.publish(name, half(name, 10.0))
+    camera.saved(2000, 1250)
+    assert ros.call(Trigger, 'imu_allan/reset').success
+    for name in RATES_HZ:
+        camera.publish(name, half(name, 5.0, start_s=10.0))
+    document = camera.saved(1000, 1250 + 625)
+    assert len(document['axes']) == 6
+
+
+def test_half_a_pair_of_topics_is_refused(ros: Ros) -> None:
+    cases = [
+        (('gyro_topic:=/g',),
+         'parameter gyro_topic: needs accel_topic, too: an IMU on two topics has both'),
+        (('accel_topic:=/a',),
+         'parameter accel_topic: needs gyro_topic, too: an IMU on two topics has both'),
+        (('gyro_topic:=/a', 'accel_topic:=/a'),
+         'parameters gyro_topic and accel_topic: both are /a'),
+        (('gyro_topic:=/a', "accel_topic:='/a b'"), 'parameter accel_topic: Invalid topic name'),
+        (('accel_unit:=deg/s',), 'parameter imu_type: accel_unit deg/s: ')]
+    results = start_repeatedly(ros, [
+        [word for part in parts for word in ('-p', part)] for parts, _ in cases])
+    for (status, text), (_, line) in zip(results, cases, strict=True):
+        assert status == 1, text
+        assert text.startswith(f'imu_allan_node: {line}'), text
+        assert text.count('\n') == 1
+
+
+@pytest.mark.parametrize('said', [{}, {'accel_unit': 'g', 'gyro_unit': 'deg/s'}],
+                         ids=['found out', 'said'])
+def test_acceleration_in_g_is_converted(ros: Ros, said: dict[str, str]) -> None:
+    ros.start('imu_allan_node', {'publish_period': 0.5, **said})
+    results = ros.listen(String, 'imu_allan/result')
+    publisher = ros.node.create_publisher(Imu, ros.name('imu/data_raw'), 10_000)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    samples = np.random.default_rng(1).normal(0, 0.001, (4000, 6))
+    samples[:, 5] += 1
+    for number, sample in enumerate(samples):
+        publisher.publish(encode_imu(START_NS + number * 10**7, sample, 'imu'))
+
+    def whole() -> Any:
+        documents = [json.loads(message.data) for message in results[-1:]]
+        return [each for each in documents if each['timeline']['samples'] == 4000]
+
+    [document] = ros.until(whole)
+    axes = document['axes']
+    assert axes['accel_z']['mean'] == pytest.approx(9.80665, rel=1e-3)
+    assert axes['accel_z']['coefficients']['noise_density']['value'] == pytest.approx(
+        9.80665e-4, rel=0.05)
+    assert axes['gyro_x']['coefficients']['noise_density']['value'] == pytest.approx(
+        1e-4 * (np.pi / 180 if said else 1), rel=0.05)
+    codes = {remark['code'] for remark in document['warnings']}
+    assert ('unit_g' in codes) == (not said)
+    assert 'gravity' not in codes
