@@ -201,6 +201,8 @@ def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
                                         'checkpoint_period': PERIOD_S})
     driver = Driver(ros)
     driver.wait_for_node()
+    # The subscription is there before the state file.
+    ros.until((folder / 'state.lock').exists)
     (folder / 'state.lock').unlink()
     folder.rmdir()
     folder.write_text('in the way')
