@@ -148,7 +148,7 @@ class Storage:
         """Whether the state is to be written now."""
         period = self.checkpoint_period
         # Sooner than the period, so that a sample is not older when its checkpoint is on the disk.
-        due = now - self._last_checkpoint >= max(period / 2, period - 2.0)
+        due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
         return (self.keeps_state and due and not run.on_trial and run.fed != run.checkpointed
                 and not self._worker.under_way('checkpoint'))
 

@@ -22,7 +22,7 @@ from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly
+from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly, STARVED_S
 from std_srvs.srv import Trigger
 
 PERIOD_S = 1.0
@@ -219,6 +219,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
     state_file = ros.folder / 'state'
     kept = 0
     at_stake = 0
+    starved_s = 0.0
     received: list[tuple[float, int]] = []
 
     def hear(report: DiagnosticArray) -> None:
@@ -240,6 +241,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
             ros.executor.spin_once(timeout_sec=0.02)
         # For what the computer kept it waiting the node is not to blame.
         killed, late_s = time.monotonic(), LATE_S + node.starved_s
+        starved_s += node.starved_s
         assert node.running, node.log
         assert 'Traceback' not in node.log, node.log
         kill(driver, node)
@@ -256,7 +258,9 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
         assert now - kept >= max(due, default=0), turn
         at_stake += max(due, default=0)
         kept = now
-    assert at_stake > kills * seconds * RATE_HZ / 10, 'the kills must cost something to be a test'
+    # On a computer without time for the node nothing is due: then it shows the rest alone.
+    assert at_stake > kills * seconds * RATE_HZ / 10 or starved_s > STARVED_S, (
+        'the kills must cost something to be a test')
     node = start(ros)
     ros.until(lambda: 'resumed' in node.log)
     assert kept_aside(ros) == []
