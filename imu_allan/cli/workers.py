@@ -21,6 +21,7 @@ from concurrent.futures import (
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import count as naturals
+import logging
 import os
 from pathlib import Path
 import pickle
@@ -362,23 +363,38 @@ def _dask_client(address: str) -> Iterator[Any]:
                             "pip install 'imu_allan[fleet]'") from None
     answer: Future[Any] = Future()
 
+    class Quiet(Client):
+        def __del__(self) -> None:
+            """Do nothing: one that was never connected would wait for its end, and complain."""
+
     def connect() -> None:
         try:
-            answer.set_result(Client(  # type: ignore[no-untyped-call]
+            answer.set_result(Quiet(  # type: ignore[no-untyped-call]
                 address, timeout=ANSWER_S, set_as_default=False))
-        except (OSError, ValueError) as error:
+        except Exception as error:
+            # What is no scheduler may send anything, and the library then raises anything.
             answer.set_exception(error)
 
     # The library's own timeout does not end a wait for a peer that takes the connection and then
     # says nothing. A thread that may be left behind must not keep the process alive.
     threading.Thread(target=connect, daemon=True).start()
+    loggers = [logging.getLogger(name) for name in ('distributed', 'tornado', 'asyncio')]
+    levels = [logger.level for logger in loggers]
     try:
+        # Their tracebacks tell what a stranger sent; the line below says enough.
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
         client = answer.result(2 * ANSWER_S)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
     except FutureTimeout:
         raise ImuAllanError(f'--dask {address}: what listens there does not answer as a '
                             'scheduler; start one with: dask scheduler') from None
     except (OSError, ValueError) as error:
         raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
                             'dask scheduler') from error
+    except Exception as error:
+        raise ImuAllanError(f'--dask {address}: what listens there is no scheduler '
+                            f'({type(error).__name__}); start one with: dask scheduler') from error
     with client:
         yield client

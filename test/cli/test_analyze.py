@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 import imu_allan
@@ -248,6 +249,28 @@ def test_a_dask_address_where_somebody_is_silent_is_one_line(
     assert capsys.readouterr().err == (
         f'imu_allan: --dask {address}: what listens there does not answer as a scheduler; start '
         'one with: dask scheduler\n')
+
+
+def test_a_dask_address_where_garbage_is_sent_is_one_line(recording: Path) -> None:
+    pytest.importorskip('distributed')
+
+    def send(server: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                peer, _ = server.accept()
+                with peer:
+                    # As the library counts: one frame, of 2^56 bytes.
+                    peer.sendall((24).to_bytes(8, 'little') + (1).to_bytes(8, 'little')
+                                 + (1 << 56).to_bytes(8, 'little') * 2)
+
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        threading.Thread(target=send, args=(server,), daemon=True).start()
+        address = f'tcp://127.0.0.1:{server.getsockname()[1]}'
+        ended = subprocess.run([sys.executable, '-m', 'imu_allan', 'analyze', str(recording),
+                                '--dask', address], capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr.count('\n') == 1
+    assert ended.stderr.startswith(f'imu_allan: --dask {address}: ')
 
 
 def test_a_dask_address_where_nobody_answers_is_one_line(

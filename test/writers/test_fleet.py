@@ -9,6 +9,7 @@ from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
 from imu_allan.writers.fleet.findings import sentence
 from imu_allan.writers.fleet.page import fleet_html
+from imu_allan.writers.fleet.table import cells
 import numpy as np
 import pytest
 from rich.console import Console
@@ -33,6 +34,13 @@ def fleet(make_result):
     (Oddity('u', 'accel_z', None, 'constant'), 'accel_z is constant')])
 def test_an_oddity_is_a_sentence(oddity, words):
     assert sentence(oddity) == words
+
+
+def test_units_that_do_not_differ_have_no_range(fleet):
+    trait = fleet.population.traits[0]
+    middle = cells(replace(trait, percentiles={5: trait.median, 95: 1.00001 * trait.median}))[4]
+    assert middle == cells(trait)[3]
+    assert ' .. ' in cells(trait)[4]
 
 
 def test_unit_and_failure_are_named_everywhere(fleet, tmp_path):

@@ -63,6 +63,6 @@ def cells(trait: Trait) -> tuple[str, ...]:
 
     symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
     return (trait.axis, symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
-            f'{shown(trait.percentiles[5])} .. {shown(trait.percentiles[95])}',
+            ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),
             shown(trait.between), shown(trait.measurement), shown(trait.tolerance),
             f'{trait.observable} of {trait.units}')
