@@ -85,8 +85,10 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
             total += value * flicker(samples, rng)
         elif key == 'rate_random_walk':
             total += value * np.sqrt(dt) * _random_walk(samples, rng)[0]
-        else:
+        elif key == 'rate_ramp':
             total += value * dt * np.arange(samples)
+        else:
+            raise NotImplementedError(f'{key} cannot be simulated')
     markov = coefficients.get('gauss_markov')
     if markov:
         rng = np.random.default_rng([seed, len(TERMS)])

@@ -161,11 +161,13 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
     if head.startswith(b'\xa3\x95\x80'):
         from imu_allan.recordings.formats.ardupilot_log import ArduPilotRecording
         return ArduPilotRecording(path, stored, options)
-    if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and b',' in head):
+    if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and any(
+            separator in head for separator in (b',', b';', b'\t'))):
         from imu_allan.recordings.formats.foxglove_csv import FoxgloveCsv, is_foxglove
         if is_foxglove(head):
             return FoxgloveCsv(path, stored, options)
         from imu_allan.recordings.formats.csv_file import CsvRecording
         return CsvRecording(path, stored, options)
     raise ImuAllanError(
-        f'{printable(path)}: neither a rosbag2 directory, .mcap, .db3, ROS 1 .bag nor CSV file')
+        f'{printable(path)}: neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 '
+        '.ulg, ArduPilot .bin or CSV file')

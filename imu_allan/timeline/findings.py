@@ -3,7 +3,8 @@
 """
 What was seen of the messages, in words: stamps, losses, gaps, motion.
 
-Every warning of the timeline stands here, beside the threshold from which on it is given.
+Every warning of what was counted stands here, beside the threshold from which on it is given; why
+a clock was chosen is worded where that is decided, in intake.py.
 """
 
 from collections.abc import Sequence

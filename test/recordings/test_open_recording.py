@@ -18,6 +18,7 @@ from imu_allan.recordings import (
     recordings_in,
 )
 from mcap.writer import Writer
+import numpy as np
 import pytest
 
 
@@ -33,7 +34,8 @@ def refusal(path: Path) -> str:
     (b'version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n',
      'a git-LFS pointer, not the recording itself; fetch it with: git lfs pull'),
     (b'\x89PNG\r\n\x1a\n' + bytes(100),
-     'neither a rosbag2 directory, .mcap, .db3, ROS 1 .bag nor CSV file'),
+     'neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin or CSV '
+     'file'),
     (b'\x89MCAP', 'not an MCAP file'),
 ])
 def test_what_is_no_recording_is_named_for_what_it_is(tmp_path, content, reason):
@@ -171,3 +173,13 @@ def test_a_folder_of_several_recordings_is_listed_by_growing_numbers(tmp_path):
     for alone in (tmp_path / 'run_10', tmp_path / 'notes', tmp_path / 'none',
                   tmp_path / 'run_100.bag', Path('a\0b')):
         assert recordings_in(alone) == [alone]
+
+
+@pytest.mark.parametrize('separator', [',', ';', '\t'])
+def test_a_table_is_known_by_its_separator_whatever_it_is_called(tmp_path, separator):
+    path = tmp_path / 'samples.dat'
+    path.write_text('\n'.join(separator.join(row) for row in (
+        ('time_s', 'gyro_x'), ('0', '1'), ('0.01', '2'))))
+    with open_recording(path) as recording:
+        samples = [block.samples[:, 0] for block, _ in recording.decoded('csv')]
+    assert np.concatenate(samples).tolist() == [1, 2]

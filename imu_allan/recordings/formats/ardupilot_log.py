@@ -32,9 +32,6 @@ from imu_allan.recordings.recording import FileRecording, ImuTopic
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC = b'\xa3\x95\x80'
-"""The two bytes before every message, and the number of FMT, which comes first."""
-
 _HEAD = 3    # bytes before each message: the mark and its kind
 _US = 1000   # ns in the microseconds of the log
 _GYRO, _ACCEL = (Vector((f'{name}X', f'{name}Y', f'{name}Z')) for name in ('Gyr', 'Acc'))

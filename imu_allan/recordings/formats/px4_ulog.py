@@ -20,8 +20,6 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic
 import numpy as np
 
-MAGIC = b'ULog\x01\x12\x35'
-
 _TYPES = {
     'sensor_combined': 'SensorCombined', 'vehicle_imu': 'VehicleImu',
     'sensor_gyro': 'SensorGyro', 'sensor_accel': 'SensorAccel',
