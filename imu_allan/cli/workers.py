@@ -20,6 +20,7 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import count as naturals
 import logging
 import os
@@ -117,25 +118,56 @@ class Task:
         return Inspection(**self.inspection) if self.inspection else None
 
 
-def characterize(task: Task, progress: Callable[[int], None] | None = None
-                 ) -> 'tuple[Result, ImuAllanError | None]':
+def characterize(task: Task, progress: Callable[[int], None] | None = None,
+                 artist: Executor | None = None) -> 'tuple[Result, ImuAllanError | None]':
     """
     Make the result of a task and write its folder: where the work is done, not one by one.
 
     Beside the result stands why the folder could not be written, where it could not.
+
+    Parameters
+    ----------
+    task : Task
+        What to do.
+    progress : callable, optional
+        As for `analyze`.
+    artist : Executor, optional
+        Draws the picture meanwhile.
+
     """
     from imu_allan.analysis import analyze
 
+    drawing = None
+    if task.folder is not None and artist is not None:
+        from imu_allan.writers.plot import prepare_to_draw
+        artist.submit(prepare_to_draw)
+        drawing = partial(_drawn, artist)
     result = analyze(list(task.together) or task.path, progress=progress, **task.arguments())
     if task.inspection:
         result = replace(result, inspection=task.inspected())
     if task.folder is not None:
         from imu_allan.writers.folder import save_folder
         try:
-            save_folder(result, task.folder, task.exports)
+            save_folder(result, task.folder, task.exports, drawing=drawing)
         except ImuAllanError as error:
             return result, error
     return result, None
+
+
+def _drawn(artist: Executor, result: 'Result') -> Callable[[], bytes]:
+    """Have the picture of a result drawn; return what waits for it."""
+    from imu_allan.writers.plot import overview_png
+
+    drawn = artist.submit(overview_png, result)
+
+    def picture() -> bytes:
+        try:
+            return drawn.result()
+        except ImuAllanError:
+            # No process could be started, or it was ended from outside.
+            return overview_png(result)
+
+    return picture
 
 
 # ------------------------------------------------------------------------------- into which folder
@@ -193,7 +225,8 @@ def executor(jobs: int, dask: str | None) -> Iterator[Executor]:
         with _dask_client(dask) as client:
             yield client.get_executor(pure=False)
     elif jobs == 1:
-        yield _ThisProcess()
+        with _WorkerProcesses(1) as artist:
+            yield _ThisProcess(artist if len(os.sched_getaffinity(0)) > 1 else None)
     else:
         with _WorkerProcesses(jobs) as workers:
             yield workers
@@ -208,7 +241,8 @@ def in_order(workers: Executor, tasks: Sequence[Task],
     for task in tasks:
         if isinstance(workers, _ThisProcess):
             future = workers.submit(characterize, task,
-                                    lambda done, before=done_bytes: progress(before + done))
+                                    lambda done, before=done_bytes: progress(before + done),
+                                    workers.artist)
         else:
             future = workers.submit(characterize, task)
         waiting.append((task, future))
@@ -224,6 +258,9 @@ def in_order(workers: Executor, tasks: Sequence[Task],
 
 class _ThisProcess(Executor):
     """Works at the moment of submission, so that Ctrl-C and progress need no messenger."""
+
+    def __init__(self, artist: Executor | None = None) -> None:
+        self.artist = artist
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
         future: Future[T] = Future()

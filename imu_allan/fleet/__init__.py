@@ -6,7 +6,3 @@ Many units of one model: how they differ beyond measurement error, and which do 
 `population` applies the statistics of numbers with errors to results, `names` says what a unit is
 called.
 """
-
-from imu_allan.fleet.population import Oddity, Population, population, Trait
-
-__all__ = ['Oddity', 'Population', 'Trait', 'population']

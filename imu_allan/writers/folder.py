@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The files that a characterization leaves in a folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,14 @@ from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.filters import export
 from imu_allan.writers.panels import sensors_of
-from imu_allan.writers.plot import FORMATS, overview_figure, paper_figure, render, sensor_figure
+from imu_allan.writers.plot import (
+    FORMATS,
+    overview_figure,
+    overview_png,
+    paper_figure,
+    render,
+    sensor_figure,
+)
 from imu_allan.writers.result_file import save_curves, save_result
 
 if TYPE_CHECKING:
@@ -29,7 +37,8 @@ class IncompleteSave(ImuAllanError):
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
-                report: bool = True) -> list[Path]:
+                report: bool = True,
+                drawing: Callable[[Result], Callable[[], bytes]] | None = None) -> list[Path]:
     """
     Write everything about one result.
 
@@ -46,6 +55,9 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         Consumers whose configurations are written, too.
     report : bool, optional
         Without it the page is left out, which takes most of the time.
+    drawing : callable, optional
+        Begins to draw ``allan_deviation.png`` of a result elsewhere, while the rest is written
+        here; it returns what waits for the picture.
 
     Returns
     -------
@@ -61,9 +73,11 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
 
     """
     # The result first: it is what cannot be made again.
-    paths = [Path(folder) / 'result.json', Path(folder) / 'curve.csv']
+    folder = Path(folder)
+    paths = [folder / 'result.json', folder / 'curve.csv']
     save_result(result, paths[0])
     save_curves(result, paths[1])
+    picture = drawing(result) if drawing is not None else partial(overview_png, result)
     left_out = []
     for consumer in exports:
         try:
@@ -71,20 +85,19 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         except ImuAllanError as error:
             left_out.append(str(error))
             continue
-        paths.append(Path(folder) / config.name)
+        paths.append(folder / config.name)
         write_atomically(paths[-1], config.text.encode())
     if report:
-        paths += save_report(result, folder, (), overview_formats=('png',))
-    else:
-        paths += _save_plot(overview_figure(result), Path(folder), 'allan_deviation', ('png',))
+        paths += save_report(result, folder, ())
+    paths.append(folder / LAST_WRITTEN)
+    write_atomically(paths[-1], picture())
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths
 
 
 def save_report(result: Result, folder: str | os.PathLike[str],
-                formats: Sequence[str] = FORMATS,
-                overview_formats: Sequence[str] | None = None) -> list[Path]:
+                formats: Sequence[str] = FORMATS) -> list[Path]:
     """
     Write ``report.html``, ``allan_deviation.FORMAT`` and a sheet a sensor, ``gyro.FORMAT``.
 
@@ -96,8 +109,6 @@ def save_report(result: Result, folder: str | os.PathLike[str],
         Made where it is missing.
     formats : sequence of 'png', 'svg', 'pdf'
         Of the plots.
-    overview_formats : sequence of 'png', 'svg', 'pdf', optional
-        Of the overview, where other than `formats`.
 
     Returns
     -------
@@ -115,10 +126,8 @@ def save_report(result: Result, folder: str | os.PathLike[str],
     folder = Path(folder)
     paths = [folder / 'report.html']
     write_atomically(paths[0], report_html(result).encode())
-    wanted = formats if overview_formats is None else overview_formats
-    if wanted:
-        paths += _save_plot(overview_figure(result), folder, 'allan_deviation', wanted)
     if formats:
+        paths += _save_plot(overview_figure(result), folder, 'allan_deviation', formats)
         for sensor in sensors_of(result):
             paths += _save_plot(sensor_figure(result, sensor), folder, sensor, formats)
     return paths

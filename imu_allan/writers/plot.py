@@ -98,6 +98,16 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
         return figure
 
 
+def overview_png(result: Result) -> bytes:
+    """Return the file content of the overview."""
+    return render(overview_figure(result))
+
+
+def prepare_to_draw() -> None:
+    """Import what drawing takes, which is most of the time of a first picture."""
+    render(empty_figure(1, 1))
+
+
 def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figure':
     """
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.

@@ -11,13 +11,16 @@ import sys
 import time
 
 from imu_allan.cli.main import main
-from imu_allan.cli.workers import executor, folder_names
+from imu_allan.cli.workers import characterize, executor, folder_names, Task
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import pytest
 import zstandard
+
+SEVERAL = pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2,
+                             reason='one processor draws for itself')
 
 
 def processes_with(variable: str) -> list[int]:
@@ -112,3 +115,32 @@ def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_writte
         f'imu_allan: {output / "at_rest" / "result.json"}: cannot be written (File exists); '
         'choose a folder that exists on a disk with room and may be written to\n')
     assert (output / 'at_rest-2' / 'report.html').exists()
+
+
+@SEVERAL
+def test_another_process_draws_the_same_picture(recording, tmp_path):
+    result, _ = characterize(Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'here'))
+    with executor(1, None) as workers:
+        task = Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'there')
+        artist = workers.artist
+        assert characterize(task, None, artist) == (result, None)
+        assert artist.submit(os.getpid).result() != os.getpid()
+    names = sorted(path.name for path in (tmp_path / 'here').iterdir())
+    assert names == sorted(path.name for path in (tmp_path / 'there').iterdir())
+    assert ((tmp_path / 'here' / 'allan_deviation.png').read_bytes()
+            == (tmp_path / 'there' / 'allan_deviation.png').read_bytes())
+
+
+@SEVERAL
+def test_a_picture_is_drawn_here_where_the_other_process_is_killed(recording, tmp_path):
+    with executor(1, None) as workers:
+        artist = workers.artist
+        process = artist.submit(os.getpid).result()
+
+        def kill(*_):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+
+        task = Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'out')
+        characterize(task, kill, artist)
+    assert (tmp_path / 'out' / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')

@@ -1,5 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+import subprocess
+import sys
+
 from imu_allan.errors import ImuAllanError
 from imu_allan.fleet.names import name_pattern, natural, unit_name
 import pytest
@@ -33,3 +36,8 @@ def test_what_is_no_pattern_is_told():
 def test_units_stand_in_the_order_of_their_numbers():
     assert sorted(['unit10', 'Unit2', 'unit1', '3', 'a', 'unit10b2', 'unit10b12'], key=natural) \
         == ['3', 'a', 'unit1', 'Unit2', 'unit10', 'unit10b2', 'unit10b12']
+
+
+def test_a_name_is_found_without_loading_numerics():
+    code = "import sys, imu_allan.fleet.names; sys.exit('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

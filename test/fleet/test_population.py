@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from imu_allan.fleet import population
+from imu_allan.fleet.population import population
 from imu_allan.result import Result
 import pytest
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 import json
 
-from imu_allan.fleet import Oddity
+from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from imu_allan.fleet import Oddity, Population, population
-from imu_allan.fleet.population import MEAN
+from imu_allan.fleet.population import MEAN, Oddity, Population, population
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering

@@ -5,8 +5,7 @@
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import printable
-from imu_allan.fleet import Trait
-from imu_allan.fleet.population import MEAN
+from imu_allan.fleet.population import MEAN, Trait
 from imu_allan.noise.terms import TERMS
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import number
