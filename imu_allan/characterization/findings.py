@@ -196,7 +196,7 @@ def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
                    unclear: Collection[str] = ()) -> list[Remark]:
     """
-    Say what the record is too short for, and how much longer it would take.
+    Say what the record is too short for.
 
     Parameters
     ----------
@@ -228,10 +228,6 @@ def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
                   and not (key == 'rate_random_walk' and name in unclear)}
         if not hidden:
             continue
-        waits = [c.observable_in_s for c in hidden.values() if c.observable_in_s is not None]
-        which = '' if len(waits) == len(hidden) else f'on {len(waits)} of these axes '
-        hint = (f'; {which}a value is expected after another {duration(min(waits))} or more'
-                if waits else '')
         terms: dict[str, list[str]] = {}
         for name in hidden:
             terms.setdefault(TERMS[key].name(AXES[name]), []).append(name)
@@ -239,5 +235,5 @@ def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
         remarks.append(Remark(
             'short_recording',
             f'{what} {"does" if len(terms) == 1 else "do"} not show in {length} of data: '
-            f'only an upper bound is given{hint}'))
+            f'only an upper bound is given'))
     return remarks

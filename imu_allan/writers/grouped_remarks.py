@@ -117,15 +117,17 @@ def outlook_of(result: Result) -> str:
     """Say what a longer recording would bring, by the Fisher information of the fitted model."""
     halves = [c.ci_halves_in_s for axis in result.axes.values()
               for c in axis.coefficients.values() if c.ci_halves_in_s]
-    waiting: dict[str, list[float]] = {}
-    for axis in result.axes.values():
+    waiting: dict[str, list[tuple[float, str]]] = {}
+    for name, axis in result.axes.items():
         for coefficient in axis.coefficients.values():
             if coefficient.observable_in_s:
-                waiting.setdefault(coefficient.symbol, []).append(coefficient.observable_in_s)
+                waiting.setdefault(coefficient.symbol, []).append(
+                    (coefficient.observable_in_s, name))
     parts = [f'all intervals half as wide after another {duration(max(halves))}'] if halves else []
     if waiting:
-        parts.append(listed([f'{symbol} after {duration(min(times))}'
-                             for symbol, times in waiting.items()]) + ' at the earliest')
+        first = {symbol: min(times) for symbol, times in waiting.items()}
+        parts.append(listed([f'{symbol} of {named([name])} after {duration(wait)}'
+                             for symbol, (wait, name) in first.items()]) + ' at the earliest')
     return f'Recording on: {"; ".join(parts)}.' if parts else ''
 
 

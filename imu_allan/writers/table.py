@@ -43,6 +43,8 @@ Units = Literal['datasheet', 'si']
 
 PIPE_WIDTH = 100
 """Where nobody says how wide the paper is: every line of an ordinary result fits."""
+_HEAD = 16
+"""Columns before the numbers of the answer."""
 _LONGEST_HEAD = 28
 """Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
 
@@ -102,13 +104,13 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet') ->
                 if name.startswith(answer.sensor) and name in result.axes}
         rows = list(_rows(axes, units))
         columns = _column_widths(rows)
-        parts += [Text(), *answer_lines(answer)]
+        parts += [Text(), *answer_lines(answer, width)]
         parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)
     parts += [Text(), *_notes(result, tuned=any(answer.tuned for answer in found))]
     return Group(*parts)
 
 
-def answer_lines(answer: Answer) -> 'list[RenderableType]':
+def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
     """
     Return the answer for one sensor: its word, the numbers for a filter, the drift.
 
@@ -116,6 +118,8 @@ def answer_lines(answer: Answer) -> 'list[RenderableType]':
     ----------
     answer : Answer
         From `imu_allan.writers.answer.answers`.
+    width : int, optional
+        Columns of the terminal.
 
     """
     from rich.text import Text
@@ -126,8 +130,11 @@ def answer_lines(answer: Answer) -> 'list[RenderableType]':
     rows: list[tuple[str, str]] = []
     if answer.tuned is not None:
         tuned = answer.tuned
-        rows += [('for a filter', f'N {tuned.noise_density} {tuned.units[0]}'),
-                 ('', f'K {tuned.random_walk} {tuned.units[1]}')]
+        pair = [f'N {tuned.noise_density} {tuned.units[0]}',
+                f'K {tuned.random_walk} {tuned.units[1]}']
+        beside = '   '.join(pair)
+        rows += zip(('for a filter', ''), [beside] if _HEAD + len(beside) <= width else pair,
+                    strict=False)
     elif answer.word != CONSTANT and answer.noise is not None:
         rows += [(f'worst axis {figure.axis}',
                   f'{figure.symbol} {figure.si_value} {figure.si_unit}')
@@ -135,7 +142,7 @@ def answer_lines(answer: Answer) -> 'list[RenderableType]':
     if answer.forecast:
         doubt = ', beyond what was recorded' if answer.extrapolated else ''
         rows.append((f'alone {duration(COAST_S)}', f'off by {answer.forecast}{doubt}'))
-    return [head, *(Text(f'  {name:<14}{text}') for name, text in rows)]
+    return [head, *(Text(f'  {name:<{_HEAD - 2}}{text}') for name, text in rows)]
 
 
 def _heading(result: Result) -> 'Text':
@@ -177,8 +184,7 @@ def _rows(axes: Mapping[str, AxisResult], units: Units) -> Iterator[_Row]:
     quantity = AXES[next(iter(axes))]
     for term in TERMS.values():
         cells = {name: axis.coefficients[term.key] for name, axis in axes.items()}
-        if all(c.value is None and c.upper95 is None for c in cells.values()) \
-                and all(axis.constant for axis in axes.values()):
+        if all(c.value is None and c.upper95 is None for c in cells.values()):
             continue
         unit = term.unit(quantity)
         yield _Row(f'{term.symbol} {term.name(quantity)}',

@@ -65,8 +65,8 @@ def test_the_answer_says_what_to_give_a_filter_and_how_far_off_the_sensor_is_alo
     lines = printed(filtered).splitlines()
     place = lines.index('Gyroscope: steady')
     assert lines[place + 1].startswith('  for a filter  N 0.000')
-    assert lines[place + 2].endswith(' rad/s^2/sqrt(Hz)')
-    assert lines[place + 3].startswith('  alone 60 s    off by ')
+    assert lines[place + 1].endswith(' rad/s^2/sqrt(Hz)')
+    assert lines[place + 2].startswith('  alone 60 s    off by ')
 
 
 def test_a_forecast_longer_than_the_recording_says_so(filtered):
@@ -142,4 +142,4 @@ def test_what_recording_on_would_bring_is_told(result):
                                        'rate_random_walk': walk})
     text = ' '.join(printed(replace(result, axes={'gyro_x': axis})).split())
     assert 'half as wide after another 2 h' in text
-    assert 'K after 10 min at the earliest' in text
+    assert 'K of gyro x after 10 min at the earliest' in text
