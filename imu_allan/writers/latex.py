@@ -20,6 +20,7 @@ _UNITS = {
     'ug/sqrt(h)': r'$\mu\mathrm{g}/\sqrt{\mathrm{h}}$', 'ug/h': r'$\mu\mathrm{g}/\mathrm{h}$'}
 
 BIBLIOGRAPHY = r"""@techreport{ieee952,
+  author = {{IEEE}},
   title = {{IEEE} Standard Specification Format Guide and Test Procedure for Single-Axis
            Interferometric Fiber Optic Gyros},
   institution = {IEEE},

@@ -1,8 +1,11 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 import re
+import shutil
+import subprocess
 
 from imu_allan.writers.latex import BIBLIOGRAPHY, escaped, noise_table
+import pytest
 
 
 def test_the_table_has_every_observable_term_with_its_interval_or_bound(result):
@@ -31,3 +34,35 @@ def test_the_method_tells_the_settings(result):
 
 def test_text_is_no_command():
     assert escaped('a_b & 5 % \\x{}') == r'a\_b \& 5 \% \textbackslash{}x\{\}'
+
+
+def test_every_reference_has_an_author():
+    for entry in BIBLIOGRAPHY.split('\n\n'):
+        assert re.search(r'^  author = \{', entry, re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (shutil.which('pdflatex') and shutil.which('bibtex')
+                         and shutil.which('kpsewhich')
+                         and subprocess.run(['kpsewhich', 'booktabs.sty'], check=False,
+                                            stdout=subprocess.DEVNULL).returncode == 0),
+                    reason='no LaTeX with booktabs is installed')
+def test_the_table_is_typeset_without_a_complaint(result, tmp_path):
+    (tmp_path / 'imu_noise.tex').write_text(noise_table(result))
+    (tmp_path / 'imu_noise.bib').write_text(BIBLIOGRAPHY)
+    (tmp_path / 'paper.tex').write_text(
+        '\\documentclass{article}\\usepackage[margin=2cm]{geometry}\\usepackage{booktabs}'
+        '\\begin{document}\\input{imu_noise}\\bibliographystyle{plain}'
+        '\\bibliography{imu_noise}\\end{document}')
+
+    def run(*command):
+        return subprocess.run(command, cwd=tmp_path, check=True, capture_output=True,
+                              text=True).stdout
+
+    latex = 'pdflatex', '-interaction=nonstopmode', '-halt-on-error', 'paper'
+    run(*latex)
+    assert 'Warning' not in run('bibtex', 'paper')
+    run(*latex)
+    said = run(*latex)
+    assert 'Warning' not in said
+    assert 'Overfull' not in said
