@@ -330,6 +330,8 @@ def _fits(result: Result) -> list[dict[str, str]]:
     rows = []
     for name, axis in result.axes.items():
         fit = axis.goodness_of_fit
+        if is_constant(axis):
+            continue
         rows.append({
             'axis': spoken(name),
             'p': '' if fit.p_value is None else f'{fit.p_value:.3g}',

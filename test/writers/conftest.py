@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Results whose every number is known: exact model curves with intervals of a realistic width."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from browser import Browser, running_browser
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
 from imu_allan.result import (
     AxisResult,
@@ -168,3 +169,10 @@ def fill(result: Result) -> Result:
 def filtered() -> Result:
     """Return the same recording with drift models, segments, signal and backtest."""
     return fill(build_result())
+
+
+@pytest.fixture(scope='module')
+def browser() -> Iterator[Browser]:
+    """Start a browser, where there is one."""
+    with running_browser() as browser:
+        yield browser

@@ -3,6 +3,7 @@
 from dataclasses import replace
 import json
 
+from browser import faults_of, needs_browser
 from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
@@ -77,3 +78,17 @@ def test_a_fleet_of_nothing_but_failures_is_told(fleet):
     nothing = Fleet({}, {}, fleet.failures)
     assert 'unit13' in fleet_html(nothing)
     assert json.loads(fleet_json(nothing))['units'] == []
+
+
+@pytest.mark.slow
+@needs_browser
+@pytest.mark.parametrize('dark', [False, True])
+def test_a_page_of_forty_units_can_be_read(make_result, tmp_path, browser, dark):
+    rng = np.random.default_rng(2)
+    results = {f'SN{n}': make_result(scale=2.2 if n == 1017 else float(np.exp(.05 * rng.normal())))
+               for n in range(1000, 1040)}
+    page = tmp_path / 'fleet.html'
+    page.write_text(fleet_html(Fleet(results), 'forty units'), encoding='utf-8')
+    for width in (400, 1400):
+        assert faults_of(page, browser, width, dark) == []
+        assert 'SN1017' in browser.run('return document.body.innerText')

@@ -11,7 +11,7 @@ from pathlib import Path
 import re
 import time
 
-from browser import CHROMIUM, DRIVER, running_browser
+from browser import faults_of, needs_browser
 from imu_allan import analyze
 from imu_allan.result import (
     Curve,
@@ -32,8 +32,6 @@ from imu_allan.writers.report import comparison_html, report_html
 from imu_allan.writers.svg import Scale
 import pytest
 
-needs_browser = pytest.mark.skipif(not (CHROMIUM and DRIVER),
-                                   reason='chromium and chromedriver are not installed')
 NASTY = '</script><script>window.evil=1</script><img src=x onerror="window.evil=2">&amp;{{7*7}}'
 
 
@@ -65,12 +63,6 @@ class Outline(HTMLParser):
     @property
     def text(self):
         return ' '.join(' '.join(self.words).split())
-
-
-@pytest.fixture(scope='module')
-def browser():
-    with running_browser() as browser:
-        yield browser
 
 
 def written(tmp_path, text):
@@ -277,61 +269,6 @@ def test_the_chosen_consumer_is_copied_from_the_first_screen(filtered, tmp_path,
         document.getElementById('copy-for').click();""")
     time.sleep(0.2)
     assert browser.run('return window.copied') == export(filtered, 'px4').text
-
-
-# Two boxes of text that overlap by more than a pixel; what is not shown has no box.
-OVERLAPS = """
-    const found = [];
-    for (const svg of document.querySelectorAll('svg.chart')) {
-      if (!svg.getBoundingClientRect().width) continue;
-      const place = svg.getBoundingClientRect();
-      const texts = [...svg.querySelectorAll('text')].map(item =>
-        [item.textContent, item.getBoundingClientRect()]).filter(([, box]) => box.width);
-      texts.forEach(([text, box], i) => {
-        if (box.left < place.left - 1 || box.right > place.right + 1 ||
-            box.top < place.top - 1 || box.bottom > place.bottom + 1)
-          found.push('outside: ' + text);
-        for (const [other, next] of texts.slice(i + 1)) {
-          if (Math.min(box.right, next.right) - Math.max(box.left, next.left) > 1 &&
-              Math.min(box.bottom, next.bottom) - Math.max(box.top, next.top) > 3)
-            found.push(text + ' | ' + other);
-        }
-      });
-    }
-    return found;"""
-# Text whose colour is less than 4.5 to 1 from the nearest paper behind it (WCAG 2.1, AA).
-FAINT = """
-    const parts = colour => colour.match(/[\\d.]+/g).map(Number);
-    const light = colour => parts(colour).slice(0, 3).map(c => c / 255).map(c =>
-      c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4).reduce((sum, c, i) =>
-      sum + c * [0.2126, 0.7152, 0.0722][i], 0);
-    const paper = item => {
-      for (let at = item; at; at = at.parentElement) {
-        const colour = getComputedStyle(at).backgroundColor;
-        if (parts(colour).length === 3 || parts(colour)[3] > 0.5) return colour;
-      }
-      return 'rgb(255, 255, 255)';
-    };
-    const found = [];
-    for (const item of document.querySelectorAll('main *')) {
-      const own = [...item.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
-      if (!own || !item.getBoundingClientRect().width || item.tagName === 'title') continue;
-      const style = getComputedStyle(item);
-      const ink = light(item instanceof SVGElement ? style.fill : style.color);
-      const back = light(paper(item));
-      const ratio = (Math.max(ink, back) + 0.05) / (Math.min(ink, back) + 0.05);
-      if (ratio < 4.5) found.push([item.textContent.slice(0, 40), ratio]);
-    }
-    return found;"""
-
-
-def faults_of(page, browser, width, dark):
-    """Return what cannot be read on a page, with everything opened that can be."""
-    browser.show(page, width=width, phone=width < 600, dark=dark)
-    browser.run('for (const item of document.querySelectorAll("details")) item.open = true;')
-    wide = browser.run('return document.documentElement.scrollWidth')
-    return ([f'{wide} px wide'] if wide > width else []) + browser.run(OVERLAPS) + browser.run(
-        FAINT)
 
 
 @needs_browser

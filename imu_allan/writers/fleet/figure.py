@@ -104,7 +104,7 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
                    markersize=3.6, zorder=5)
         panel.annotate(_short(unit), (curve.tau_s[-1], curve.adev[-1]), xytext=(-3, 5),
-                       textcoords='offset points', color=colour, fontsize=8, ha='right',
+                       textcoords='offset points', color=ink, fontsize=8, ha='right',
                        zorder=6)
 
 
@@ -191,7 +191,7 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                rasterized=rasterized)
     if colour:
         panel.annotate(name, (place, value), xytext=(4, 4), textcoords='offset points',
-                       fontsize=8, color=colour)
+                       fontsize=8, color=COLOURS[theme]['ink'])
 
 
 def _heading(figure: 'Figure', title: str, theme: Theme) -> None:
