@@ -330,7 +330,7 @@ def _fits(result: Result) -> list[dict[str, str]]:
     rows = []
     for name, axis in result.axes.items():
         fit = axis.goodness_of_fit
-        if is_constant(axis):
+        if axis.constant:
             continue
         rows.append({
             'axis': spoken(name),
