@@ -57,6 +57,9 @@ def estimate(trial: Trial, column: int, widening: float = 1.0) -> Estimate:
     if not np.isfinite(high):
         return Estimate(False, value, 0.0, 0.0, high)
     low = crossing(rise, value, -scale, CI95)
+    if low <= 0:
+        # Parts of the record differ so much that nothing is a value as good as any.
+        return Estimate(False, value, 0.0, 0.0, high)
     return Estimate(True, value, low, high, high)
 
 

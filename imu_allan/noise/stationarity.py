@@ -43,6 +43,8 @@ _FEWEST = 4.0
 """Degrees of freedom of a band in a segment, on average, from which its logarithm is of use."""
 _WEAKEST = 0.1
 """Share of the median density below which a band is behind a low-pass and only leaks."""
+_LEAST_RATIO = 1e-3
+"""30 dB less than the mean are as steady as nothing at all, whose logarithm would be endless."""
 _SMOOTH = 0.7
 """Octaves over which the spread is averaged: neighbouring half-octaves change together."""
 _WHITE_SHARE = 0.8
@@ -321,5 +323,5 @@ def _bartlett(ratio: Array, dof: Array) -> float:
 def _spread(ratio: Array, dof: Array) -> Array:
     """Relative spread of power between segments beyond sampling error, by band."""
     noise = np.mean(2 / dof + 2 / dof**2, axis=0)
-    seen = np.var(np.log(np.maximum(ratio, 1e-300)), axis=0, ddof=1)
+    seen = np.var(np.log(np.maximum(ratio, _LEAST_RATIO)), axis=0, ddof=1)
     return np.asarray(np.sqrt(np.maximum(seen - noise, 0.0)))
