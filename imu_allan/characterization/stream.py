@@ -108,6 +108,9 @@ class Characterization:
     """
     One IMU being characterized, in constant memory.
 
+    The coefficients are those of equation (1) of docs/statistics.md, by the likelihood (7), the
+    curve is (4), the drift model (8).
+
     Parameters
     ----------
     kind : {'recording', 'topic'}

@@ -188,7 +188,7 @@ def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
     >>> piece = Piece(1, 100, 1, 1, 100, nothing, nothing)
     >>> regressors([piece], 1.0, [legendre(2, 100.0)], slowest=4).round(2) + 0.0
     array([[0.  ],
-           [4.26],
+           [4.3 ],
            [0.  ],
            [1.07]])
 
