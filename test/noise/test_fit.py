@@ -11,7 +11,6 @@ from imu_allan.noise import band, intervals
 from imu_allan.noise.correlated import levels_off, with_gauss_markov
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS, Fit, fit
-from imu_allan.noise.intervals import estimate
 from imu_allan.noise.likelihood import bins_of, grouped, maximise, WALK, WHITE
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.spectrum import gauss_markov
@@ -505,7 +504,7 @@ def test_an_interval_that_reaches_zero_is_a_bound():
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 100_000, 100, 3))
     trial = fit_band(grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0), None)
-    sure, unsure = (estimate(trial, WALK, widening) for widening in (1.0, 1e4))
+    sure, unsure = (intervals.estimate(trial, WALK, widening) for widening in (1.0, 1e4))
     assert sure.observable
     assert 0 < sure.low < 1e-4 < sure.high
     assert not unsure.observable
