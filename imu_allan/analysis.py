@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 from heapq import merge
 from itertools import count as naturals
 from operator import itemgetter
+from os import PathLike
 from pathlib import Path
 from typing import Literal, TYPE_CHECKING
 
@@ -22,12 +23,15 @@ from imu_allan.result import Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import TimelineOptions, TimelineStage
 from imu_allan.tuning.means import Means
+from imu_allan.wording import duration
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
 
+_WHOLE_PART = 0.99
+"""Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
 _LATEST_NS = 2**63 - 1
 """The latest stamp that 64 bits of nanoseconds hold."""
 
@@ -73,6 +77,11 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
         are not of one IMU in one setting.
 
     """
+    given = [path] if isinstance(path, (str, PathLike)) else path
+    if not isinstance(given, Sequence) or not all(
+            isinstance(each, (str, PathLike)) for each in given):
+        raise TypeError(f'analyze takes the path of a recording, not {type(path).__name__}; for '
+                        'samples in an array: imu_allan.characterize(samples, sample_rate_hz)')
     if start_s == 'auto':
         if not isinstance(path, (str, Path)):
             raise ImuAllanError('start auto finds the warm-up of one recording; of several give '
@@ -351,11 +360,22 @@ def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start
     # Reading has begun in a process of its own: numerics are imported meanwhile.
     from imu_allan.characterization import Characterization
 
+    shortfall: list[Remark] = []
+
+    def ended(recorded_s: float, part_s: float) -> None:
+        if part_s < 0:
+            raise ImuAllanError(f'{recording.path}: lasts {duration(recorded_s)}: --start '
+                                f'{duration(start_s)} leaves nothing of it')
+        if duration_s is not None and part_s < _WHOLE_PART * duration_s:
+            shortfall.append(Remark(
+                'short_part', f'only {duration(part_s)} of the {duration(duration_s)} asked for '
+                'are recorded'))
+
     if start_s > 0 or duration_s is not None:
-        blocks = between(blocks, start_s, duration_s)
+        blocks = between(blocks, start_s, duration_s, ended)
     characterization = Characterization(
         kind='recording', path=str(recording.path), topic=stream.topic, options=options)
-    return characterization, blocks, lambda: [*recording.remarks, *unit.remarks]
+    return characterization, blocks, lambda: [*recording.remarks, *unit.remarks, *shortfall]
 
 
 def _in_si_units(recording: Recording, stream: Stream, progress: Callable[[int], None] | None
@@ -391,8 +411,8 @@ def _as_one(streams: Sequence[Stream], results: Sequence[Result]) -> Result:
                    if stream.half is not None])
 
 
-def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
-            ) -> Iterator[ImuBlock]:
+def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
+            ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
     """
     Cut a part out of a recording by receive time.
 
@@ -404,6 +424,9 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
         Seconds after the first message.
     duration_s : float or None
         Seconds from there; None for all the rest.
+    ended : callable, optional
+        Called where the recording ends before the part does, with the seconds from its first
+        message and from the beginning of the part.
 
     Yields
     ------
@@ -411,11 +434,14 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
 
     """
     begin: int | None = None
+    first = last = 0
     for block in blocks:
         if not len(block):
             continue
         if begin is None:
-            begin = _later(int(block.receive_ns[0]), start_s)
+            first = int(block.receive_ns[0])
+            begin = _later(first, start_s)
+        last = int(block.receive_ns[-1])
         keep = block.receive_ns >= begin
         if duration_s is not None:
             keep &= block.receive_ns < _later(begin, duration_s)
@@ -425,6 +451,8 @@ def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None
             yield block
         elif keep.any():
             yield _part(block, keep)
+    if begin is not None and ended is not None:
+        ended((last - first) / 1e9, (last - begin) / 1e9)
 
 
 def _later(stamp_ns: int, seconds: float) -> int:

@@ -59,6 +59,15 @@ class Coefficient:
     ci_halves_in_s: float | None = None
     between: float | None = None
 
+    def __str__(self) -> str:
+        """Return ``N 0.001 [0.0009, 0.0011] rad/s/sqrt(Hz)``, or the bound."""
+        if self.value is not None and self.ci95 is not None:
+            low, high = self.ci95
+            return f'{self.symbol} {self.value:.4g} [{low:.4g}, {high:.4g}] {self.unit}'
+        if self.upper95 is not None:
+            return f'{self.symbol} < {self.upper95:.3g} {self.unit}'
+        return f'{self.symbol} unknown'
+
 
 @dataclass(frozen=True)
 class Tone:
@@ -324,6 +333,10 @@ class AxisResult:
         """Whether every sample was the same."""
         return bool(self.curve.adev) and not any(self.curve.adev)
 
+    def __str__(self) -> str:
+        """Return the coefficients in a line, SI units, with their 95 % intervals."""
+        return ', '.join(map(str, self.coefficients.values()))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""
         return _plain(self)  # type: ignore[no-any-return]
@@ -415,6 +428,15 @@ class Result:
     inspection: Inspection | None = None
     temperature: Signal | None = None
     schema: str = field(default=SCHEMA)
+
+    def __str__(self) -> str:
+        """Return a line on the recording and one for each axis, SI units, 95 % intervals."""
+        timeline = self.timeline
+        names = [str(name) for name in (self.source.path, self.source.topic) if name]
+        rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
+        lines = [f'{" ".join(names) or "samples"}: {timeline.samples:,} samples{rate}, '
+                 f'{timeline.duration_s:.6g} s, remarks: {len(self.warnings)}']
+        return '\n'.join(lines + [f'{name}: {axis}' for name, axis in self.axes.items()])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object, schema first."""

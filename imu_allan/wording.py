@@ -18,6 +18,9 @@ SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 SAMPLES = {'gyro': 'angular rate', 'accel': 'acceleration'}
 """What a sample of each sensor is."""
 
+NO_TOPIC = 'csv'
+"""What stands for the topic of a table, which has none."""
+
 _LETTERS = 'xyz'
 _FEWEST, _MOST = 2, 6
 """Significant digits of a value, however wide or narrow its interval is."""
@@ -216,8 +219,22 @@ def origin_of(result: Result) -> list[str]:
     source, unit = result.source, result.inspection or Inspection()
     found = (('serial number {}', unit.serial), ('operator {}', unit.operator),
              ('station {}', unit.station), ('frame {}', source.frame_id),
-             ('from {}', source.start_time), ('{} stamps', source.clock))
+             ('from {}', source.start_time),
+             ('{}', source.clock and clock_of(source.clock, source.topic)))
     return [text.format(printable(value)) for text, value in found if value]
+
+
+def clock_of(clock: str, topic: str | None) -> str:
+    """
+    Name the clock that the stamps are of.
+
+    Examples
+    --------
+    >>> clock_of('header', '/imu'), clock_of('header', 'csv')
+    ('header stamps', 'time column')
+
+    """
+    return 'time column' if topic == NO_TOPIC else f'{clock} stamps'
 
 
 def faults_of(timeline: Timeline) -> list[str]:

@@ -2,9 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording in, a result out: where it begins."""
 
+from functools import partial
+
+from imu_allan import predicted_drift, state_space, tune
 from imu_allan.analysis import analyze
+from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
+from imu_allan.wording import origin_of
+from imu_allan.writers.filters import export
 import numpy as np
 import pytest
 
@@ -80,3 +86,28 @@ def test_recordings_of_one_time_with_other_values_are_two(written):
     np.savetxt(other, np.column_stack((TIME, noise)), fmt='%.9g', delimiter=',',
                header='time_s,gyro_x', comments='')
     assert len(analyze([path, other]).recordings) == 2
+
+
+def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys):
+    result = analyze(written(0.0))
+    assert result.source.start_time is None
+    assert origin_of(result) == ['time column']
+    assert 'rostopic: "/imu/data_raw"' in export(result, 'kalibr').text
+    assert main(['info', result.source.path]) == 0
+    shown = capsys.readouterr().out
+    assert '  clock       time column: ' in shown
+    assert '1970' not in shown
+
+
+@pytest.mark.parametrize('samples', [np.zeros(100), [0.0, 1.0], 3])
+def test_samples_are_no_recording(samples):
+    with pytest.raises(TypeError, match=r'imu_allan\.characterize\(samples, sample_rate_hz\)'):
+        analyze(samples)
+
+
+def test_a_whole_result_is_no_axis(written):
+    result = analyze(written(0.0))
+    for takes_an_axis in (tune, partial(state_space, step_s=1.0),
+                          partial(predicted_drift, horizons_s=[60.0])):
+        with pytest.raises(TypeError, match=r"such as result\.axes\['gyro_x'\], not Result"):
+            takes_an_axis(result)

@@ -36,7 +36,11 @@ def moment(text: str) -> float:
     """Read a time of zero or above, in seconds or with a unit; return seconds."""
     match = re.fullmatch(r'(.*?)\s*(s|min|h|d|)', text.strip())
     assert match is not None
-    value = _number(match[1]) * _SECONDS[match[2]]
+    try:
+        value = _number(match[1]) * _SECONDS[match[2]]
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a length of time: write seconds (90), '
+                                         'or a number with s, min, h or d (10min)') from None
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     if value > _LONGEST_S:

@@ -44,7 +44,8 @@ def register(verbs: Any) -> None:
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',
                         help='result file (.json), or anything that analyze takes')
     parser.add_argument('--spec', metavar='FILE', required=True,
-                        help='datasheet (YAML with units; see config/ for examples)')
+                        help='datasheet (YAML with units; see config/ for examples), or the name '
+                             'of one that is shipped (consumer_mems, tactical_mems)')
     parser.add_argument('--strict', action='store_true',
                         help='exit status 4 where nothing fails but something cannot be told')
     parser.add_argument('--min-duration', metavar='TIME', type=duration, default=0.0,
@@ -71,10 +72,11 @@ def run(args: argparse.Namespace) -> int:
     """Print the verdicts, write what was asked for, and return the status that they call for."""
     from imu_allan.recordings import recordings_in
     from imu_allan.sensor.noise_model import load_model
+    from imu_allan.sensor.simulated_imu import find_model
 
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
-    specification = load_model(args.spec)
+    specification = load_model(find_model(args.spec))
     sources = [str(path) for path in recordings_in(args.source)]
     if len(sources) > 1 and any((args.json, args.junit, args.certificate, args.serial)):
         args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '

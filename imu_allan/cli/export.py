@@ -20,7 +20,8 @@ def register(verbs: Any) -> None:
                     'this filter; the file says what they are expected to reach. The worst axis '
                     'counts.')
     parser.add_argument('result', metavar='RESULT',
-                        help='result file, written by: imu_allan analyze RECORDING --json RESULT')
+                        help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
+                             'or the folder that --output wrote')
     parser.add_argument('--for', dest='consumer', metavar='NAME', required=True,
                         choices=tuple(CONSUMER_TITLES),
                         help='one of: ' + ', '.join(CONSUMER_TITLES))

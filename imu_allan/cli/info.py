@@ -5,6 +5,9 @@
 import argparse
 from collections.abc import Callable, Iterator
 from pathlib import Path
+import shutil
+import sys
+import textwrap
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.progress import progress_bar
@@ -15,7 +18,11 @@ if TYPE_CHECKING:
     from imu_allan.block import ImuBlock
     from imu_allan.recordings import Recording
     from imu_allan.timeline import TimelineSummary
+    import numpy as np
+    from numpy.typing import NDArray
 
+_INDENT = 14
+"""Columns of the names before what is said."""
 _LISTED = 5
 """Gaps and motions told one by one."""
 _MOST_READ = 20
@@ -40,10 +47,19 @@ def run(args: argparse.Namespace) -> int:
     """Print what the recording holds, or each recording of a folder of several."""
     from imu_allan.recordings import recordings_in
 
+    complaints: list[ImuAllanError] = []
     for number, path in enumerate(recordings_in(args.recording)):
         if number:
             print()
-        _print_recording(path, args)
+        try:
+            _print_recording(path, args)
+        except ImuAllanError as error:
+            complaints.append(error)
+    sys.stdout.flush()
+    for complaint in complaints[:-1]:
+        print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+    if complaints:
+        raise complaints[-1]
     return 0
 
 
@@ -69,13 +85,15 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         if len(recording.topics) != 1 and (choice := _choice(recording)):
             print()
             print(choice)
-        _list('more Imu topics', [
+        _list('more Imu topic', 'more Imu topics', [
             (topic.name, '' if topic.count is None else f'{topic.count:,} messages')
             for topic in recording.topics[_MOST_READ:]])
-        _list('topics of other types', sorted(recording.other_topics.items()))
-        _list('of them might hold an IMU and are not read', sorted(recording.reasons.items()))
+        _list('topic of another type', 'topics of other types',
+              sorted(recording.other_topics.items()))
+        _list('of them might hold an IMU and is not read',
+              'of them might hold an IMU and are not read', sorted(recording.reasons.items()))
         for remark in recording.remarks:
-            print(f'warning: {printable(remark.message)}')
+            print('\n'.join(_wrapped('warning: ', remark.message)))
 
 
 def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> float | None:
@@ -103,11 +121,13 @@ def _choice(recording: 'Recording') -> str:
     return f'one IMU in two halves: the gyroscope from {gyro}, the accelerometer from {accel}'
 
 
-def _list(what: str, topics: list[tuple[str, str]]) -> None:
+def _list(one: str, many: str, topics: list[tuple[str, str]]) -> None:
     """Print names, each with a word about it, where there are any."""
+    from imu_allan.wording import counted
+
     if topics:
         print()
-        print(f'{len(topics)} {what}:')
+        print(f'{counted(len(topics), one, many)}:')
         for name, word in topics[:_MOST_NAMED]:
             print(f'  {printable(shorten(name))}  {printable(shorten(word))}'.rstrip())
         if len(topics) > _MOST_NAMED:
@@ -125,17 +145,23 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.sensor.acceleration_unit import AccelerationUnit
     from imu_allan.timeline import TimelineOptions, TimelineStage
+    from imu_allan.wording import named
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
     unit = AccelerationUnit()
     failure = ''
     count = 0
+    first: NDArray[np.float64] | None = None
+    changes = [False] * len(_axis_names())
     try:
         blocks: Iterator[ImuBlock] = read_blocks(recording, topic, progress)
         if recording.options.accel_unit is None and recording.options.accel is None:
             blocks = unit.each(blocks)
         for block in blocks:
             count += len(block)
+            if len(block) and not all(changes):
+                first = block.samples[0] if first is None else first
+                changes = (changes | (block.samples != first).any(axis=0)).tolist()
             if not failure:
                 try:
                     stage.push(block)
@@ -153,16 +179,32 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     if failure:
         rows.append(('unusable', failure))
     else:
-        rows += _timeline_rows(stage.summary())
+        summary = stage.summary()
+        rows += _timeline_rows(summary, topic)
+        constant = [name for name, there, changed in zip(
+            _axis_names(), summary.present, changes, strict=True) if there and not changed]
+        if count > 1 and constant:
+            rows.append(('constant', f'{named(constant)}: every sample is the same'))
     heat = thermometer_of(recording, topic)
     if heat is not None:
         rows.append(('temperature', f'from {heat.name}'))
     rows += [('warning', remark.message) for remark in unit.remarks]
-    return lines + [f'  {name:<12}{printable(text)}' for name, text in rows]
+    return lines + [line for name, text in rows
+                    for line in _wrapped(f'  {name:<{_INDENT - 2}}', text)]
 
 
-def _timeline_rows(summary: 'TimelineSummary') -> list[tuple[str, str]]:
-    from imu_allan.wording import duration
+def _wrapped(name: str, text: str) -> list[str]:
+    """Break what is said of a name into lines of the terminal, or of a page."""
+    from imu_allan.writers.table import PIPE_WIDTH
+
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    return textwrap.wrap(printable(text), max(width, 2 * _INDENT), initial_indent=name,
+                         subsequent_indent=' ' * _INDENT, break_long_words=False,
+                         break_on_hyphens=False) or [name.rstrip()]
+
+
+def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, str]]:
+    from imu_allan.wording import clock_of, counted, duration
 
     timeline = summary.timeline
     rows = [('frame_id', summary.frame_id or '(empty)')]
@@ -174,28 +216,28 @@ def _timeline_rows(summary: 'TimelineSummary') -> list[tuple[str, str]]:
                   else f', jitter {duration(abs(summary.jitter_s))}')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
     rows.append(('clock', 'none usable, samples are counted' if summary.clock is None
-                 else f'{summary.clock} stamps'
+                 else clock_of(summary.clock, topic)
                  + (f': {summary.stamps_read}' if summary.stamps_read else '')))
     absent = [name for name, present in zip(_axis_names(), summary.present, strict=True)
               if not present]
     if absent:
         rows.append(('absent', ', '.join(absent)))
-    faults = {
-        'missing': timeline.missing, 'duplicates': timeline.duplicates,
-        'out of order': timeline.out_of_order, 'rejected': timeline.rejected,
-        'repeated header stamps': summary.header_repeats,
-        'backward header stamps': summary.header_backward,
-        'repeated receive stamps': summary.receive_repeats,
-        'backward receive stamps': summary.receive_backward,
-        'clock jumps': summary.clock_jumps,
-    }
-    found = [f'{number:,} {what}' for what, number in faults.items() if number]
+    found = [f'{number:,} {what}' for what, number in (
+        ('missing', timeline.missing), ('out of order', timeline.out_of_order),
+        ('rejected', timeline.rejected)) if number]
+    found += [counted(number, what) for what, number in (
+        ('duplicate', timeline.duplicates),
+        ('repeated header stamp', summary.header_repeats),
+        ('backward header stamp', summary.header_backward),
+        ('repeated receive stamp', summary.receive_repeats),
+        ('backward receive stamp', summary.receive_backward),
+        ('clock jump', summary.clock_jumps)) if number]
     rows.append(('faults', ', '.join(found) or 'none'))
     for name, spans, count, total in (
             ('gaps', timeline.gaps, summary.gaps, summary.gaps_s),
             ('motion', timeline.motion, summary.motions, summary.excluded_s)):
         if spans:
-            where = ', '.join(f'{duration(span.duration_s)} at {span.start_s:.6g} s'
+            where = ', '.join(f'{duration(span.duration_s)} at {duration(span.start_s)}'
                               for span in spans[:_LISTED])
             more = f' and {count - _LISTED} more' if count > _LISTED else ''
             rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))

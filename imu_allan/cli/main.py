@@ -10,9 +10,11 @@ needs: ``imu_allan --help`` loads neither numpy nor matplotlib nor a bag reader.
 
 import argparse
 from collections.abc import Sequence
+from difflib import get_close_matches
 import errno
 import os
 import sys
+from typing import Any
 
 from imu_allan.cli import analyze, check, export, info, report, simulate, tune
 from imu_allan.errors import ImuAllanError, printable
@@ -42,14 +44,44 @@ exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
 
 def command_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command, every verb registered."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog='imu_allan', description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='version', version=f'imu_allan {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
     for verb in (analyze, info, simulate, check, tune, export, report):
         verb.register(verbs)
+    for verb_parser in verbs.choices.values():
+        verb_parser.set_defaults(verb_parser=verb_parser)
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells what a word that is none of the choices was perhaps meant to be."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            error.message += _meant(str(value), [str(choice) for choice in action.choices or ()])
+            raise
+
+
+def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read the arguments; one too many is told with the usage of its verb."""
+    parser = command_parser()
+    args, unknown = parser.parse_known_args(argv)
+    if unknown:
+        verb: _Parser = args.verb_parser
+        options = [name for action in verb._actions for name in action.option_strings]
+        verb.error(f'unrecognized arguments: {printable(" ".join(unknown))}'
+                   f'{_meant(unknown[0].partition("=")[0], options)}')
+    return args
+
+
+def _meant(word: str, known: Sequence[str]) -> str:
+    near = get_close_matches(word, known, n=1)
+    return f'; did you mean {near[0]}?' if near else ''
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # A terminal that cannot show a micro sign must not end the program.
         getattr(stream, 'reconfigure', lambda **_: None)(errors='backslashreplace')
     try:
-        args = command_parser().parse_args(argv)
+        args = _parsed(argv)
         status = args.run(args)
         sys.stdout.flush()
         return int(status)

@@ -17,7 +17,8 @@ def register(verbs: Any) -> None:
                     'Several results are drawn into one figure, with a table of their '
                     'differences in units of their intervals.')
     parser.add_argument('results', metavar='RESULT', nargs='+',
-                        help='result file, written by: imu_allan analyze RECORDING --json RESULT')
+                        help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
+                             'or the folder that --output wrote')
     parser.add_argument('--output', metavar='DIR', default='.',
                         help='folder to write to (default: this folder)')
     parser.add_argument('--format', metavar='LIST', type=_formats, default=('png', 'svg', 'pdf'),

@@ -27,7 +27,8 @@ def register(verbs: Any) -> None:
                     'measured coefficients, ten times K, and the full drift model would reach. '
                     'Then the drift without any correction.')
     parser.add_argument('result', metavar='RESULT',
-                        help='result file, written by: imu_allan analyze RECORDING --json RESULT')
+                        help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
+                             'or the folder that --output wrote')
     parser.add_argument('--aiding', metavar='TIME', type=duration, default=0.1,
                         help='time between two corrections of the filter (default: 0.1s)')
     parser.add_argument('--coast', metavar='TIME', type=duration, default=60.0,

@@ -58,7 +58,8 @@ def simulate(coefficients: Mapping[str, Any], samples: int, sample_rate_hz: floa
     Raises
     ------
     ValueError
-        If a key is unknown, or `samples` or `sample_rate_hz` is not positive.
+        If a key is unknown, a coefficient other than the ramp is negative, or `samples` or
+        `sample_rate_hz` is not positive.
 
     Examples
     --------
@@ -163,6 +164,10 @@ def _check(coefficients: Mapping[str, Any], sample_rate_hz: float) -> None:
     unknown = set(coefficients) - set(TERMS) - {'gauss_markov', 'mean'}
     if unknown:
         raise ValueError(f'unknown noise term {sorted(unknown)[0]!r}; known: {", ".join(TERMS)}')
+    for key in TERMS:
+        value = float(coefficients.get(key, 0.0))
+        if not (np.isfinite(value) and (value >= 0 or key == 'rate_ramp')):
+            raise ValueError(f'{key} must be zero or more, not {value:g}')
     if not sample_rate_hz > 0:
         raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
 

@@ -52,6 +52,9 @@ def open_recording(
     try:
         definition_paths(options.definitions)
         if path.is_dir():
+            for name in ('result.json', 'fleet.json'):
+                if (path / name).is_file() and not _is_bag(path):
+                    raise _result_given(path, path / name)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
         head = read_head(path)
@@ -66,6 +69,14 @@ def open_recording(
             raise
         # A path with a null byte.
         raise ImuAllanError(f'{printable(path)}: {printable(error)}') from error
+
+
+def _result_given(given: Path, file: Path) -> ImuAllanError:
+    what = ('go on with imu_allan report, tune, export or check and the result.json in one of its '
+            'folders' if file.name == 'fleet.json' else
+            f'go on with imu_allan report, tune, export or check {printable(file)}')
+    return ImuAllanError(f'{printable(given)}: a result of imu_allan analyze, not a recording; '
+                         f'{what}')
 
 
 def recordings_in(path: Path | str) -> list[Path]:
@@ -161,6 +172,8 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
     if head.startswith(b'\xa3\x95\x80'):
         from imu_allan.recordings.formats.ardupilot_log import ArduPilotRecording
         return ArduPilotRecording(path, stored, options)
+    if head.startswith(b'{') and b'"schema": "imu_allan.' in head:
+        raise _result_given(path, path)
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and any(
             separator in head for separator in (b',', b';', b'\t'))):
         from imu_allan.recordings.formats.foxglove_csv import FoxgloveCsv, is_foxglove

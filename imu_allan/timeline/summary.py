@@ -136,8 +136,9 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
     start = None
     if cursor.first_ns is not None and not decision.counted_only:
         boot_clock = cursor.first_ns < _EPOCH_CLOCK_NS
-        start = iso_time(max(cursor.first_ns, counts.first_receive_ns) if boot_clock
-                         else cursor.first_ns)
+        first = max(cursor.first_ns, counts.first_receive_ns) if boot_clock else cursor.first_ns
+        # A table that counts from zero tells no date at all.
+        start = iso_time(first) if first >= _EPOCH_CLOCK_NS else None
     jitter = None
     if (cursor.jitter is not None and decision.interval_ns is not None
             and not decision.counted_only):

@@ -27,8 +27,13 @@ def drift_model_of(axis: AxisResult) -> DriftModel:
     ------
     ImuAllanError
         If the axis has none.
+    TypeError
+        If it is none, such as a whole result.
 
     """
+    if not isinstance(axis, AxisResult):
+        raise TypeError(f"expected an axis of a result, such as result.axes['gyro_x'], not "
+                        f'{type(axis).__name__}')
     if axis.drift_model is None:
         raise ImuAllanError('this axis has no drift model (it is constant, too short, or from a '
                             'result of an older version): analyze the recording again')

@@ -95,7 +95,7 @@ class Answer:
         How far off it is after `COAST_S` without correction, its bias averaged over
         `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
     extrapolated : bool
-        Whether the recording is shorter than the two together: the model goes further than it saw.
+        Whether `COAST_S` is beyond what the recording knows: the model goes further than it saw.
 
     """
 
@@ -120,14 +120,19 @@ def answers(result: Result) -> list[Answer]:
 
     """
     found = []
-    extrapolated = result.timeline.duration_s < CALIBRATION_S + COAST_S
     for sensor, title in SENSORS.items():
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
         if axes:
             noise, drift = (_figure(axes, key) for key in ('noise_density', 'rate_random_walk'))
             found.append(Answer(sensor, title, _overall(axes, noise), noise, drift,
-                                _tuned(axes), _forecast(sensor, axes), extrapolated))
+                                _tuned(axes), _forecast(sensor, axes),
+                                _beyond_what_is_known(axes)))
     return found
+
+
+def _beyond_what_is_known(axes: Mapping[str, AxisResult]) -> bool:
+    return any(axis.drift_model.to_s * (1 + 1e-6) < COAST_S for axis in axes.values()
+               if axis.drift_model is not None and not is_constant(axis))
 
 
 def word_of(axis: AxisResult) -> str:

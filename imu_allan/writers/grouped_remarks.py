@@ -25,7 +25,8 @@ TITLES = {
     'motion': 'motion', 'mostly_motion': 'motion', 'noise_level_changed': 'noise level changes',
     'not_steady': 'not steady', 'poor_fit': 'poor fit', 'rate_changed': 'rate changed',
     'recordings_disagree': 'recordings disagree', 'several_publishers': 'several publishers',
-    'short_recording': 'short recording', 'temperature': 'temperature', 'tones': 'tones',
+    'short_part': 'short part', 'short_recording': 'short recording',
+    'temperature': 'temperature', 'tones': 'tones',
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
     'held_values': 'held values', 'late_start': 'late start',
     'rest_within_motion': 'rest within motion',
@@ -36,7 +37,11 @@ TITLES = {
     'unit_g': 'unit g', 'unknown_rate': 'no rate', 'warm_up': 'warming up'}
 _AXIS = re.compile(r'(\w+): (.*)', re.DOTALL)
 # A number that stands by itself: "0.0148", "-3", "12.5 %", "44," but not the 3 of "m/s^3".
-_NUMBER = re.compile(r'(?<![\w.^/-])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w^/])')
+# A length of time is one, too, with its unit or two of them: "81 min", "32 min 4 s".
+_NUMBER = re.compile(
+    r'(?<![\w.^/-])(?:\d+ h \d+ min|\d+ min \d+ s|[\d.]+ (?:days|h|min|s|ms)(?![\w^/*])|'
+    r'-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w^/]))')
+_UNITS = {'days': 86_400.0, 'h': 3600.0, 'min': 60.0, 's': 1.0, 'ms': 1e-3}
 MANY_TONES = 4
 """As many as a line of the terminal holds; the result file has all."""
 
@@ -152,8 +157,23 @@ def _sentence(shape: tuple[str, ...], found: Sequence[tuple[str | None, str]], *
 
 def _range(values: Sequence[str]) -> str:
     """Return what the numbers reach over, as they are written."""
-    order = sorted(values, key=lambda text: float(text.replace(',', '')))
-    return order[0] if order[0] == order[-1] else f'{order[0]} to {order[-1]}'
+    order = sorted(values, key=_size)
+    low, high = order[0], order[-1]
+    if low == high:
+        return low
+    units = [text.split(' ')[1::2] for text in (low, high)]
+    # "0.0148 to 0.0152 s", but "32 min 4 s to 81 min 58 s".
+    return f'{low.split(" ")[0] if units[0] == units[1] and len(units[0]) == 1 else low} to {high}'
+
+
+def _size(text: str) -> float:
+    """Return a number, or the seconds of a length of time."""
+    first, *rest = text.split(' ')
+    if not rest:
+        return float(first.replace(',', ''))
+    parts = [first, *rest]
+    return sum(float(value) * _UNITS[unit]
+               for value, unit in zip(parts[::2], parts[1::2], strict=True))
 
 
 def _tones(result: Result, shown: int) -> str:

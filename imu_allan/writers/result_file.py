@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import Any, NoReturn
 
-from imu_allan.errors import ImuAllanError, shorten
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import (
     AxisResult,
@@ -34,6 +34,7 @@ _LARGEST_BYTES = 200_000_000
 """A result has some megabytes at most; what is larger is not read into memory."""
 # Nothing that is measured comes near; squares and sums of what is smaller stay finite.
 _LARGEST = 1e60
+_MOST_NAMED = 5
 _CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',
                   'ci95_high', 'edf', 'model_adev')
 
@@ -55,12 +56,19 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     """
     Read a result file and check that it is whole.
 
+    Parameters
+    ----------
+    path : path
+        The file, or a folder that ``analyze --output`` or the node wrote.
+
     Raises
     ------
     ImuAllanError
         If the file cannot be read, is not of the schema, or contradicts itself.
 
     """
+    if Path(path).is_dir():
+        return load_result(_result_in(Path(path)))
     try:
         with Path(path).open('rb') as file:
             data = file.read(_LARGEST_BYTES + 1)
@@ -85,6 +93,20 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     for name, axis in result.axes.items():
         _check_axis(axis, name, f'{path}.axes.{shorten(name)}')
     return result
+
+
+def _result_in(folder: Path) -> Path:
+    """Return the result file of a folder."""
+    if (folder / 'result.json').exists():
+        return folder / 'result.json'
+    several = sorted(str(found.parent) for found in folder.glob('*/result.json'))
+    if several:
+        named = ', '.join(map(printable, several[:_MOST_NAMED]))
+        more = ', ...' if len(several) > _MOST_NAMED else ''
+        raise ImuAllanError(f'{printable(folder)}: holds several results; name one of {named}'
+                            f'{more}')
+    raise ImuAllanError(f'{printable(folder)}: a folder without result.json; of a recording make '
+                        f'one with: imu_allan analyze {printable(folder)} --output DIR')
 
 
 def curves_csv(result: Result) -> str:

@@ -140,7 +140,7 @@ def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
                   f'{figure.symbol} {figure.si_value} {figure.si_unit}')
                  for figure in (answer.noise, answer.drift) if figure is not None]
     if answer.forecast:
-        doubt = ', beyond what was recorded' if answer.extrapolated else ''
+        doubt = ', beyond what this recording knows' if answer.extrapolated else ''
         rows.append((f'alone {duration(COAST_S)}', f'off by {answer.forecast}{doubt}'))
     return [head, *(Text(f'  {name:<{_HEAD - 2}}{text}') for name, text in rows)]
 

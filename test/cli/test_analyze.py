@@ -174,6 +174,17 @@ def test_start_and_duration_choose_a_part(recording: Path, tmp_path: Path) -> No
     assert result['source']['start_time'].startswith('2023-11-14T22:14:20')
 
 
+def test_a_part_beyond_the_end_says_how_long_the_recording_is(
+        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(recording), '--start', '2h']) == 1
+    assert capsys.readouterr().err == (f'imu_allan: {recording}: lasts 5 min: --start 2 h leaves '
+                                       'nothing of it\n')
+    assert main(['analyze', str(recording), '--start', '3min', '--duration', '5min']) == 0
+    assert 'only 2 min of the 5 min asked for are recorded' in capsys.readouterr().out
+    assert main(['analyze', str(recording), '--duration', '5min']) == 0
+    assert 'asked for' not in capsys.readouterr().out
+
+
 def test_a_stated_rate_that_contradicts_the_stamps_must_be_forced(
         recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = ['analyze', str(recording), '--rate', '200', '--json', str(tmp_path / 'r.json')]

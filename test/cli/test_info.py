@@ -45,8 +45,8 @@ def test_gaps_and_faults_are_counted(
         tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['info', str(write_recording(tmp_path / 'faulty', faulty(model)))]) == 0
     shown = capsys.readouterr().out
-    assert '1 duplicates' in shown
-    assert '1 repeated header stamps' in shown
+    assert '1 duplicate,' in shown
+    assert '1 repeated header stamp\n' in shown
     assert '  gaps        1, 10 s in all: 10 s at 50 s' in shown
 
 
@@ -113,3 +113,38 @@ def test_a_topic_that_might_hold_an_imu_is_listed_with_the_reason(
     assert '/imu\n' in capsys.readouterr().out
     assert main(['info', str(path), '--gyro', 'rate']) == 1
     assert 'sensor_msgs/msg/Imu has no field rate' in capsys.readouterr().err
+
+
+def test_a_folder_is_described_to_its_end_though_one_recording_cannot_be_read(
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ('1', '3'):
+        (tmp_path / name).symlink_to(recording)
+    (tmp_path / '2').mkdir()
+    (tmp_path / '2' / 'broken.mcap').write_bytes(b'nothing')
+    assert main(['info', str(tmp_path)]) == 1
+    shown = capsys.readouterr()
+    assert shown.out.count('  messages    30,000\n') == 2
+    assert shown.err.count('\n') == 1
+    assert 'broken.mcap' in shown.err
+
+
+def constant_and_faulty(model: NoiseModel) -> Iterator[ImuBlock]:
+    for block in simulated_blocks(model, 100.0, 40_000, start_ns=START_NS,
+                                  block_samples=40_000):
+        block.samples[:, 1] = block.samples[0, 1]
+        keep = np.ones(40_000, dtype=bool)
+        for first in range(5000, 35_000, 3123):
+            keep[first:first + 777] = False
+        yield ImuBlock(block.header_ns[keep], block.receive_ns[keep], block.samples[keep],
+                       block.absent[keep], block.frame_id)
+
+
+def test_a_constant_axis_is_named_and_no_line_is_longer_than_a_page(
+        tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_recording(tmp_path / 'bag', constant_and_faulty(model))
+    assert main(['info', str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert '  constant    gyro y: every sample is the same\n' in shown
+    assert '7.77 s at 50 s, 7.77 s at 81 s' in shown
+    assert max(map(len, shown.splitlines()[1:])) <= 100
+    assert ' and 5 more\n' in shown

@@ -135,3 +135,19 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path: Pat
         assert process.stderr.read() == b''
     assert process.returncode == 130
     assert [path.name for path in tmp_path.iterdir()] == ['model.yaml']
+
+
+@pytest.mark.parametrize(('words', 'meant'), [
+    (['analyse', 'bag'], 'did you mean analyze?'),
+    (['analyze', 'bag', '--al-topics'], 'did you mean --all-topics?'),
+    (['export', 'r.json', '--for', 'kalbr'], 'did you mean kalibr?'),
+    (['analyze', 'bag', '--duration', '5x'], "'5x' is not a length of time: write seconds (90), "
+                                            'or a number with s, min, h or d (10min)'),
+])
+def test_a_misspelt_word_is_told_with_the_right_one(words, meant, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+    complaint = capsys.readouterr().err
+    assert complaint.endswith(f'{meant}\n')
+    assert words[0] == 'analyse' or complaint.startswith(f'usage: imu_allan {words[0]} ')

@@ -278,3 +278,48 @@ def test_analyze_leaves_result_curve_plot_and_report(recording, tmp_path, capsys
     assert {path.name for path in (tmp_path / 'out').iterdir()} == {
         'result.json', 'curve.csv', 'allan_deviation.png', 'report.html'}
     assert 'deg/sqrt(h)' in capsys.readouterr().out
+
+
+@pytest.fixture
+def folder(result_file, tmp_path):
+    """Make what analyze --output leaves, as far as it matters."""
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / 'result.json').write_bytes(result_file.read_bytes())
+    return tmp_path / 'out'
+
+
+@pytest.mark.parametrize('verb', [['export', '--for', 'kalibr'], ['tune'], ['report']])
+def test_a_folder_of_a_result_is_taken_for_the_result(verb, folder, tmp_path, capsys):
+    more = ['--output', str(tmp_path / 'pages'), '--format', 'png'] if verb == ['report'] else []
+    assert main([*verb, str(folder), *more]) == 0
+    (tmp_path / 'several' / 'one').mkdir(parents=True)
+    (folder / 'result.json').rename(tmp_path / 'several' / 'one' / 'result.json')
+    for given, told in ((folder, 'a folder without result.json'),
+                        (tmp_path / 'several', 'several/one')):
+        capsys.readouterr()
+        assert main([*verb, str(given)]) == 1
+        complaint = capsys.readouterr().err
+        assert told in complaint
+        assert complaint.count('\n') == 1
+
+
+@pytest.mark.parametrize('verb', ['analyze', 'info'])
+def test_a_result_is_no_recording_and_what_to_do_with_it_is_told(verb, folder, capsys):
+    for given in (folder, folder / 'result.json'):
+        assert main([verb, str(given)]) == 1
+        assert capsys.readouterr().err == (
+            f'imu_allan: {given}: a result of imu_allan analyze, not a recording; go on with '
+            f'imu_allan report, tune, export or check {folder / "result.json"}\n')
+
+
+def test_a_specification_may_be_one_that_is_shipped(result_file, capsys):
+    assert main(['check', str(result_file), '--spec', 'consumer_mems']) in (0, 3)
+    assert 'gyro_x' in capsys.readouterr().out
+
+
+def test_a_printed_result_is_a_line_for_each_axis(result_file):
+    lines = str(imu_allan.load_result(result_file)).splitlines()
+    assert '30,000 samples at 100 Hz, 300 s' in lines[0]
+    assert [line.partition(':')[0] for line in lines[1:]] == list(AXES)
+    assert re.search(r'N 8\.\d+e-05 \[\S+, \S+\] rad/s/sqrt\(Hz\)', lines[1])
+    assert max(map(len, lines)) < 300

@@ -74,6 +74,8 @@ def test_shortest_records_are_drawn(length):
 @pytest.mark.parametrize(('model', 'samples', 'rate', 'match'), [
     ({'arw': 1.0}, 10, 100.0,
      "unknown noise term 'arw'; known: quantization_noise, noise_density"),
+    ({'noise_density': -1e-3}, 10, 100.0, 'noise_density must be zero or more, not -0.001'),
+    ({'rate_random_walk': np.nan}, 10, 100.0, 'rate_random_walk must be zero or more, not nan'),
     ({}, 0, 100.0, 'samples'), ({}, 10, 0.0, 'sample_rate_hz')])
 def test_impossible_requests_are_refused(model, samples, rate, match):
     with pytest.raises(ValueError, match=match):

@@ -83,8 +83,10 @@ def test_the_report_shows_the_answer_before_it_explains_it(filtered):
 
 
 def test_a_forecast_longer_than_the_recording_says_so(filtered):
-    short = replace(filtered, timeline=replace(filtered.timeline, duration_s=30.0))
-    sentence = "the recording is shorter, so this is the model's word alone."
+    short = replace(filtered, axes={
+        name: replace(axis, drift_model=replace(axis.drift_model, to_s=30.0))
+        for name, axis in filtered.axes.items()})
+    sentence = "this is beyond what the recording knows, so it is the model's word alone."
     assert Outline(report_html(short)).text.count(sentence) == 2
     assert sentence not in Outline(report_html(filtered)).text
 

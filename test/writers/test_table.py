@@ -4,10 +4,12 @@ from dataclasses import replace
 import io
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 
 from imu_allan.result import Curve, Remark, Source
+from imu_allan.writers.grouped_remarks import told_once
 from imu_allan.writers.table import print_result
 import pytest
 from rich.console import Console
@@ -70,9 +72,12 @@ def test_the_answer_says_what_to_give_a_filter_and_how_far_off_the_sensor_is_alo
 
 
 def test_a_forecast_longer_than_the_recording_says_so(filtered):
-    short = replace(filtered, timeline=replace(filtered.timeline, duration_s=30.0))
-    assert '  alone 60 s    off by 0.53 deg, beyond what was recorded' in printed(short)
-    assert 'beyond what was recorded' not in printed(filtered)
+    short = replace(filtered, axes={
+        name: replace(axis, drift_model=replace(axis.drift_model, to_s=30.0))
+        for name, axis in filtered.axes.items()})
+    assert re.search(r'  alone 60 s    off by [\d.]+ deg, beyond what this recording knows\n',
+                     printed(short))
+    assert 'beyond what this recording knows' not in printed(filtered)
 
 
 def test_a_constant_sensor_says_so_and_has_no_empty_rows(make_axis, make_result):
@@ -107,6 +112,20 @@ def test_remarks_of_one_kind_are_one_sentence(result):
         'tones: gyro z 23.4 Hz (41.3 deg/h) and 1 weaker: vibration, mains or an idle tone of a '
         'converter, not noise; left out of the fit']
     assert '1,200 missing, 2 gaps (6 s), 2 stretches of motion (5 min 45 s)' in text
+
+
+@pytest.mark.parametrize(('times', 'said'), [
+    (('32 min 4 s', '81 min 58 s', '44 min'), '32 min 4 s to 81 min 58 s'),
+    (('119 s', '2 h 5 min', '5 min'), '119 s to 2 h 5 min'),
+    (('12 s', '9.5 s', '12 s'), '9.5 to 12 s'),
+    (('40 ms', '1.2 s', '50 ms'), '40 ms to 1.2 s'),
+    (('3 min 4 s', '3 min 4 s', '3 min 4 s'), '3 min 4 s'),
+])
+def test_lengths_of_time_are_numbers_with_their_units(times, said):
+    found = [(f'gyro_{axis}', f'settles at 0.2 m/s^2 within {time}, then rests')
+             for axis, time in zip('xyz', times, strict=True)]
+    assert told_once(found) == (
+        f'gyro x, y and z: settles at 0.2 m/s^2 within {said}, then rests',)
 
 
 def test_text_from_a_recording_is_neither_markup_nor_control_sequence(result):

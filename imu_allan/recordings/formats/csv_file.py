@@ -21,10 +21,11 @@ from imu_allan.recordings.formats.csv_header import (
 )
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic
+from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
-TOPIC = 'csv'
+TOPIC = NO_TOPIC
 """The name that stands for a topic."""
 
 _PIECE = 1 << 20

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import json
 
 from imu_allan.errors import printable
+from imu_allan.wording import NO_TOPIC
 from imu_allan.writers.filters.chosen_numbers import Key, Number, Numbers, Sensor
 
 Scale = Callable[[float], float]
@@ -149,7 +150,7 @@ def _letter(key: Key, scaling: str) -> str:
 def topic_of(numbers: Numbers) -> str | None:
     """Return the topic, quoted, or None."""
     topic = numbers.result.source.topic
-    return quoted(topic) if topic else None
+    return quoted(topic) if topic and topic != NO_TOPIC else None
 
 
 def indented(lines: Sequence[str], by: int) -> list[str]:
