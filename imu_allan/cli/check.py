@@ -76,7 +76,9 @@ def run(args: argparse.Namespace) -> int:
 
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
-    specification = load_model(find_model(args.spec))
+    # A pipe is no regular file, which is all that a model is looked for among.
+    given = Path(args.spec)
+    specification = load_model(given if given.exists() else find_model(args.spec))
     sources = [str(path) for path in recordings_in(args.source)]
     if len(sources) > 1 and any((args.json, args.junit, args.certificate, args.serial)):
         args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
