@@ -197,6 +197,13 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     from imu_allan.writers.result_file import save_result
     from imu_allan.writers.table import print_result
 
+    # Where it cannot be written, the work shall not have been for nothing.
+    unsaved: ImuAllanError | None = None
+    if args.json is not None:
+        try:
+            save_result(result, args.json)
+        except ImuAllanError as error:
+            unsaved = error
     configurations = [] if task.folder is not None else [
         export(result, consumer).text for consumer in args.consumers]
     table = sys.stderr if configurations else sys.stdout
@@ -209,6 +216,5 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     table.flush()
     print('\n'.join(configurations), end='')
     sys.stdout.flush()
-    # Last: where it cannot be written, the work shall not have been for nothing.
-    if args.json is not None:
-        save_result(result, args.json)
+    if unsaved is not None:
+        raise unsaved
