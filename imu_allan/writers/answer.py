@@ -132,7 +132,7 @@ def answers(result: Result) -> list[Answer]:
 
 def _beyond_what_is_known(axes: Mapping[str, AxisResult]) -> bool:
     return any(axis.drift_model.to_s * (1 + 1e-6) < COAST_S for axis in axes.values()
-               if axis.drift_model is not None and not is_constant(axis))
+               if axis.drift_model is not None and not axis.constant)
 
 
 def word_of(axis: AxisResult) -> str:
