@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
 from heapq import merge
 from itertools import count as naturals
@@ -21,7 +22,7 @@ from imu_allan.recordings.same_recording import Fingerprint
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
-from imu_allan.timeline import TimelineOptions, TimelineStage
+from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
 from imu_allan.tuning.means import Means
 from imu_allan.wording import duration
 import numpy as np
@@ -328,7 +329,8 @@ def second_means(path: str | Path, topic: str | None = None, *,
             stage = TimelineStage(_at_own_rate(stream, streams, options, reading))
             found.append(Means())
             for block in blocks:
-                found[-1].take(stage.push(block), stage.interval_ns)
+                with suppress(NoAxes):
+                    found[-1].take(stage.push(block), stage.interval_ns)
             found[-1].take(stage.flush(), stage.interval_ns)
     return found
 

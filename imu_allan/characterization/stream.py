@@ -27,7 +27,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Backtest, Remark, Result, Signal, Source
-from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
+from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
 import numpy as np
@@ -183,6 +183,9 @@ class Characterization:
         for block in blocks:
             try:
                 self.update(block)
+            except NoAxes:
+                # A driver may take a while to come to life; `result` tells if it never did.
+                continue
             except ImuAllanError as error:
                 raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error
 
@@ -270,7 +273,12 @@ class Characterization:
 
         """
         twin = self.snapshot()
-        twin.finish()
+        try:
+            twin.finish()
+        except NoAxes as error:
+            if self._kind == 'topic':
+                raise
+            raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error
         summary = twin.summary()
         if summary.mostly_motion and self._kind == 'recording':
             raise ImuAllanError(

@@ -144,7 +144,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.recordings import read_blocks
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.sensor.acceleration_unit import AccelerationUnit
-    from imu_allan.timeline import TimelineOptions, TimelineStage
+    from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
@@ -165,6 +165,9 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             if not failure:
                 try:
                     stage.push(block)
+                except NoAxes:
+                    # What comes later may have values; else the end tells.
+                    continue
                 except ImuAllanError as error:
                     failure = str(error)
         if not failure:

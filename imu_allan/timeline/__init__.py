@@ -7,8 +7,9 @@ From messages as they came to samples on an even grid.
 the clock, measures the rate, finds missing, doubled and misplaced samples, and leaves out motion.
 """
 
+from imu_allan.timeline.intake import NoAxes
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.stage import TimelineStage
 from imu_allan.timeline.summary import TimelineSummary
 
-__all__ = ['TimelineOptions', 'TimelineStage', 'TimelineSummary']
+__all__ = ['NoAxes', 'TimelineOptions', 'TimelineStage', 'TimelineSummary']

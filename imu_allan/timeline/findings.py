@@ -185,8 +185,8 @@ def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
     remarks = {}
     if content.frozen and content.frozen <= content.head:
         remarks['late_start'] = (
-            f'the first {content.head} messages hold one value: the sensor had not come to life '
-            'yet, they are left out')
+            f'the first {content.head} messages hold one value or none: the sensor had not come '
+            'to life yet, they are left out')
     elif content.frozen:
         since = '' if content.frozen_s is None else f', first at {content.frozen_s:.6g} s'
         remarks['frozen'] = (
@@ -209,12 +209,16 @@ def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
 
 
 def _clock_remarks(counts: Counts, decision: Decision) -> dict[str, str]:
-    """Compare the speeds of both clocks, where neither jumped."""
-    if (decision.clock != 'header' or counts.clock_jumps or counts.last_header is None
+    """Compare the speeds of both clocks; a jump of either is no speed."""
+    if (decision.clock != 'header' or counts.last_header is None
             or counts.last_receive is None or counts.messages < _FEWEST_FOR_SPEED):
         return {}
     header = (counts.last_header - counts.first_header_ns) / SECOND
     receive = (counts.last_receive - counts.first_receive_ns) / SECOND
+    if counts.clock_jumps:
+        # What the samples take by the header's rate. Where that is less, samples may be missing.
+        header = counts.samples * counts.paced_ns / SECOND / max(counts.paced_steps, 1)
+        header = max(header, receive)
     if not (receive > 0 and header > 0) or (
             abs(log(header / receive)) < max(_OTHER_SPEED, _LONGEST_LAG_S / receive)):
         return {}

@@ -68,6 +68,11 @@ _FEWEST_FOR_RATE = 64
 """Stamps from which a rate is known well enough to contradict the stated one."""
 
 
+class NoAxes(ImuAllanError):
+    """None of the first messages has a value; those that come later may."""
+
+
+
 class Intake:
     """
     Decides what the messages are, and gives the usable ones.
@@ -252,7 +257,9 @@ class Intake:
         if not present.any() and self.presence.copy().look(
                 ~np.isfinite(samples) | np.repeat(window.absent, 3, axis=1),
                 window.consumed)[:window.consumed].all():
-            raise ImuAllanError(
+            self._counts.messages += window.consumed
+            self._counts.rejected += window.consumed
+            raise NoAxes(
                 'the messages carry neither angular velocity nor linear acceleration '
                 '(covariance[0] is -1 or every value is NaN): choose another topic')
         decision.present = present.tolist()

@@ -10,6 +10,7 @@ oracle then asks whether a number is wrong and nothing says so.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import sqrt
 import re
@@ -18,7 +19,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization.stream import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
-from imu_allan.timeline import TimelineOptions
+from imu_allan.timeline import NoAxes, TimelineOptions
 import numpy as np
 from numpy.typing import NDArray
 
@@ -492,7 +493,9 @@ def characterized(messages: Messages, rng: Generator | None = None, **options: o
                            options=TimelineOptions(**options))  # type: ignore[arg-type]
     block = messages.block()
     for part in [block] if rng is None else pieces(block, rng):
-        run.update(part)
+        # As node and recordings do: a driver may take a while to come to life.
+        with suppress(NoAxes):
+            run.update(part)
         if rng is not None and rng.random() < 0.05:
             run = Characterization.from_state(run.to_state())
     run.finish()

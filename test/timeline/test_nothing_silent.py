@@ -97,8 +97,8 @@ def test_a_frozen_sensor_is_left_out_and_told(share, where):
     if where == 'start':
         assert result.timeline.rejected == pytest.approx(lasts, abs=1)
         assert told(result, 'late_start') == (
-            f'the first {lasts} messages hold one value: the sensor had not come to life yet, '
-            'they are left out')
+            f'the first {lasts} messages hold one value or none: the sensor had not come to life '
+            'yet, they are left out')
     else:
         assert told(result, 'frozen') == (
             f'{result.timeline.rejected} messages repeat one value again and again, first at '
@@ -244,6 +244,35 @@ def test_clocks_of_different_speed_are_told(speed):
     result = characterized(messages)
     assert told(result, 'clock_speed').startswith(
         f'header stamps run {messages.header[-1] / receive:.3g} times as fast as receive stamps')
+
+
+def test_a_fast_clock_is_told_beside_outages_that_jump():
+    messages, _, _ = rest()
+    n = len(messages.place)
+    messages.header = messages.header * 10.0
+    messages.header[n // 2:] -= 5 * messages.header[-1] / n * 1000
+    result = characterized(messages)
+    assert codes(result) >= {'clock_jumps', 'clock_speed'}
+    assert told(result, 'clock_speed').startswith(
+        'header stamps run 10 times as fast as receive stamps')
+
+
+def test_a_clock_that_jumped_has_no_other_speed():
+    messages, _, _ = rest()
+    messages.header[len(messages.place) // 2:] += 3600.0
+    result = characterized(messages)
+    assert 'clock_jumps' in codes(result)
+    assert 'clock_speed' not in codes(result)
+
+
+@pytest.mark.parametrize('share', [0.2, 0.7])
+def test_a_recording_whose_driver_comes_to_life_late_is_used_from_there(share):
+    messages, truth, _ = rest()
+    dead = int(share * len(messages.place))
+    messages.samples[:dead] = np.nan
+    result = characterized(messages)
+    assert_right(result, truth)
+    assert result.timeline.rejected == pytest.approx(dead, abs=32)
 
 
 def numbers(result: Result, axes: str) -> list[float | None]:
