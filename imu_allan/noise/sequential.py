@@ -9,7 +9,8 @@ limit L against L / m, the other L against L m, m being a margin. The record has
 under L m. At the limit itself the first happens with a probability of at most beta and the second
 of at most alpha, however often one looks (Ville's inequality), and away from it in the wrong
 direction less often still. Once both tests speak for L, the coefficient lies too near to the limit
-for either word within the margin, and waiting longer would not help soon.
+for either word within the margin, and waiting longer would not help soon. A limit that is exceeded
+by octaves is also held against the octave below the estimate.
 
 The other coefficients are fitted anew under each value, so that the bounds hold as nearly as those
 of a profile likelihood do; the Monte Carlo in docs/statistics.md says how nearly.
@@ -21,7 +22,7 @@ decisions.
 
 """
 
-from math import log
+from math import floor, log, log2, sqrt
 from typing import Literal
 
 from imu_allan.noise.intervals import log_ratio
@@ -29,6 +30,8 @@ from imu_allan.noise.trial import Trial
 
 Decision = Literal['below', 'above', 'near', 'open']
 
+_FAR = 0.1
+"""Share of the error that goes to limits exceeded by octaves: plain cases, which need little."""
 SMALLEST_RECORD = 1024
 """Samples before the first look: of fewer the slow terms are not told from the white noise."""
 
@@ -80,7 +83,21 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     if below >= -log(pass_error):
         return 'below'
     above = log_ratio(trial, column, limit * (1 + margin), limit)
-    if above >= -log(fail_error):
+    if above >= -log(fail_error * (1 - _FAR)) or _is_far(trial, column, limit, fail_error):
         return 'above'
     near = below <= log(pass_error) and above <= log(fail_error)
     return 'near' if near else 'open'
+
+
+def _is_far(trial: Trial, column: int, limit: float, fail_error: float) -> bool:
+    """
+    Hold the limit against the power of two times it that is nearest below the estimate.
+
+    Far above the limit neither it nor a value within the margin describes the record, because the
+    other coefficients stand in for what is missing. Each octave has its share of the error.
+    """
+    octave = floor(log2(max(sqrt(trial.solution.theta[column]) / limit, 1.0)))
+    if octave == 0:
+        return False
+    share = _FAR / 2**octave
+    return log_ratio(trial, column, limit * 2**octave, limit) >= -log(fail_error * share)

@@ -25,7 +25,8 @@ def decided(seed, limit, most=20_000, margin=0.1):
     return decision, done
 
 
-@pytest.mark.parametrize(('share', 'decision'), [(0.7, 'below'), (1.4, 'above')])
+@pytest.mark.parametrize(('share', 'decision'), [
+    (0.01, 'below'), (0.7, 'below'), (1.4, 'above'), (5.0, 'above'), (1000.0, 'above')])
 def test_what_is_clear_is_decided_at_the_first_look(share, decision):
     assert decided(1, DENSITY / share) == (decision, SMALLEST_RECORD)
 

@@ -103,8 +103,13 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     if recorded < shortest_s:
         found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
         return Standing(overall(found) == 'fail', tuple(found), recorded)
-    certain = overall(found) == 'fail' or all(done for _, done in settled)
-    return Standing(certain, tuple(found), recorded)
+    if overall(found) == 'fail':
+        # One limit decides; the others may lie as far beyond theirs and need more data to say so.
+        return Standing(True, tuple(verdict if done else _open(verdict, 'left open, as the unit '
+                                                              'fails already')
+                                    for verdict, (_, done) in zip(found, settled, strict=True)),
+                        recorded)
+    return Standing(all(done for _, done in settled), tuple(found), recorded)
 
 
 def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float, limited: int,
@@ -141,12 +146,11 @@ def _worded(verdict: Verdict, decision: Decision, margin: float, recorded_s: flo
     return _open(verdict)
 
 
-def _open(verdict: Verdict) -> Verdict:
+def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longer') -> Verdict:
     if verdict.verdict == 'fail' and verdict.value is None:
         return verdict
     return replace(verdict, verdict='cannot tell',
-                   reason=f'{verdict.axis} {verdict.symbol}: nothing is certain yet; '
-                          'record for longer')
+                   reason=f'{verdict.axis} {verdict.symbol}: {why}')
 
 
 def next_look(samples: int) -> int:
