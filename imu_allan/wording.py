@@ -131,16 +131,16 @@ def duration(seconds: float) -> str:
 
     Examples
     --------
-    >>> [duration(seconds) for seconds in (0.04, 9.34, 87.1, 345, 10_000, 259_200)]
-    ['40 ms', '9.34 s', '87 s', '5 min 45 s', '2 h 47 min', '3 days']
+    >>> [duration(seconds) for seconds in (0.04, 9.34, 87.1, 119.99, 345, 10_000, 259_200)]
+    ['40 ms', '9.34 s', '87 s', '2 min', '5 min 45 s', '2 h 47 min', '3 days']
 
     """
     if seconds >= 172_800:
         return f'{seconds / 86_400:.3g} days'
-    if seconds >= 7200:
+    if round(seconds) >= 7200:
         hours, minutes = divmod(round(seconds / 60), 60)
         return f'{hours} h {minutes} min' if minutes else f'{hours} h'
-    if seconds >= 120:
+    if round(seconds) >= 120:
         minutes, rest = divmod(round(seconds), 60)
         return f'{minutes} min {rest} s' if rest else f'{minutes} min'
     if seconds >= 60:

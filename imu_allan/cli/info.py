@@ -197,10 +197,10 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
 
 
 def _wrapped(name: str, text: str) -> list[str]:
-    """Break what is said of a name into lines of the terminal, or of a page."""
-    from imu_allan.writers.table import PIPE_WIDTH
-
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    """Break what is said of a name into lines of the terminal; a pipe gets it whole, for grep."""
+    if not sys.stdout.isatty():
+        return [f'{name}{printable(text)}'.rstrip()]
+    width = shutil.get_terminal_size().columns
     return textwrap.wrap(printable(text), max(width, 2 * _INDENT), initial_indent=name,
                          subsequent_indent=' ' * _INDENT, break_long_words=False,
                          break_on_hyphens=False) or [name.rstrip()]

@@ -75,7 +75,9 @@ def require_writable(folder: str | os.PathLike[str]) -> None:
         while not os.path.lexists(nearest):
             nearest = nearest.parent
         reason = ('is not a folder' if not nearest.is_dir() else
-                  '' if os.access(nearest, os.W_OK | os.X_OK) else 'may not be written to')
+                  '' if os.access(nearest, os.W_OK | os.X_OK) else
+                  f'lies on a {os.strerror(errno.EROFS)}'
+                  if os.statvfs(nearest).f_flag & os.ST_RDONLY else 'may not be written to')
     except (OSError, ValueError) as error:
         reason = f'cannot be looked at ({error})'
     if reason:

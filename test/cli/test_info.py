@@ -139,9 +139,12 @@ def constant_and_faulty(model: NoiseModel) -> Iterator[ImuBlock]:
                        block.absent[keep], block.frame_id)
 
 
-def test_a_constant_axis_is_named_and_no_line_is_longer_than_a_page(
-        tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_constant_axis_is_named_and_no_line_is_longer_than_the_terminal(
+        tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_recording(tmp_path / 'bag', constant_and_faulty(model))
+    monkeypatch.setattr('sys.stdout.isatty', lambda: True)
+    monkeypatch.setenv('COLUMNS', '100')
     assert main(['info', str(path)]) == 0
     shown = capsys.readouterr().out
     assert '  constant    gyro y: every sample is the same\n' in shown
