@@ -1,6 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recording in, a result out; or several recordings of one IMU in, one result out."""
+"""
+A recording in, a result out, in one module because every way of reading one begins alike.
+
+Several recordings of one IMU give one result.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
+from imu_allan.recordings.part import between
 from imu_allan.recordings.same_recording import Fingerprint
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
@@ -25,16 +30,12 @@ from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
 from imu_allan.tuning.means import Means
 from imu_allan.wording import duration
-import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
 
 _WHOLE_PART = 0.99
 """Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
-_LATEST_NS = 2**63 - 1
-"""The latest stamp that 64 bits of nanoseconds hold."""
 
 Taken = tuple['Stream', 'Characterization', list[Remark]]
 
@@ -271,7 +272,7 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
             characterization, start = begun[number][0], 0
             while start < len(block):
                 stop = min(len(block), start + look - taken) if number == 0 else len(block)
-                characterization.take([_part(block, slice(start, stop))])
+                characterization.take([block.part(slice(start, stop))])
                 taken, start = taken + (stop - start if number == 0 else 0), stop
                 if taken == look:
                     if not warmed:
@@ -390,11 +391,6 @@ def _in_si_units(recording: Recording, stream: Stream, progress: Callable[[int],
     return blocks, unit
 
 
-def _part(block: ImuBlock, part: slice | NDArray[np.bool_]) -> ImuBlock:
-    return ImuBlock(block.header_ns[part], block.receive_ns[part], block.samples[part],
-                    block.absent[part], block.frame_id)
-
-
 def _shared(progress: Callable[[int], None] | None, number: int, parts: int, size: int
             ) -> Callable[[int], None] | None:
     """Let one of several readings of a recording tell its share."""
@@ -411,52 +407,3 @@ def _as_one(streams: Sequence[Stream], results: Sequence[Result]) -> Result:
     return united([HalfResult(stream.half, stream.topic, result)
                    for stream, result in zip(streams, results, strict=True)
                    if stream.half is not None])
-
-
-def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
-            ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
-    """
-    Cut a part out of a recording by receive time.
-
-    Parameters
-    ----------
-    blocks : iterable of ImuBlock
-        In the order of the recording.
-    start_s : float
-        Seconds after the first message.
-    duration_s : float or None
-        Seconds from there; None for all the rest.
-    ended : callable, optional
-        Called where the recording ends before the part does, with the seconds from its first
-        message and from the beginning of the part.
-
-    Yields
-    ------
-    ImuBlock
-
-    """
-    begin: int | None = None
-    first = last = 0
-    for block in blocks:
-        if not len(block):
-            continue
-        if begin is None:
-            first = int(block.receive_ns[0])
-            begin = _later(first, start_s)
-        last = int(block.receive_ns[-1])
-        keep = block.receive_ns >= begin
-        if duration_s is not None:
-            keep &= block.receive_ns < _later(begin, duration_s)
-            if not keep.any() and np.all(block.receive_ns >= _later(begin, duration_s)):
-                return
-        if keep.all():
-            yield block
-        elif keep.any():
-            yield _part(block, keep)
-    if begin is not None and ended is not None:
-        ended((last - first) / 1e9, (last - begin) / 1e9)
-
-
-def _later(stamp_ns: int, seconds: float) -> int:
-    """Add seconds to a stamp; what no stamp can hold is the latest that there is."""
-    return min(stamp_ns + round(min(seconds, _LATEST_NS * 1e-9) * 1e9), _LATEST_NS)

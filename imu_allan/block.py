@@ -47,6 +47,11 @@ class ImuBlock:
         """Messages in the block."""
         return len(self.samples)
 
+    def part(self, rows: slice | NDArray[np.bool_]) -> ImuBlock:
+        """Give some of the messages; of a slice nothing is copied."""
+        return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
+                        self.absent[rows], self.frame_id)
+
     def only(self, half: Literal['gyro', 'accel']) -> ImuBlock:
         """Return the block with the other sensor declared as not provided."""
         absent = self.absent.copy()

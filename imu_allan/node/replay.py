@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 from imu_allan.block import ImuBlock
 import numpy as np
-from numpy.typing import NDArray
 
 _MARKS = 8
 """Samples that are remembered from the start: the first of a repetition may get lost."""
@@ -39,7 +38,7 @@ class LoopWatch:
             if self.looping or self._begins_again(block):
                 new = block.header_ns > self._last_ns
                 self.looping = not new.any()
-                block = _rows(block, new)
+                block = block.part(new)
             if len(block):
                 self._last_ns = max(self._last_ns, int(block.header_ns.max()))
                 passed.append(block)
@@ -57,8 +56,3 @@ class LoopWatch:
             if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
                 return True
         return False
-
-
-def _rows(block: ImuBlock, which: 'NDArray[np.bool_]') -> ImuBlock:
-    return ImuBlock(block.header_ns[which], block.receive_ns[which], block.samples[which],
-                    block.absent[which], block.frame_id)

@@ -89,8 +89,7 @@ class Stream:
             new = (half != np.concatenate([before, half[:-1]])).any(axis=1)
             last = half[-1:].copy()
             if new.any():
-                yield ImuBlock(block.header_ns[new], block.receive_ns[new], block.samples[new],
-                               block.absent[new], block.frame_id)
+                yield block.part(new)
 
 
 def choose_streams(recording: Recording, topic: str | None = None) -> list[Stream]:

@@ -157,9 +157,7 @@ def _parts(blocks: Iterable[ImuBlock], size: int) -> Iterator[ImuBlock]:
     """Cut blocks to at most `size` messages."""
     for block in blocks:
         for start in range(0, len(block), size):
-            part = slice(start, start + size)
-            yield ImuBlock(block.header_ns[part], block.receive_ns[part], block.samples[part],
-                           block.absent[part], block.frame_id)
+            yield block.part(slice(start, start + size))
 
 
 def _write_sqlite(

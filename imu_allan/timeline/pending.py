@@ -93,9 +93,7 @@ class Pending:
         blocks = self._blocks[:whole]
         if have < n:
             # The last block may be far larger than what is still needed of it.
-            block, left = self._blocks[whole], slice(n - have)
-            blocks.append(ImuBlock(block.header_ns[left], block.receive_ns[left],
-                                   block.samples[left], block.absent[left], block.frame_id))
+            blocks.append(self._blocks[whole].part(slice(n - have)))
         if len(blocks) == 1:
             block = blocks[0]
             return Window(block.header_ns, block.receive_ns, block.samples, block.absent, n)
@@ -116,10 +114,7 @@ class Pending:
             whole += 1
         del self._blocks[:whole], self._lengths[:whole]
         if left:
-            block = self._blocks[0]
-            self._blocks[0] = ImuBlock(block.header_ns[left:], block.receive_ns[left:],
-                                       block.samples[left:], block.absent[left:],
-                                       block.frame_id)
+            self._blocks[0] = self._blocks[0].part(slice(left, None))
             self._lengths[0] -= left
         self._messages -= consumed
         return Window(window.header, window.receive, window.samples, window.absent, consumed)

@@ -8,11 +8,11 @@ import re
 import subprocess
 import sys
 
-from imu_allan.analysis import between
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
+from imu_allan.recordings.part import between
 import numpy as np
 import pytest
 

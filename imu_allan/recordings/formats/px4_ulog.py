@@ -77,10 +77,8 @@ class UlogRecording(FileRecording):
             if found == imu.topic:
                 block = table_block(table, fields, factors)
                 for start in range(0, len(block), _BLOCK):
-                    part = slice(start, start + _BLOCK)
-                    yield ImuBlock(
-                        block.header_ns[part], block.receive_ns[part], block.samples[part],
-                        block.absent[part], ''), self.size_bytes * start // len(block)
+                    yield (block.part(slice(start, start + _BLOCK)),
+                           self.size_bytes * start // len(block))
 
     def _tables(self, names: list[str]) -> Iterator[tuple[str, str, Table]]:
         """Load topics: name, type and columns of each that has messages."""

@@ -1,0 +1,60 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A part of a recording: what lies between two times."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from imu_allan.block import ImuBlock
+import numpy as np
+
+_LATEST_NS = 2**63 - 1
+"""The latest stamp that 64 bits of nanoseconds hold."""
+
+
+def between(blocks: Iterable[ImuBlock], start_s: float, duration_s: float | None,
+            ended: Callable[[float, float], None] | None = None) -> Iterator[ImuBlock]:
+    """
+    Cut a part out of a recording by receive time.
+
+    Parameters
+    ----------
+    blocks : iterable of ImuBlock
+        In the order of the recording.
+    start_s : float
+        Seconds after the first message.
+    duration_s : float or None
+        Seconds from there; None for all the rest.
+    ended : callable, optional
+        Called where the recording ends before the part does, with the seconds from its first
+        message and from the beginning of the part.
+
+    Yields
+    ------
+    ImuBlock
+
+    """
+    begin: int | None = None
+    first = last = 0
+    for block in blocks:
+        if not len(block):
+            continue
+        if begin is None:
+            first = int(block.receive_ns[0])
+            begin = _later(first, start_s)
+        last = int(block.receive_ns[-1])
+        keep = block.receive_ns >= begin
+        if duration_s is not None:
+            keep &= block.receive_ns < _later(begin, duration_s)
+            if not keep.any() and np.all(block.receive_ns >= _later(begin, duration_s)):
+                return
+        if keep.all():
+            yield block
+        elif keep.any():
+            yield block.part(keep)
+    if begin is not None and ended is not None:
+        ended((last - first) / 1e9, (last - begin) / 1e9)
+
+
+def _later(stamp_ns: int, seconds: float) -> int:
+    """Add seconds to a stamp; what no stamp can hold is the latest that there is."""
+    return min(stamp_ns + round(min(seconds, _LATEST_NS * 1e-9) * 1e9), _LATEST_NS)
