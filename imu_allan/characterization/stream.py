@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The path of every sample: messages, timeline, estimator, fit, result.
+The path of every sample, in one class: messages, timeline, estimator, fit, result.
 
 The node and the recording tool both push their blocks through one `Characterization`; they differ
 in where blocks come from and where results go, and in nothing else.
@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 import json
-from typing import Any, Literal
+from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results
@@ -21,7 +21,8 @@ from imu_allan.characterization.findings import (
     MEAN_MOVES,
     thermometer_remarks,
 )
-from imu_allan.characterization.thermometer import Temperature, Thermometer
+from imu_allan.characterization.group import Group
+from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.temperature import TemperatureCourse
@@ -62,48 +63,6 @@ class Record:
     temperature: TemperatureCourse | None = None
 
 
-@dataclass
-class _Group:
-    """
-    Axes that have always been there together.
-
-    Attributes
-    ----------
-    columns : ndarray of int64
-        Their numbers among the six.
-    estimator : Estimator
-    thermometer : Thermometer
-        With the places of the samples of these axes.
-    end : int
-        Place on the grid behind the newest sample.
-    new_run : bool
-        A run has begun since.
-
-    """
-
-    columns: NDArray[np.int64]
-    estimator: Estimator
-    thermometer: Thermometer
-    end: int = 0
-    new_run: bool = False
-
-    @property
-    def names(self) -> list[str]:
-        return [list(AXES)[column] for column in self.columns]
-
-    def copy(self) -> _Group:
-        return replace(self, estimator=self.estimator.copy(), thermometer=self.thermometer.copy())
-
-    def to_plain(self) -> dict[str, Any]:
-        return {'columns': self.columns.tolist(), 'next': self.end, 'new_run': self.new_run}
-
-    def part(self, some: NDArray[np.bool_]) -> _Group:
-        """Give some of the axes, which go on alone."""
-        return replace(self, columns=self.columns[some],
-                       estimator=self.estimator.taken(np.flatnonzero(some).tolist()),
-                       thermometer=self.thermometer.copy())
-
-
 class Characterization:
     """
     One IMU being characterized, in constant memory.
@@ -127,7 +86,7 @@ class Characterization:
         self._kind: Literal['recording', 'topic'] = kind
         self._path, self._topic = path, topic
         self._timeline = TimelineStage(options)
-        self._groups: list[_Group] = []
+        self._groups: list[Group] = []
         self._before = Thermometer()     # what was read before the first sample came
         self._epoch_ns: int | None = None
 
@@ -240,7 +199,7 @@ class Characterization:
             return None
         longest = max(twin._groups, key=lambda group: group.estimator.samples)
         finished = longest.estimator.finished()
-        heat = _temperature(longest, finished, rate)
+        heat = longest.temperature(finished, rate)
         return Record(summary, rate, longest.names, finished,
                       heat.course if heat is not None else None)
 
@@ -316,12 +275,12 @@ class Characterization:
         axes = {name: axes[name] for name in AXES if name in axes}
         return axes, remarks + length_remarks(axes, summary, unclear)
 
-    def _fitted(self, group: _Group, rate: float, remarks: list[Remark], unclear: set[str],
+    def _fitted(self, group: Group, rate: float, remarks: list[Remark], unclear: set[str],
                 tested: Mapping[str, Backtest | None] | None) -> dict[str, AxisResult]:
         """Fit a group; what is worth telling goes to `remarks`, and to `unclear` its names."""
         names, finished = group.names, group.estimator.finished()
         series = finished.periodogram
-        heat = _temperature(group, finished, rate)
+        heat = group.temperature(finished, rate)
         fitted = axis_results(finished, rate, [AXES[name] for name in names],
                               temperature=heat.course if heat is not None else None)
         if tested is None:
@@ -349,15 +308,15 @@ class Characterization:
                 # A jump of the clock begins a run, and what was held back belongs before it.
                 self._epoch_ns = self._timeline.epoch_ns
             for group in self._groups_of(block):
-                self._add(group, block)
+                group.add(block, self._epoch_ns, self._timeline.interval_ns)
 
-    def _groups_of(self, block: EvenBlock) -> list[_Group]:
+    def _groups_of(self, block: EvenBlock) -> list[Group]:
         """Give the groups whose axes a block has, which is all but always the only one."""
         there = np.isfinite(block.samples[0])
         columns = np.flatnonzero(there)
         if len(self._groups) == 1 and np.array_equal(columns, self._groups[0].columns):
             return self._groups
-        groups: list[_Group] = []
+        groups: list[Group] = []
         for group in self._groups:
             stays = there[group.columns]
             whole = stays.all() or not stays.any()
@@ -365,7 +324,7 @@ class Characterization:
         known = [column for group in groups for column in group.columns.tolist()]
         new = np.setdiff1d(columns, known)
         if len(new):
-            groups.append(_Group(new, Estimator(len(new)), self._readings()))
+            groups.append(Group(new, Estimator(len(new)), self._readings()))
         self._groups = groups
         for group in groups:
             group.new_run |= block.new_run
@@ -376,35 +335,6 @@ class Characterization:
         twin = (self._groups[0].thermometer if self._groups else self._before).copy()
         twin.forget_samples()
         return twin
-
-    def _add(self, group: _Group, block: EvenBlock) -> None:
-        """Add a block to a group whose axes it has."""
-        estimator, skipped = group.estimator, 0
-        if not estimator.samples:
-            # What was left out at the very beginning is time, too.
-            estimator.signal.skip(block.first_index)
-            skipped = block.first_index
-        elif block.new_run or group.new_run:
-            estimator.start_run()
-        elif block.first_index > group.end:
-            skipped = block.first_index - group.end
-            estimator.skip(skipped)
-        group.new_run = False
-        self._note_place(group, block, skipped)
-        samples = block.samples
-        if len(group.columns) < samples.shape[1]:
-            samples = samples[:, group.columns]
-        estimator.update(samples, block.bridged)
-        group.end = block.first_index + len(block)
-
-    def _note_place(self, group: _Group, block: EvenBlock, skipped: int) -> None:
-        """Tell the thermometer where the samples of a block lie on the clock."""
-        interval, epoch = self._timeline.interval_ns, self._epoch_ns
-        first = last = None
-        if epoch is not None and interval is not None:
-            first = epoch + round(block.start_s * 1e9)
-            last = first + round((len(block) - 1) * interval)
-        group.thermometer.place(*group.estimator.next_place, len(block), skipped, first, last)
 
     def to_state(self) -> dict[str, NDArray[np.generic]]:
         """
@@ -457,7 +387,7 @@ class Characterization:
                 groups = about.get('groups', [about] if part('estimator') else [])
                 for number, plain in enumerate(groups):
                     heat = part(f'thermometer{number or ""}')
-                    group = _Group(np.array(plain['columns'], dtype=np.int64).reshape(-1),
+                    group = Group(np.array(plain['columns'], dtype=np.int64).reshape(-1),
                                    Estimator.from_state(part(f'estimator{number or ""}')),
                                    Thermometer.from_state(heat) if heat else Thermometer(),
                                    int(plain['next']), bool(plain.get('new_run', False)))
@@ -472,9 +402,3 @@ class Characterization:
         except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise ImuAllanError(f'saved characterization is damaged: {error}') from error
         return self
-
-
-def _temperature(group: _Group, finished: Estimator, rate_hz: float) -> Temperature | None:
-    """Return the temperature over the samples of a group, where there is any."""
-    series = finished.periodogram
-    return group.thermometer.temperature(series.series, series.cell, 1 / rate_hz)
