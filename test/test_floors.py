@@ -4,7 +4,9 @@
 
 import ast
 from graphlib import TopologicalSorter
+from itertools import pairwise
 from pathlib import Path
+import re
 import sys
 
 import pytest
@@ -23,6 +25,8 @@ FLOORS = (
     ('imu_allan.analysis',),
     ('imu_allan.node', 'imu_allan.cli'),
 )
+LONG = 340
+"""Lines; a newcomer reads a module of three hundred in one go."""
 ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'diagnostic_msgs',
        'builtin_interfaces', 'rcl_interfaces', 'rosgraph_msgs', 'ament_index_python'}
 
@@ -84,6 +88,34 @@ def test_numerics_need_numpy_and_scipy_alone(module: str) -> None:
 def test_no_module_is_named_after_nothing() -> None:
     assert not {path.stem for path in PACKAGE.rglob('*.py')} & {
         'utils', 'util', 'helpers', 'helper', 'common', 'misc', 'tools'}
+
+
+@pytest.mark.parametrize('module', sorted(MODULES))
+def test_a_long_module_says_in_its_first_line_why(module: str) -> None:
+    text = MODULES[module].read_text()
+    if text.count('\n') > LONG:
+        first = (ast.get_docstring(ast.parse(text)) or '').partition('\n')[0]
+        assert re.search(r'in one (module|class)|more than 300 lines', first)
+
+
+@pytest.mark.parametrize('module', sorted(MODULES))
+def test_a_number_with_a_name_says_where_it_comes_from(module: str) -> None:
+    text = MODULES[module].read_text()
+    lines, body = text.splitlines(), ast.parse(text).body
+    for node, after in pairwise([*body, None]):
+        if not (isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+                and node.targets[0].id.isupper() and is_number(node.value)):
+            continue
+        explained = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        beside = '#' in lines[node.lineno - 1] or lines[node.lineno - 2].startswith('#')
+        assert explained or beside, lines[node.lineno - 1]
+
+
+def is_number(value: ast.expr) -> bool:
+    if isinstance(value, ast.BinOp):
+        return is_number(value.left) or is_number(value.right)
+    return isinstance(value, ast.UnaryOp) or (
+        isinstance(value, ast.Constant) and isinstance(value.value, (int, float)))
 
 
 def test_tests_mirror_the_package() -> None:

@@ -70,6 +70,7 @@ _HIDDEN_LAGS = np.array([32, 64, 96, 128])
 _LONGEST_OF_BATCHES = 20
 """Messages: a FIFO is read more often."""
 _MOST_HIDDEN = 0.9
+"""Share of the samples: of a stream that loses more than nine of ten a bound says nothing."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005

@@ -35,6 +35,7 @@ _LARGEST_BYTES = 200_000_000
 # Nothing that is measured comes near; squares and sums of what is smaller stay finite.
 _LARGEST = 1e60
 _MOST_NAMED = 5
+"""Results in a folder that a message lists: as many as a line holds."""
 _CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci95_low',
                   'ci95_high', 'edf', 'model_adev')
 
