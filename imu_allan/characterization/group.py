@@ -66,6 +66,7 @@ class Group:
         Parameters
         ----------
         block : EvenBlock
+            Of which other axes are left aside.
         epoch_ns : int or None
             Stamp of the clock in use at time zero of the block's `start_s`.
         interval_ns : float or None

@@ -388,9 +388,9 @@ class Characterization:
                 for number, plain in enumerate(groups):
                     heat = part(f'thermometer{number or ""}')
                     group = Group(np.array(plain['columns'], dtype=np.int64).reshape(-1),
-                                   Estimator.from_state(part(f'estimator{number or ""}')),
-                                   Thermometer.from_state(heat) if heat else Thermometer(),
-                                   int(plain['next']), bool(plain.get('new_run', False)))
+                                  Estimator.from_state(part(f'estimator{number or ""}')),
+                                  Thermometer.from_state(heat) if heat else Thermometer(),
+                                  int(plain['next']), bool(plain.get('new_run', False)))
                     if group.estimator.axes != len(group.columns):
                         raise ValueError('axes of an estimator and their names differ in number')
                     self._groups.append(group)

@@ -72,7 +72,6 @@ class NoAxes(ImuAllanError):
     """None of the first messages has a value; those that come later may."""
 
 
-
 class Intake:
     """
     Decides what the messages are, and gives the usable ones.

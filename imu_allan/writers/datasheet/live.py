@@ -105,10 +105,9 @@ def standing(stream: Characterization | Mapping[str, Characterization],
         return Standing(overall(found) == 'fail', tuple(found), recorded)
     if overall(found) == 'fail':
         # One limit decides; the others may lie as far beyond theirs and need more data to say so.
-        return Standing(True, tuple(verdict if done else _open(verdict, 'left open, as the unit '
-                                                              'fails already')
-                                    for verdict, (_, done) in zip(found, settled, strict=True)),
-                        recorded)
+        why = 'left open, as the unit fails already'
+        found = [verdict if done else _open(verdict, why) for verdict, done in settled]
+        return Standing(True, tuple(found), recorded)
     return Standing(all(done for _, done in settled), tuple(found), recorded)
 
 
