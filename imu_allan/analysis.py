@@ -267,7 +267,7 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
             return [(stream, characterization, remarks()) for stream, (
                 characterization, _, remarks) in zip(streams, begun, strict=True)]
 
-        taken, look, warmed = 0, next_look(0), False
+        taken, look, has_temperature = 0, next_look(0), False
         for number, block in _side_by_side([blocks for _, blocks, _ in begun]):
             characterization, start = begun[number][0], 0
             while start < len(block):
@@ -275,11 +275,11 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
                 characterization.take([block.part(slice(start, stop))])
                 taken, start = taken + (stop - start if number == 0 else 0), stop
                 if taken == look:
-                    if not warmed:
-                        # What is ahead of the samples waits for them.
-                        for stream, (growing_one, *_) in zip(streams, begun, strict=True):
-                            _take_temperature(recording, stream, growing_one)
-                        warmed = True
+                    if not has_temperature:
+                        # All of it, once the clock is known; what is ahead waits for its samples.
+                        for stream, (half, *_) in zip(streams, begun, strict=True):
+                            _take_temperature(recording, stream, half)
+                        has_temperature = True
                     yield so_far()
                     look = next_look(taken)
         for characterization, *_ in begun:

@@ -57,7 +57,11 @@ def command_parser() -> argparse.ArgumentParser:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells what a word that is none of the choices was perhaps meant to be."""
+    """
+    Tells what a word that is none of the choices was perhaps meant to be.
+
+    By names that argparse does not publish: what it has for that begins with Python 3.14.
+    """
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         try:
