@@ -29,8 +29,9 @@ from drawn_spectra import draw, shape_of
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS
+from imu_allan.noise.groups import Bins, bins_of, grouped
 from imu_allan.noise.joint import fit_spectra, RecordedSpectrum
-from imu_allan.noise.likelihood import Bins, bins_of, grouped, maximise
+from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import Piece
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.sequential import decide, SMALLEST_RECORD

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.likelihood import bins_of
+from imu_allan.noise.groups import bins_of
 from imu_allan.noise.periodogram import Piece
 from imu_allan.noise.trends import Course, RecordSpectrum
 import numpy as np

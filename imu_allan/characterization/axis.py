@@ -21,8 +21,8 @@ from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.groups import Groups, WHITE
 from imu_allan.noise.intervals import Estimate
-from imu_allan.noise.likelihood import Groups, WHITE
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import white_ratio

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
+from imu_allan.noise.groups import Groups
 from imu_allan.noise.intervals import spread
-from imu_allan.noise.likelihood import Groups, maximise, Solution
+from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.trial import Trial
 import numpy as np
 

@@ -10,7 +10,8 @@ from itertools import pairwise
 from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise
+from imu_allan.noise.groups import bins_of, grouped, Groups
+from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.parts import Part
 from imu_allan.noise.signal_over_time import stood_still
 from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness

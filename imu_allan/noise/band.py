@@ -11,8 +11,9 @@ noise towards the edge allowed for, until what is left is described.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
 from imu_allan.noise.intervals import FEWEST_GROUPS, spread
-from imu_allan.noise.likelihood import Groups, QUANTIZATION, Solution, WHITE
+from imu_allan.noise.likelihood import Solution
 from imu_allan.noise.trial import fit_band, Trial
 import numpy as np
 

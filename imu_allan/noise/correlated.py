@@ -11,15 +11,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from imu_allan.noise import chi_square
+from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
 from imu_allan.noise.intervals import CI95, crossing, estimate
-from imu_allan.noise.likelihood import (
-    Groups,
-    maximise,
-    QUANTIZATION,
-    residual_power,
-    Solution,
-    WHITE,
-)
+from imu_allan.noise.likelihood import maximise, residual_power, Solution
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.trial import fit_columns, SMALLEST_P, Trial
 import numpy as np

@@ -21,6 +21,7 @@ from imu_allan.noise.correlated import (
     with_gauss_markov,
     with_process_column,
 )
+from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, WALK, WHITE
 from imu_allan.noise.intervals import (
     bent_density,
     Estimate,
@@ -28,15 +29,7 @@ from imu_allan.noise.intervals import (
     estimate_ramp,
     FEWEST_GROUPS,
 )
-from imu_allan.noise.likelihood import (
-    FLICKER,
-    Groups,
-    maximise,
-    QUANTIZATION,
-    Solution,
-    WALK,
-    WHITE,
-)
+from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.moving_mean import has_walk, moving_mean, MovingMean, Warming
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.temperature import (

@@ -5,7 +5,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.likelihood import maximise, QUANTIZATION, Solution, WHITE
+from imu_allan.noise.groups import QUANTIZATION, WHITE
+from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.trial import OBSERVABLE, OBSERVABLE_RAMP, Trial
 import numpy as np
 

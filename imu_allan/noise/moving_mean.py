@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from math import log
 
 from imu_allan.noise import chi_square
+from imu_allan.noise.groups import WALK
 from imu_allan.noise.intervals import amplitude_of
-from imu_allan.noise.likelihood import maximise, Solution, WALK
+from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.trends import (
     Course,
     cycle,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 from imu_allan.noise.cells import Cells
-from imu_allan.noise.likelihood import Bins, bins_of, grouped, Groups
+from imu_allan.noise.groups import Bins, bins_of, grouped, Groups
 from imu_allan.noise.periodogram import BLOCK, Periodogram, Piece, unbroken
 from imu_allan.noise.segments import Layout, layout, MEANS, OCTAVES, PER_OCTAVE, SHORTEST_SEGMENT
 import numpy as np

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.cells import end_to_end
-from imu_allan.noise.likelihood import Groups
+from imu_allan.noise.groups import Groups
 from imu_allan.noise.parts import part_cells
 from imu_allan.noise.periodogram import Periodogram, unbroken
 from imu_allan.noise.segments import OCTAVES, PER_OCTAVE

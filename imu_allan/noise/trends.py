@@ -11,7 +11,7 @@ what the coefficients would be if it were all there is.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.likelihood import Bins, grouped, Groups, joined_groups
+from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups
 from imu_allan.noise.periodogram import Piece
 import numpy as np
 from numpy.typing import NDArray

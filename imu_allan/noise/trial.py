@@ -14,14 +14,8 @@ Sci. 17 (1931): the cube root of a chi-square.
 from dataclasses import dataclass
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.likelihood import (
-    Groups,
-    maximise,
-    QUANTIZATION,
-    residual_power,
-    Solution,
-    WHITE,
-)
+from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
+from imu_allan.noise.likelihood import maximise, residual_power, Solution
 import numpy as np
 from numpy.typing import NDArray
 

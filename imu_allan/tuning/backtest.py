@@ -16,7 +16,7 @@ from itertools import pairwise
 from imu_allan.noise.cells import Cells
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.gaps import filled
-from imu_allan.noise.likelihood import bins_of, grouped
+from imu_allan.noise.groups import bins_of, grouped
 from imu_allan.noise.periodogram import Piece
 from imu_allan.result import Backtest, Coast, DriftModel, Innovations, Tone
 from imu_allan.tuning.coasting import coasting_weights

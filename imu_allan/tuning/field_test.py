@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import capped, process_column
-from imu_allan.noise.likelihood import bins_of, grouped, Groups, maximise, Solution, WALK, WHITE
+from imu_allan.noise.groups import bins_of, grouped, Groups, WALK, WHITE
+from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.periodogram import SHORTEST
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Coast, DriftModel, Innovations, Interval

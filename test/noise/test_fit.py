@@ -11,7 +11,8 @@ from imu_allan.noise import band, intervals
 from imu_allan.noise.correlated import levels_off, with_gauss_markov
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS, Fit, fit
-from imu_allan.noise.likelihood import bins_of, grouped, maximise, WALK, WHITE
+from imu_allan.noise.groups import bins_of, grouped, WALK, WHITE
+from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import AXES

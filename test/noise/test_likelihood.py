@@ -4,16 +4,16 @@ from dataclasses import replace
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.likelihood import (
+from imu_allan.noise.groups import (
     bins_of,
     FLICKER,
     grouped,
     joined_groups,
-    maximise,
     QUANTIZATION,
     WALK,
     WHITE,
 )
+from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
@@ -188,7 +188,7 @@ def test_records_side_by_side_are_fitted_as_with_a_column_for_each(trend):
 
 
 def test_small_non_negative_least_squares_agrees_with_scipy():
-    from imu_allan.noise.likelihood import non_negative
+    from imu_allan.noise.non_negative import non_negative
     rng = np.random.default_rng(1)
     for _ in range(200):
         a = rng.standard_normal((12, 4)) * 10.0 ** rng.integers(-6, 7, 4)
@@ -215,7 +215,7 @@ def test_white_noise_of_bridged_samples_is_given_back():
 
 
 def test_columns_that_cannot_be_told_apart_share_what_they_explain():
-    from imu_allan.noise.likelihood import non_negative
+    from imu_allan.noise.non_negative import non_negative
 
     column = np.array([1.0, 2.0, 3.0])
     a = np.column_stack((column, column, [0.0, 0.0, 1.0]))
@@ -229,7 +229,7 @@ def test_columns_that_cannot_be_told_apart_share_what_they_explain():
 @pytest.mark.parametrize('target', [(1.0, 3.0), (3.0, 1.0), (1.0, 1.0), (-3.0, 3.0)])
 @pytest.mark.parametrize('start', [(), (0,), (1,)])
 def test_columns_that_rounding_makes_indefinite_still_give_an_answer(beside, target, start):
-    from imu_allan.noise.likelihood import non_negative
+    from imu_allan.noise.non_negative import non_negative
 
     part = non_negative(np.array([[1.0, beside], [beside, 1.0]]), np.array(target), start)
     assert (part >= 0).all()

@@ -4,7 +4,8 @@
 
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.likelihood import bins_of, grouped, maximise
+from imu_allan.noise.groups import bins_of, grouped
+from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 import numpy as np

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.likelihood import WHITE
+from imu_allan.noise.groups import WHITE
 from imu_allan.noise.sequential import decide, SMALLEST_RECORD
 import numpy as np
 import pytest
