@@ -16,7 +16,7 @@ from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Decision
-from imu_allan.timeline.motion import MotionSummary
+from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.presence import Presence
 import numpy as np

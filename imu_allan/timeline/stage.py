@@ -18,9 +18,10 @@ from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
 from imu_allan.timeline.counts import Counts
+from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.messages import EvenPiece, Messages
-from imu_allan.timeline.motion import MotionDetector, MotionSummary
+from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pending import Pending, Window
 from imu_allan.timeline.placing import Placing

@@ -15,8 +15,8 @@ from imu_allan.timeline.clock import iso_time, SECOND
 from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import Clock, Decision
+from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import mostly_motion, remarks_of
-from imu_allan.timeline.motion import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Cursor
 from imu_allan.timeline.presence import Presence

@@ -7,8 +7,9 @@ from itertools import pairwise
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
+from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.messages import EvenPiece
-from imu_allan.timeline.motion import MotionDetector, MotionSummary
+from imu_allan.timeline.motion import MotionDetector
 from imu_messages import codes, rows_by_place, run, SIGMA, still
 import numpy as np
 import pytest

@@ -1,0 +1,310 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The level of rest: how it is found in the first windows, and how it follows the sensor.
+
+Windows are compared with those before them, in the terms of
+`imu_allan.timeline.sensor_at_rest`.
+"""
+
+from collections.abc import Mapping
+from copy import copy as shallow_copy
+from dataclasses import replace
+from typing import Any
+
+from imu_allan.timeline.excluded import Excluded
+from imu_allan.timeline.sensor_at_rest import (
+    Baseline,
+    baseline_of,
+    resolution_of,
+    settle,
+)
+from imu_allan.timeline.windows import Stretch, Windows
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_REMEMBERED = 512
+"""Windows at rest that make the baseline: four minutes. Of fewer the threshold scatters."""
+_REFRESH = 256
+"""New windows, two minutes: half of the next baseline. It follows temperature, not a slow turn."""
+_PERSISTENT = 128
+"""Windows after which a new level may be the sensor's own: a minute. A judgment."""
+_PERSISTENT_SHARE = 0.25
+"""Of those so many must have been called motion: below, what was seen is knocks."""
+_ADOPTED_RATIO = 3.0
+"""What is so much louder than rest may be is an engine, not the sensor. A judgment."""
+_ADOPTED_SHARE = 0.9
+"""Of the windows of a new level that have to be alike: motion is not."""
+_FEWEST_WINDOWS = 8
+"""Below, the spread of loudness is not measured: `_FEW_SPREAD` stands in."""
+_FEW_WINDOWS = 32
+"""Below, the quietest eighth is fewer than four windows, whose spread says nothing."""
+_FEW_SPREAD = 0.1
+"""Of the cube root of a variance from 25 samples: a third of sqrt(2 / 25)."""
+_FIFTH_SPREAD = 0.2
+"""The same where fifths of windows tell it: their variance has about three degrees of freedom."""
+_TOLD_RATIO = 3.0
+"""Noise that has become so many times louder or quieter is told. A judgment."""
+_REST_WINDOWS = 6
+"""Three seconds in a row: between two bumps of a road there is less."""
+
+
+class RestLevel:
+    """
+    What the sensor at rest looks like, as far as it was seen.
+
+    Parameters
+    ----------
+    windows : Windows
+        How rows are cut.
+
+    Attributes
+    ----------
+    baseline : Baseline or None
+        None before the first windows were looked at.
+
+    """
+
+    def __init__(self, windows: Windows) -> None:
+        self._windows = windows
+        self.baseline: Baseline | None = None
+        self._first: Floats | None = None
+        self._past = np.empty((0, 18))
+        self._news: list[Floats] = []
+        self._lately = np.empty((0, 19))
+        self._quieter = 0
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the baseline rests on enough windows to be gone on with another time."""
+        return len(self._past) >= _FEW_WINDOWS
+
+    def copy(self, windows: Windows) -> 'RestLevel':
+        """Give an independent copy; arrays are shared, for they are never written to."""
+        twin = shallow_copy(self)
+        twin._windows = windows
+        twin._news = list(self._news)
+        return twin
+
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Everything but `quieter` needed to go on later, as a flat dict of arrays."""
+        baseline, first = self.baseline, self._first
+        empty = np.empty((0, 6))
+        return {
+            'motion_past': self._past,
+            'motion_news': np.concatenate([np.empty((0, 18)), *self._news]),
+            'motion_lately': self._lately,
+            'motion_baseline': empty if baseline is None else np.concatenate(
+                [baseline.loudness, baseline.spread, baseline.wander, baseline.resolution]),
+            'motion_first': empty if first is None else first}
+
+    @property
+    def quieter(self) -> int:
+        """Windows in a row that are far quieter than the baseline."""
+        return self._quieter
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]], quieter: int, windows: Windows
+                   ) -> 'RestLevel':
+        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
+        def table(name: str, columns: int) -> Floats:
+            return np.asarray(state[f'motion_{name}'], dtype=np.float64).reshape(-1, columns)
+
+        level = cls(windows)
+        level._past, level._lately = table('past', 18), table('lately', 19)
+        news = table('news', 18)
+        level._news = [news] if len(news) else []
+        baseline, first = table('baseline', 36), table('first', 12)
+        if len(baseline):
+            level.baseline = Baseline(*np.split(baseline[0], [12, 24, 30]))
+        if len(first):
+            level._first = first[0]
+        level._quieter = quieter
+        return level
+
+    def begin(self, held: list[Stretch]) -> None:
+        """Find the first baseline in the windows held back."""
+        size = self._windows.size
+        full = [stretch for stretch in held if stretch.held >= size]
+        quiet = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
+        # Between frequent gaps no stretch may last a window: then each is one.
+        full = full or [stretch for stretch in held if len(stretch.loudness) == 1]
+        if not full:
+            self.baseline = quiet
+            return
+        loudness = np.concatenate([stretch.loudness for stretch in full])
+        wander = np.concatenate([stretch.wander() for stretch in full])
+        resolution = np.full(6, np.inf)
+        for stretch in full[:4]:
+            resolution = np.minimum(resolution, resolution_of(stretch.joined()[:8 * 1024]))
+        still = ~np.concatenate([self._windows.implausible(stretch, 0) for stretch in full])
+        if np.count_nonzero(still) < _FEWEST_WINDOWS:
+            still[:] = True
+        if len(loudness) < _FEWEST_WINDOWS and full[0].held < size:
+            self.baseline = _of_few(loudness, resolution)
+            return
+        if len(loudness) < _FEWEST_WINDOWS:
+            centre = np.median(self._windows.fifths(full), axis=0)
+            self.baseline = Baseline(centre, _FIFTH_SPREAD * centre, np.full(6, np.inf),
+                                      resolution)
+            return
+        if np.count_nonzero(still) < _FEW_WINDOWS:
+            # Of so few the quietest eighth is one or two, whose spread says nothing.
+            few = _of_few(loudness[still], resolution)
+            still &= np.all(loudness <= few.loudest(), axis=1)
+            found = baseline_of(loudness[still], wander[still], resolution)
+            self.baseline = replace(
+                few, wander=found.wander if np.count_nonzero(still) >= _FEWEST_WINDOWS
+                else few.wander)
+            self._first = self.baseline.loudness
+            self._past = np.hstack([loudness, wander])[still]
+            self._past = self._past[~np.isnan(self._past).any(axis=1)]
+            return
+        self.baseline, rest = settle(loudness[still], wander[still], resolution)
+        self._first = self.baseline.loudness
+        self._past = np.hstack([loudness, wander])[still][rest]
+        self._past = self._past[~np.isnan(self._past).any(axis=1)]
+
+    def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
+        """Tell windows too loud for rest; `shorter`: a window over the rows at hand."""
+        assert self.baseline is not None
+        loudest, widest = self.baseline.limits
+        if shorter > 1:
+            loudest = self.baseline.loudest(shorter)
+        # NaN, where a window has no neighbour, compares as not wide.
+        unlike = (loudness > loudest).any(axis=1) | (np.abs(wander) > widest).any(axis=1)
+        return np.asarray(unlike)
+
+    def refine_resolution(self, stretch: Stretch, windows: Ints) -> bool:
+        """
+        Look for smaller steps in the rows of `windows`; tell whether there are any.
+
+        A change by one step of a coarse output is no motion, and some outputs rest for minutes
+        before they show how small their step is.
+        """
+        assert self.baseline is not None
+        rows, size = stretch.joined(), self._windows.size
+        known = self.baseline.resolution
+        smaller = known
+        for window in (windows + stretch.base - stretch.given).tolist():
+            near = rows[max(window - 1, 0) * size:(window + 2) * size]
+            smaller = np.minimum(smaller, resolution_of(near))
+        if np.array_equal(smaller, known):
+            return False
+        self.baseline = replace(self.baseline, resolution=smaller)
+        return True
+
+    def refine_where_awake(self, stretch: Stretch, first: int, last: int) -> None:
+        """Look for the steps of an axis that was constant until these windows."""
+        assert self.baseline is not None
+        if self.baseline.any_constant:
+            constant = np.isinf(self.baseline.resolution)
+            awake = np.any(stretch.loudness[first:last, :6][:, constant] > 0, axis=1)
+            if awake.any():
+                self.refine_resolution(stretch, np.flatnonzero(awake) + first)
+
+    def contrast(self, loudness: Floats) -> tuple[float, int] | None:
+        """Give by how much windows are louder, as a sum of logarithms, and how many they are."""
+        assert self.baseline is not None
+        rest = self.baseline.loudness
+        known = (rest > 0) & np.isfinite(rest)
+        if not len(loudness) or not known.any():
+            return None
+        louder = np.log(np.maximum(np.max(loudness[:, known] / rest[known], axis=1), 1.0))
+        return float(louder.sum()), len(louder)
+
+    def deeper_rest(self, stretch: Stretch, first: int, last: int) -> int | None:
+        """
+        Find where windows far quieter than the baseline begin, which are the rest.
+
+        A recording may begin while its vehicle drives: then the first baseline is that of driving.
+        """
+        assert self.baseline is not None
+        if not (stretch.loudness[first:last] < self.baseline.far_quieter).any():
+            self._quieter = 0
+            return None
+        loud = self.baseline.loudness
+        known = (loud > 0) & np.isfinite(loud)
+        quiet = stretch.loudness[first:last, known] < self.baseline.far_quieter[known]
+        # A coarse or constant axis may be as it was.
+        quieter = (np.mean(quiet, axis=1) > 0.5) & ~np.any(
+            stretch.loudness[first:last] > self.baseline.loudest(), axis=1) if known.any() else (
+            np.zeros(last - first, dtype=bool))
+        for at in range(first, last):
+            self._quieter = self._quieter + 1 if quieter[at - first] else 0
+            if self._quieter == _REST_WINDOWS and at + 1 >= _REST_WINDOWS:
+                return at + 1 - _REST_WINDOWS
+        return None
+
+    def begin_at(self, stretch: Stretch, first: int, last: int) -> None:
+        """Begin anew with the windows from number `first` of the arrays on."""
+        assert self.baseline is not None
+        found = baseline_of(stretch.loudness[first:last], stretch.wander()[first:last],
+                            self.baseline.resolution)
+        # A few windows tell a spread to a factor of two.
+        self.baseline = replace(found, spread=2 * found.spread,
+                                wander=2 * found.wander)
+        self._first = found.loudness
+        self._quieter = 0
+        self._past, self._news, self._lately = np.empty((0, 18)), [], self._lately[:0]
+
+    def learn(self, windows: Floats, moving: Bools, beyond: Bools, time_s: float,
+              told: Excluded) -> None:
+        """Let the baseline follow the windows at rest, or a level that has changed for good."""
+        assert self.baseline is not None
+        inner = ~np.isnan(windows[:, 12])
+        rest = windows[inner & ~moving]
+        if len(rest):
+            self._news.append(rest)
+        if sum(map(len, self._news)) >= _REFRESH:
+            self._past = np.concatenate([self._past, *self._news])[-_REMEMBERED:]
+            self._news = []
+            self._adopt(baseline_of(self._past[:, :12], self._past[:, 12:],
+                                    self.baseline.resolution), time_s, told)
+        if len(self._lately) or moving.any():
+            verdict = np.where(beyond, 2.0, moving)
+            self._lately = np.concatenate(
+                [self._lately, np.column_stack([windows, verdict])[inner]])
+            if len(self._lately) >= _PERSISTENT:
+                self._accept_change(time_s, told)
+                self._lately = self._lately[:0]
+
+    def _accept_change(self, time_s: float, told: Excluded) -> None:
+        """Take a new steady level for the sensor's own, if it is not much louder."""
+        assert self.baseline is not None
+        verdict = self._lately[:, 18]
+        if np.any(verdict > 1) or np.mean(verdict) < _PERSISTENT_SHARE:
+            return
+        baseline, still = settle(self._lately[:, :12], self._lately[:, 12:18],
+                                 self.baseline.resolution)
+        little = _ADOPTED_RATIO ** (2 / 3) * self.baseline.loudest()
+        if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
+            self._past = self._lately[still, :18]
+            self._news = []
+            self._adopt(baseline, time_s, told)
+
+    def _adopt(self, baseline: Baseline, time_s: float, told: Excluded) -> None:
+        """Take a new baseline, and tell if the noise has become much louder or quieter."""
+        self.baseline = baseline
+        if self._first is None:
+            self._first = baseline.loudness
+            return
+        known = (self._first > 0) & (baseline.loudness > 0)
+        ratio = (baseline.loudness[known] / self._first[known]) ** 1.5
+        if not len(ratio):
+            return
+        most = ratio[np.argmax(np.abs(np.log(ratio)))]
+        if abs(np.log(most)) > np.log(_TOLD_RATIO):
+            self._first = baseline.loudness
+            told.note_change(time_s, float(most))
+
+
+def _of_few(loudness: Floats, resolution: Floats) -> Baseline:
+    """Take the quieter half of a few windows for rest, as surely as their samples tell it."""
+    order = np.argsort(loudness.sum(axis=1))
+    centre = np.median(loudness[order[:(len(order) + 1) // 2]], axis=0)
+    return Baseline(centre, _FEW_SPREAD * centre, np.full(6, np.inf), resolution)

@@ -1,0 +1,173 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Even rows in windows of half a second: what is measured of them, and how far their means move.
+
+A test that knows physics needs no learning: no sensor at rest changes its mean by 3 deg/s or
+0.5 m/s^2 within two seconds, unless its white noise does it.
+"""
+
+from dataclasses import dataclass, field
+from math import sqrt
+
+from imu_allan.timeline.sensor_at_rest import describe
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+PART_S = 0.02
+"""Loudness is told within such parts of a window, fast noise, and between them, slow noise."""
+
+_PARTS = 25
+"""Half a second: a shorter window knows its noise worse, a longer one cuts more for a knock."""
+_LAGS = (1, 4)
+"""Windows apart that are held against each other: a jerk, and a slow turn of two seconds."""
+FARTHEST_LAG = max(_LAGS)
+"""Windows before those to be judged that these are held against."""
+_LONGEST_LAG_S = 6.0
+"""Of a slow sensor windows are longer: beyond this, drift is no motion. A judgment."""
+_MOST_RECENT = 64
+"""Windows of stretches before a gap that those behind it are held against."""
+_PLAUSIBLE_CHANGE = np.array([0.05] * 3 + [0.5] * 3)
+"""rad/s and m/s^2 in two seconds: what moves less is judged by its noise alone."""
+_PLAUSIBLE_SIGMAS = 10.0
+"""A noisy sensor's mean changes as much by chance: so many standard deviations it does not."""
+
+
+@dataclass
+class Stretch:
+    """
+    Even rows without a gap between them, of which the verdict is still open.
+
+    Windows are numbered from the start of the stretch. `rows` begins with window `given`; the
+    arrays of windows begin with window `base`, a few before, which are needed as context.
+    """
+
+    first_index: int
+    start_s: float
+    new_run: bool
+    rows: list[Floats] = field(default_factory=list)
+    held: int = 0
+    bridged: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    closed: bool = False
+    given: int = 0
+    base: int = 0
+    means: Floats = field(default_factory=lambda: np.empty((0, 6)))
+    loudness: Floats = field(default_factory=lambda: np.empty((0, 12)))
+    moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
+
+    def joined(self) -> Floats:
+        """Give all rows held, as one array."""
+        if len(self.rows) > 1:
+            self.rows = [np.concatenate(self.rows)]
+        return self.rows[0]
+
+    def describe(self, rows: Floats, part: int) -> None:
+        """Add windows of `rows`."""
+        means, loudness = describe(rows, part)
+        self.means = np.concatenate([self.means, means])
+        self.loudness = np.concatenate([self.loudness, loudness])
+
+    def wander(self) -> Floats:
+        """Second difference of window means, NaN for the first and the last window."""
+        second = np.full(self.means.shape, np.nan)
+        second[1:-1] = self.means[2:] - 2 * self.means[1:-1] + self.means[:-2]
+        return second
+
+
+class Windows:
+    """
+    How rows are cut into windows, and what is known of their means.
+
+    Parameters
+    ----------
+    interval_s : float
+        Sample interval; a window is half a second, 25 rows at least.
+
+    Attributes
+    ----------
+    part, size : int
+        Rows in a part of a window, and in a window.
+    lags : tuple of int
+        Windows apart whose means are held against each other.
+    recent : ndarray, shape (windows, 14)
+        Place, rows, means and noise of the newest windows of stretches that are closed.
+
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self.interval_s = interval_s
+        self.part = max(round(PART_S / interval_s), 1)
+        self.size = _PARTS * self.part
+        self.lags = tuple(lag for lag in _LAGS
+                          if lag * self.size * interval_s < _LONGEST_LAG_S)
+        self.farthest = max(self.lags, default=0)
+        self.recent = np.empty((0, 14))
+
+    def time(self, stretch: Stretch, window: int) -> float:
+        """Give when a window of a stretch begins, in seconds."""
+        return max(stretch.start_s + window * self.size * self.interval_s, 0.0)
+
+    def measure(self, stretch: Stretch) -> None:
+        """Work out mean and loudness of the windows that are complete by now."""
+        size = self.size
+        known = stretch.base + len(stretch.means)
+        done = (known - stretch.given) * size
+        complete = (stretch.held - done) // size
+        if complete < 0:
+            return
+        if complete:
+            rows = stretch.joined()[done:done + complete * size].reshape(complete, size, 6)
+            stretch.describe(rows, self.part)
+        left = stretch.held - done - complete * size
+        if stretch.closed and left:
+            stretch.describe(stretch.joined()[None, -size:], self.part)
+
+    def fifths(self, stretches: list[Stretch]) -> Floats:
+        """Give the loudness of fifths of windows: of few windows one knock spoils the half."""
+        size = self.size
+        rows = [stretch.joined()[:stretch.held // size * size].reshape(-1, size // 5, 6)
+                for stretch in stretches]
+        return describe(np.concatenate(rows), self.part)[1]
+
+    def implausible(self, stretch: Stretch, first: int) -> Bools:
+        """Tell windows from number `first` of the arrays on whose mean moved beyond belief."""
+        means = stretch.means
+        beyond = np.zeros(len(means), dtype=bool)
+        for lag in self.lags:
+            change = np.abs(means[lag:] - means[:-lag])
+            large = change > _PLAUSIBLE_CHANGE
+            if large.any():
+                sigma = stretch.loudness ** 1.5
+                sigma = np.maximum(sigma[:, :6], sqrt(self.part) * sigma[:, 6:])
+                white = np.minimum(sigma[lag:], sigma[:-lag]) * sqrt(2 / self.size)
+                beyond[lag:] |= np.any(large & (change > _PLAUSIBLE_SIGMAS * white), axis=1)
+        return beyond[first:]
+
+    def beyond_before(self, stretch: Stretch, first: int, last: int) -> Bools:
+        """Tell windows whose mean is beyond belief beside those of stretches just before."""
+        beyond = np.zeros(last - first, dtype=bool)
+        reach, size = self.farthest * self.size, self.size
+        begins = stretch.first_index + (stretch.base + first) * size
+        near = self.recent[self.recent[:, 0] >= begins - reach]
+        if stretch.base + first < self.farthest and not stretch.new_run and len(near):
+            there = min(last - first, self.farthest - stretch.base - first)
+            sigma = stretch.loudness[first:first + there, :6] ** 1.5
+            change = np.abs(stretch.means[first:first + there, None] - near[:, 2:8])
+            white = _PLAUSIBLE_SIGMAS * np.minimum(sigma[:, None], near[:, 8:]) * np.sqrt(
+                1 / near[:, 1:2] + 1 / min(size, max(stretch.held, 1)))
+            close = (begins + np.arange(there)[:, None] * size - near[:, 0]) <= reach
+            beyond[:there] = np.any(
+                close & np.any((change > _PLAUSIBLE_CHANGE) & (change > white), axis=2), axis=1)
+        if stretch.closed:
+            newest = max(last - self.farthest, 0)
+            count = last - newest
+            places = begins + (np.arange(newest, last) - first) * size
+            rows = np.full((count, 1), float(min(size, max(stretch.held, 1))))
+            self.recent = np.concatenate([self.recent, np.hstack([
+                places[:, None], rows, stretch.means[newest:last],
+                stretch.loudness[newest:last, :6] ** 1.5])])[-_MOST_RECENT:]
+        return beyond
