@@ -3,8 +3,8 @@
 """
 What was seen of the messages, in words: stamps, losses, gaps, motion.
 
-Every warning of what was counted stands here, beside the threshold from which on it is given; why
-a clock was chosen is worded where that is decided, in intake.py.
+Every warning stands here. That of what was counted is given from a threshold on, beside which it
+stands; that of a decision, such as the choice of a clock, where intake.py or stage.py decides it.
 """
 
 from collections.abc import Sequence
@@ -71,6 +71,40 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, presence: P
     told = (_presence_remarks(counts, decision, presence)
             | _remarks(counts, decision, content, options, motion))
     return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
+
+
+def receive_clock(flaw: str) -> dict[str, str]:
+    """Tell why receive stamps are used: the flaw of header stamps, as `judge_clock` words it."""
+    return {'receive_clock': f'header stamps are {flaw}: receive stamps are used'}
+
+
+def even_receive_clock() -> dict[str, str]:
+    """Tell that header stamps could be used, but less well."""
+    return {'receive_clock': (
+        'header stamps come in ticks or batches: receive stamps, which come evenly, are used')}
+
+
+def clock_changed(flaw: str, since_s: float) -> dict[str, str]:
+    """Tell from when on header stamps are given up."""
+    return {'clock_changed': (
+        f'header stamps are {flaw} from about {since_s:.6g} s on: receive stamps are used from '
+        'there')}
+
+
+def counted_samples(rate_hz: float) -> dict[str, str]:
+    """Tell that no stamps are used at all."""
+    return {'counted_samples': (
+        f'no usable stamps: samples are counted at the stated {rate_hz:g} Hz, and missing ones '
+        'cannot be seen')}
+
+
+def several_publishers() -> dict[str, str]:
+    """Tell that messages look as those of two sensors."""
+    return {'several_publishers': (
+        'the values of neighbouring messages differ in turn, as those of two sensors that publish '
+        'with one frame_id do: if so, the rate is twice that of each, and the noise density 29 % '
+        'too low if they are alike and off by any factor if not; ros2 topic info --verbose names '
+        'the publishers')}
 
 
 def mostly_motion(motion: MotionSummary) -> bool:

@@ -27,6 +27,12 @@ from imu_allan.timeline.clock import (
 from imu_allan.timeline.content import Content, Repeats
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import Decision
+from imu_allan.timeline.findings import (
+    counted_samples,
+    even_receive_clock,
+    receive_clock,
+    several_publishers,
+)
 from imu_allan.timeline.impostors import alternates, is_spiky, spikes
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
@@ -293,11 +299,7 @@ class Intake:
         left = [rows for rows in (repeats.held, repeats.frozen) if rows is not None]
         samples = window.samples[~np.any(left, axis=0)] if left else window.samples
         if alternates(samples):
-            decision.remarks['several_publishers'] = (
-                'the values of neighbouring messages differ in turn, as those of two sensors that '
-                'publish with one frame_id do: if so, the rate is twice that of each, and the '
-                'noise density 29 % too low if they are alike and off by any factor if not; ros2 '
-                'topic info --verbose names the publishers')
+            decision.remarks |= several_publishers()
         decision.spiky = len(samples) >= _FEWEST_FOR_SPIKES and is_spiky(spikes(samples, None))
 
     def _choose_clock(self, window: Window) -> None:
@@ -308,8 +310,7 @@ class Intake:
         choice = 'header' if options.clock == 'auto' else options.clock
         if not quality[choice].usable and options.clock == 'auto':
             if quality['receive'].usable:
-                decision.remarks['receive_clock'] = (
-                    f'header stamps are {quality["header"].flaw}: receive stamps are used')
+                decision.remarks |= receive_clock(quality['header'].flaw)
                 choice = 'receive'
             elif judge_clock(window.header, repeats, bursts=True).usable:
                 # Ticks with several messages each are poor, and better than nothing.
@@ -321,9 +322,7 @@ class Intake:
                              f'{quality["receive"].flaw}')
                 raise ImuAllanError(f'{what}: choose another clock or state the sample rate')
             decision.counted_only = True
-            decision.remarks['counted_samples'] = (
-                f'no usable stamps: samples are counted at the stated {options.rate_hz:g} Hz, '
-                'and missing ones cannot be seen')
+            decision.remarks |= counted_samples(options.rate_hz)
         decision.clock = choice
         if choice == 'header' and not decision.counted_only:
             decision.ticks = self._different_messages_share(window)
@@ -373,8 +372,7 @@ class Intake:
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
-        decision.remarks['receive_clock'] = (
-            'header stamps come in ticks or batches: receive stamps, which come evenly, are used')
+        decision.remarks |= even_receive_clock()
         return second, seen
 
     def _doubt_header(self, window: Window) -> str:

@@ -15,11 +15,11 @@ import json
 from math import isnan, sqrt
 from typing import Any
 
+from imu_allan.timeline.bridging import even_pieces
 from imu_allan.timeline.clock import in_order, order_stamps, place_in_burst, SECOND, Stamps
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.grid import (
-    bridge,
     count_steps,
     EVEN_JITTER,
     NEIGHBOURS,
@@ -28,7 +28,7 @@ from imu_allan.timeline.grid import (
 )
 from imu_allan.timeline.messages import EvenPiece, Messages, NONE_BRIDGED
 from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.pace import measure_pace
+from imu_allan.timeline.pace import measure_pace, Pace
 from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
@@ -385,34 +385,18 @@ class Placing:
         missing = int(index[-1]) - cursor.index - c
         elapsed = stamps[:c] - (reference - cursor.elapsed_ns)
         behind = np.diff(elapsed, prepend=cursor.elapsed_ns)
-        breaks = np.flatnonzero(known > tolerated) if missing else np.empty(0, dtype=np.intp)
-        paced_ns, paced_steps = int(elapsed[-1]) - cursor.elapsed_ns, int(index[-1]) - cursor.index
-        if new_run:
-            paced_steps -= 1
-        for at in breaks.tolist():
-            lasts = int(behind[at])
-            if self._decision.counting:
-                # Where stamps are uneven, the pause before a batch is no part of the gap.
-                paced_ns -= round(known[at] * interval)
-                paced_steps -= int(known[at])
-            counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
-        if len(breaks) and not self._decision.counting:
-            # With jitter one place of a gap may be taken for one beside it.
-            beside = _BESIDE_GAP if len(breaks) * _SPARSE < c else 0
-            left_out = np.zeros(c, dtype=bool)
-            for shift in range(-beside, beside + 1):
-                left_out[np.clip(breaks + shift, 0, c - 1)] = True
-            paced_ns -= int(behind[left_out].sum())
-            paced_steps -= int(known[left_out].sum())
-        if self._decision.counting:
-            # A leap too short to be told from a batch's is no part of the pace all the same.
-            longest = (10 + 4 * sqrt(12) * self._decision.spread) * interval
-            leaps = np.flatnonzero((behind > longest) & (known <= tolerated))
-            paced_ns -= int(behind[leaps].sum())
-            paced_steps -= int(known[leaps].sum())
+        if missing:
+            for at in np.flatnonzero(known > tolerated).tolist():
+                lasts = int(behind[at])
+                counts.list_gap(int(elapsed[at]) - lasts + interval, max(lasts - interval, 0.0))
+        left_out_ns, left_out = _unpaced(behind, known, tolerated, self._decision.pace)
+        paced_ns = int(elapsed[-1]) - cursor.elapsed_ns - left_out_ns
+        paced_steps = int(index[-1]) - cursor.index - (1 if new_run else 0) - left_out
         counts.missing += missing - empty
         if missing:
-            pieces = self._pieces(messages.samples, steps, index, elapsed, c, new_run)
+            pieces = even_pieces(self._tail, messages.samples, steps, index, elapsed, interval,
+                                 tolerated, new_run)
+            counts.bridged += sum(len(piece.bridged) for piece in pieces)
         else:
             pieces = [EvenPiece(messages.samples[:c], cursor.index + 1,
                                 float(elapsed[0]) / SECOND, new_run, NONE_BRIDGED)]
@@ -469,36 +453,45 @@ class Placing:
             self._counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
         cursor.elapsed_ns += passed
 
-    def _pieces(self, samples: Floats, steps: Ints, index: Ints, elapsed: Ints, c: int,
-                new_run: bool) -> list[EvenPiece]:
-        """Bridge short gaps, split at the others."""
-        interval = self._decision.pace.interval_ns
-        tolerated = self._options.gap_tolerance + 1
-        known = np.concatenate([self._tail, samples[:c + NEIGHBOURS]])
-        tail = len(self._tail)
-        gaps = np.flatnonzero((steps[:c] > 1) & (steps[:c] <= tolerated))
-        stretch = np.zeros(len(known), dtype=np.int64)
-        stretch[tail:] = np.cumsum(steps[:c + NEIGHBOURS] > tolerated)
-        lengths = steps[gaps] - 1
-        means = np.repeat(bridge(known, gaps + tail, stretch), lengths, axis=0)
-        ends = np.cumsum(lengths)
-        holes = (np.repeat(index[gaps] - ends, lengths)
-                 + np.arange(int(ends[-1]) if len(ends) else 0))
-        self._counts.bridged += len(holes)
-        breaks = np.flatnonzero(steps[:c] > tolerated).tolist()
-        pieces = []
-        for first, last in pairwise([0, *(at for at in breaks if at > 0), c]):
-            begins, end = int(index[first]), int(index[last - 1]) + 1
-            if steps[first] <= tolerated:
-                begins -= int(steps[first]) - 1
-            rows = np.empty((end - begins, 6))
-            rows[index[first:last] - begins] = samples[first:last]
-            low, high = np.searchsorted(holes, begins), np.searchsorted(holes, end)
-            rows[holes[low:high] - begins] = means[low:high]
-            start_s = (float(elapsed[first]) - (int(index[first]) - begins) * interval) / SECOND
-            pieces.append(EvenPiece(rows, begins, start_s, new_run and first == 0,
-                                    holes[low:high]))
-        return pieces
+def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
+    """
+    Find what the rate is not told by.
+
+    Parameters
+    ----------
+    passed : ndarray of int64, shape (n,)
+        Time from each sample to the one before, in nanoseconds.
+    steps : ndarray of int64, shape (n,)
+        The same in places.
+    tolerated : int
+        Steps up to which a gap is bridged.
+    pace : Pace
+        How the stamps are read.
+
+    Returns
+    -------
+    int, int
+        Nanoseconds, and places.
+
+    """
+    breaks = np.flatnonzero(steps > tolerated)
+    interval, n = pace.interval_ns, len(steps)
+    if pace.counting:
+        # Where stamps are uneven, the pause before a batch is no part of the gap.
+        gaps = steps[breaks]
+        # A leap too short to be told from a batch's is no part of the pace all the same.
+        longest = (10 + 4 * sqrt(12) * pace.spread) * interval
+        leaps = (passed > longest) & (steps <= tolerated)
+        time = sum(round(gap * interval) for gap in gaps.tolist()) + int(passed[leaps].sum())
+        return time, int(gaps.sum()) + int(steps[leaps].sum())
+    if not len(breaks):
+        return 0, 0
+    # With jitter one place of a gap may be taken for one beside it.
+    beside = _BESIDE_GAP if len(breaks) * _SPARSE < n else 0
+    left_out = np.zeros(n, dtype=bool)
+    for shift in range(-beside, beside + 1):
+        left_out[np.clip(breaks + shift, 0, n - 1)] = True
+    return int(passed[left_out].sum()), int(steps[left_out].sum())
 
 
 def _count(void: Bools | None, messages: int) -> int:

@@ -19,6 +19,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.excluded import MotionSummary
+from imu_allan.timeline.findings import clock_changed
 from imu_allan.timeline.intake import Intake
 from imu_allan.timeline.messages import EvenPiece, Messages
 from imu_allan.timeline.motion import MotionDetector
@@ -228,9 +229,7 @@ class TimelineStage:
                     Messages(stamps, other, window.samples, window.consumed))])
         window, repeats, flaw = intake.look(window)
         if flaw:
-            intake.decision.remarks['clock_changed'] = (
-                f'header stamps are {flaw} from about {placing.cursor.elapsed_ns / SECOND:.6g} s '
-                'on: receive stamps are used from there')
+            intake.decision.remarks |= clock_changed(flaw, placing.cursor.elapsed_ns / SECOND)
             placing.change_clock()
         messages = intake.usable(window, repeats, placing.newest)
         if repeats.woke:
