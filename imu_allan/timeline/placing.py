@@ -453,6 +453,7 @@ class Placing:
             self._counts.list_gap(cursor.elapsed_ns + interval, passed - interval)
         cursor.elapsed_ns += passed
 
+
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
     """
     Find what the rate is not told by.

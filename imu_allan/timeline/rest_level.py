@@ -150,7 +150,7 @@ class RestLevel:
         if len(loudness) < _FEWEST_WINDOWS:
             centre = np.median(self._windows.fifths(full), axis=0)
             self.baseline = Baseline(centre, _FIFTH_SPREAD * centre, np.full(6, np.inf),
-                                      resolution)
+                                     resolution)
             return
         if np.count_nonzero(still) < _FEW_WINDOWS:
             # Of so few the quietest eighth is one or two, whose spread says nothing.
