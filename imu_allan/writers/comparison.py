@@ -19,16 +19,10 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import bounded, duration, measured
-from imu_allan.writers.panels import (
-    COLOURS,
-    draw_curve,
-    empty_figure,
-    frame_allan,
-    limits_of,
-    plot_style,
-    Theme,
-    write_in_a_row,
-)
+from imu_allan.writers.curves import limits_of
+from imu_allan.writers.figure_style import COLOURS, empty_figure, plot_style, Theme
+from imu_allan.writers.frames import frame_allan, write_in_a_row
+from imu_allan.writers.panels import draw_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

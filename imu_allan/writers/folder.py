@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.curves import sensors_of
 from imu_allan.writers.filters import export
-from imu_allan.writers.panels import sensors_of
 from imu_allan.writers.plot import (
     FORMATS,
     overview_figure,

@@ -7,7 +7,7 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.version import __version__
 from imu_allan.wording import bounded, duration, listed, measured, SENSORS
-from imu_allan.writers.panels import axes_of, sensors_of
+from imu_allan.writers.curves import axes_of, sensors_of
 
 _SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
             '_': r'\_', '{': r'\{', '}': r'\}', '~': r'\textasciitilde{}',

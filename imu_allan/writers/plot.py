@@ -3,7 +3,7 @@
 """
 Figures of a result: Allan deviation, power spectral density, and the signal over time.
 
-Every figure is one sheet, put together from the parts in `imu_allan.writers.panels`.
+Every figure is one sheet, put together from the parts in `imu_allan.writers.panels` and `frames`.
 """
 
 from collections.abc import Mapping
@@ -24,24 +24,10 @@ from imu_allan.wording import (
     origin_of,
     SENSORS,
 )
-from imu_allan.writers.panels import (
-    axes_of,
-    COLOURS,
-    density_limits,
-    draw_curve,
-    draw_density,
-    draw_signal,
-    draw_terms,
-    empty_figure,
-    frame_allan,
-    frame_density,
-    label_ends,
-    limits_of,
-    MARKERS,
-    plot_style,
-    sensors_of,
-    Theme,
-)
+from imu_allan.writers.curves import axes_of, density_limits, limits_of, sensors_of
+from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style, Theme
+from imu_allan.writers.frames import frame_allan, frame_density, label_ends
+from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -56,9 +56,9 @@ from imu_allan.writers.charts import (
     signal_chart,
 )
 from imu_allan.writers.comparison import compare, Difference, shown
+from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.grouped_remarks import count_of, grouped, outlook_of
-from imu_allan.writers.panels import axes_of, sensors_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -10,7 +10,8 @@ import xml.etree.ElementTree as ElementTree
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import allan_variance
 from imu_allan.result import Curve, Remark, Signal, Source, Span, Spectrum, Timeline
-from imu_allan.writers import panels, plot
+from imu_allan.writers import curves, panels, plot
+from imu_allan.writers.figure_style import COLOURS
 import matplotlib
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -30,7 +31,7 @@ def test_a_sheet_is_drawn_in_every_format_and_always_the_same(result, kind, star
 
 @pytest.mark.parametrize('theme', ['light', 'dark'])
 def test_every_sheet_is_drawn_on_light_and_on_dark_paper(result, theme):
-    paper = tuple(round(255 * part) for part in to_rgb(panels.COLOURS[theme]['paper']))
+    paper = tuple(round(255 * part) for part in to_rgb(COLOURS[theme]['paper']))
     for figure in (plot.overview_figure(result, theme),
                    plot.sensor_figure(result, 'accel', theme=theme)):
         image = imread(io.BytesIO(plot.render(figure, 'png', 40)))
@@ -84,7 +85,7 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     panel = figure.axes[0]
     rings = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in panel.lines
              if line.get_markerfacecolor() == 'none']
-    values = panels.coefficients_of(result.axes['gyro_x'])
+    values = curves.coefficients_of(result.axes['gyro_x'])
     assert len(rings) == 3
     assert (1.0, pytest.approx(values['noise_density'])) in rings
     assert (3.0, pytest.approx(values['rate_random_walk'])) in rings
@@ -98,16 +99,16 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
 
 def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):
     axis = make_axis('gyro_x', {'noise_density': 3e-3})
-    density = panels.model_density(axis, np.array([0.01, 1.0, 50.0]), 100.0)
+    density = curves.model_density(axis, np.array([0.01, 1.0, 50.0]), 100.0)
     assert density == pytest.approx([9e-6] * 3)
 
 
 def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
     axis = replace(result.axes['gyro_x'], band_edge_hz=5.0)
-    density = panels.model_density(axis, np.array([0.1, 5.0, 5.1, 50.0]), 200.0)
+    density = curves.model_density(axis, np.array([0.1, 5.0, 5.1, 50.0]), 200.0)
     assert np.isfinite(density).tolist() == [True, True, False, False]
-    tau, adev = panels.model_curve(axis, result.timeline)
-    whole, _ = panels.model_curve(result.axes['gyro_x'], result.timeline)
+    tau, adev = curves.model_curve(axis, result.timeline)
+    whole, _ = curves.model_curve(result.axes['gyro_x'], result.timeline)
     # Shorter averages than a period of the edge scatter by what lies beyond it.
     assert tau[0] == pytest.approx(0.2, rel=0.1)
     assert tau[0] >= 0.2 > whole[0]
@@ -125,7 +126,7 @@ def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):
     axis = make_axis('gyro_x', {'bias_instability': 2e-4, 'rate_random_walk': 1e-5})
     frequency = np.array([1e-3, 1e-2])
     expected = (2e-4)**2 / (2 * np.pi * frequency) + (1e-5)**2 / (2 * np.pi * frequency)**2
-    assert panels.model_density(axis, frequency, 100.0) == pytest.approx(expected, rel=1e-3)
+    assert curves.model_density(axis, frequency, 100.0) == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
@@ -133,7 +134,7 @@ def test_the_integral_of_the_model_spectrum_is_the_allan_variance(make_axis):
     axis = make_axis('gyro_x', values)
     rate, m = 50.0, 40
     frequency = (np.arange(400_000) + 0.5) / 400_000 * rate / 2
-    density = panels.model_density(axis, frequency, rate)
+    density = curves.model_density(axis, frequency, rate)
     nu = frequency / rate
     kernel = 2 * np.sin(np.pi * m * nu)**4 / (m * np.sin(np.pi * nu))**2
     variance = 2 * np.sum(density * kernel) * (frequency[1] - frequency[0])
@@ -217,7 +218,7 @@ def brightness(colour):
 @pytest.mark.parametrize('theme', ['light', 'dark'])
 def test_every_colour_stands_out_from_its_paper(theme):
     """WCAG 2.1: 3 to 1 for graphics, 4.5 to 1 for text."""
-    colours = panels.COLOURS[theme]
+    colours = COLOURS[theme]
     paper = brightness(colours['paper'])
     for name, least in (('x', 3), ('y', 3), ('z', 3), ('ink', 4.5), ('soft', 4.5)):
         ink = brightness(colours[name])
@@ -251,7 +252,7 @@ VISION = {
 @pytest.mark.parametrize('vision', VISION)
 def test_the_axes_stay_apart_in_colour_blind_vision(theme, vision):
     """A difference of 25 in CIE Lab is ten times what is just noticed."""
-    x, y, z = (cie_lab(np.array(VISION[vision]) @ linear(panels.COLOURS[theme][axis]))
+    x, y, z = (cie_lab(np.array(VISION[vision]) @ linear(COLOURS[theme][axis]))
                for axis in 'xyz')
     assert min(np.linalg.norm(x - y), np.linalg.norm(x - z), np.linalg.norm(y - z)) > 25
 

@@ -1,0 +1,261 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What is drawn of a result, as arrays: curves, spectra and limits, for pictures and page alike.
+
+Nothing here knows how it is drawn.
+"""
+
+from collections.abc import Iterable, Mapping
+from math import inf
+
+from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.terms import AXES, Term, TERMS
+from imu_allan.result import AxisResult, Coefficient, Result, Spectrum, Timeline
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.wording import measured, number, SENSORS
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FEWEST_DEGREES = 3.0
+"""Below, the 95 % interval of a deviation reaches over more than a factor of five."""
+_FINE, _BETWEEN = 161, 8
+_LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
+_BAND = 0.25
+"""Octaves: 80 points in all; half as wide scatters 1.4 times as much, twice hides a hump."""
+
+
+def sensors_of(result: Result) -> list[str]:
+    """Return which of gyro and accel the result has."""
+    return [sensor for sensor in SENSORS if axes_of(result, sensor)]
+
+
+def axes_of(result: Result, sensor: str) -> dict[str, AxisResult]:
+    """Return the axes of gyro or accel by name, in order."""
+    return {name: result.axes[name] for name in AXES
+            if name.startswith(sensor) and name in result.axes}
+
+
+def coefficients_of(axis: AxisResult) -> dict[str, float]:
+    """Return the observable coefficients of an axis by key, in SI units."""
+    return {key: axis.coefficients[key].value or 0.0 for key in TERMS
+            if axis.coefficients[key].observable}
+
+
+def describe(axis: AxisResult) -> FittedModel:
+    """Return the model of an axis: the drift model where there is one, low-pass and lines."""
+    values = coefficients_of(axis)
+    process, drift = axis.gauss_markov, axis.drift_model
+    processes: tuple[tuple[float, float], ...] = ()
+    if process is not None:
+        processes = ((process.sigma, process.correlation_time_s),)
+    if drift is not None:
+        values = {'quantization_noise': values.get('quantization_noise', 0.0),
+                  'noise_density': drift.noise_density,
+                  'rate_random_walk': drift.rate_random_walk}
+        processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
+    return FittedModel(values, axis.band_limit_s, processes,
+                       tuple((tone.frequency_hz, tone.amplitude) for tone in axis.tones))
+
+
+def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
+    """
+    Return the Allan deviation of the model between the averaging times, too.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose model it is.
+    timeline : Timeline
+        Gives the sample rate; without one the averaging times of the curve have to do.
+
+    Returns
+    -------
+    tau, adev : ndarray, shape (n,)
+        In seconds, from the shortest time of which the model was fitted, and in the unit of a
+        sample.
+
+    """
+    rate = axis.sample_rate_hz or timeline.sample_rate_hz
+    tau = np.array(axis.curve.tau_s)
+    if (rate is None or len(tau) < 2 or not any(axis.curve.model_adev)
+            or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER):
+        return tau, np.array(axis.curve.model_adev)
+    model = describe(axis)
+    # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
+    size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
+    avar = model.allan_variance(size, 1 / rate)
+    if axis.tones:
+        window = min(_BETWEEN, len(avar))
+        smooth = np.convolve(avar, np.ones(window) / window, 'same')
+        avar = np.where(size > size[0] * 64, smooth, avar)
+        avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
+    keep = np.unique(np.linspace(0, len(size) - 1, _FINE).astype(int))
+    keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
+    return size[keep] / rate, np.sqrt(avar[keep])
+
+
+def shortest_fitted_s(axis: AxisResult) -> float:
+    """Return a period of the band's edge: shorter averages scatter by what lies beyond it."""
+    return 1 / (axis.band_edge_hz or inf)
+
+
+def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
+                  coefficients: Mapping[str, float] | None = None) -> Array:
+    """
+    Two-sided power spectral density of the samples under the fitted model.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose model.
+    frequency_hz : ndarray, shape (n,)
+        Above zero, up to half of `sample_rate_hz`.
+    sample_rate_hz : float
+        Of the samples.
+    coefficients : mapping of term key to float, optional
+        These terms alone (SI) instead of the fitted ones.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In squared sample units per Hz; NaN above the band that was fitted, of which the model
+        says nothing. The ramp is deterministic and has no spectrum.
+
+    """
+    if coefficients is not None:
+        return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
+    density = describe(axis).density(frequency_hz, 1 / sample_rate_hz)
+    return np.where(frequency_hz > (axis.band_edge_hz or inf), np.nan, density)
+
+
+def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
+    """
+    Return the mean density of a spectrum in equal bands of a logarithmic axis.
+
+    The lowest frequencies come one by one, where a single bin may be a hundred times too high or
+    too low; a band is no wider than `_BAND` octaves, and a bin that is wider stays by itself.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of one axis.
+
+    Returns
+    -------
+    frequency_hz, psd : ndarray, shape (n,)
+
+    """
+    frequency, power = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
+    if not len(frequency):
+        return frequency, power
+    bands = np.floor(np.log2(frequency) / _BAND)
+    _, starts, counts = np.unique(bands, return_index=True, return_counts=True)
+    return (np.exp(np.add.reduceat(np.log(frequency), starts) / counts),
+            np.add.reduceat(power, starts) / counts)
+
+
+def few_degrees(axis: AxisResult) -> list[bool]:
+    """Say of each point of the curve whether too little stands behind it to trust its place."""
+    return [dof < FEWEST_DEGREES for dof in axis.curve.edf]
+
+
+def reading_point(term: Term, shown: Mapping[str, float], tau: Array) -> float:
+    """Return the averaging time at which a coefficient is read off its line."""
+    if term.read_at is not None:
+        return term.read_at
+    total = sum((TERMS[key].adev(value, tau) ** 2 for key, value in shown.items()),
+                np.zeros(tau.shape))
+    if np.ptp(total) == 0:
+        return float(np.sqrt(tau[0] * tau[-1]))
+    return float(tau[np.argmin(total)])
+
+
+def written(coefficient: Coefficient, value: float) -> str:
+    """Return a value of `coefficient` with the digits of its interval, and its unit."""
+    shown, unit = engineering(value, coefficient.unit)
+    if coefficient.ci95 is None:
+        return f'{number(shown)} {typeset(unit)}'
+    bounds = (engineering(abs(bound), coefficient.unit)[0] for bound in coefficient.ci95)
+    return f'{measured(shown, *bounds)[0]} {typeset(unit)}'
+
+
+def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:
+    """
+    Lowest and highest Allan deviation to show.
+
+    Points that stand on few degrees of freedom may lie anywhere: where there are better ones they
+    have no say, and the model has one. With `rings` also the points where the coefficients are
+    read, unless that would make the curve a small thing at the top.
+    """
+    low, high = inf, 0.0
+    reading = []
+    for axis in axes:
+        few = few_degrees(axis)
+        sure = not all(few)
+        for value, model, band, unsure in zip(axis.curve.adev, axis.curve.model_adev,
+                                              axis.curve.ci95, few, strict=True):
+            if value > 0 and not (sure and unsure):
+                low = min(low, max(band[0], value / 2))
+                high = max(high, min(band[1], value * 2))
+            if model > 0:
+                low, high = min(low, model / 1.3), max(high, model * 1.3)
+        reading += [abs(value) for key, value in coefficients_of(axis).items()
+                    if TERMS[key].read_at and value]
+    if high == 0:
+        return 0.1, 10.0
+    if rings:
+        low = min([low, *(value / 1.8 for value in reading if value > low / 60)])
+    return low / 1.3, high * 1.3
+
+
+def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:
+    """Lowest and highest density to show: a decade about the model, lines cut off above it."""
+    low, high = inf, 0.0
+    for axis in axes:
+        rate = axis.sample_rate_hz or timeline.sample_rate_hz
+        if rate is not None and timeline.duration_s > 0:
+            frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 60)
+            model = model_density(axis, frequency, rate)
+            model = model[model > 0]
+            if len(model):
+                low, high = min(low, float(model.min())), max(high, float(model.max()))
+        if axis.spectrum is not None:
+            measured = np.array([value for value in axis.spectrum.psd if value > 0])
+            if len(measured):
+                low = min(low, float(np.quantile(measured, 0.1)))
+                high = max(high, float(np.quantile(measured, 0.95)))
+    return (low / 4, high * 8) if high > 0 else (0.1, 10.0)
+
+
+def wander(axis: AxisResult) -> tuple[Array, Array]:
+    """
+    Return how the mean of an axis wandered: that of each stretch less that of all.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose signal.
+
+    Returns
+    -------
+    time_s, mean : ndarray, shape (n,)
+        Middle of each stretch, and in the unit of a sample; NaN where there were no samples, and
+        nothing where the result does not have the signal.
+
+    """
+    if axis.signal is None:
+        return np.zeros(0), np.zeros(0)
+    mean: Array = np.array([np.nan if v is None else v for v in axis.signal.mean])
+    time = np.asarray((np.arange(len(mean)) + 0.5) * axis.signal.step_s, np.float64)
+    if not np.isfinite(mean).any():
+        return np.zeros(0), np.zeros(0)
+    return time, np.asarray(mean - np.nanmean(mean))
+
+
+def time_unit(length_s: float) -> tuple[float, str]:
+    """Return the unit, in seconds and by name, in which a length of time is two or more."""
+    return next(((size, name) for size, name in ((86_400.0, 'days'), (3600.0, 'h'), (60.0, 'min'))
+                 if length_s >= 2 * size), (1.0, 's'))
