@@ -32,7 +32,7 @@ from imu_allan.noise.fit import COLUMNS
 from imu_allan.noise.groups import Bins, bins_of, grouped
 from imu_allan.noise.joint import fit_spectra, RecordedSpectrum
 from imu_allan.noise.likelihood import maximise
-from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.sequential import decide, SMALLEST_RECORD
 from imu_allan.noise.simulate import simulate
@@ -50,7 +50,7 @@ DT, SAMPLES, RECORDS = 1 / 200, 720_000, 4
 DIFFERENT = 25
 
 
-def shape() -> tuple[list[Piece], Bins]:
+def shape() -> tuple[list[SpectrumPiece], Bins]:
     """Return pieces and bins of a record of an hour at 200 Hz, whatever its noise."""
     estimator = Estimator()
     estimator.update(np.random.default_rng(0).normal(size=SAMPLES))

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.groups import bins_of
-from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.trends import Course, RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from scipy.fft import dct
 Array = NDArray[np.float64]
 
 
-def shape_of(samples: int) -> list[Piece]:
+def shape_of(samples: int) -> list[SpectrumPiece]:
     """Return the pieces of the spectrum of a record of so many samples."""
     estimator = Estimator()
     zeros = np.zeros(1 << 20)
@@ -30,14 +30,14 @@ def shape_of(samples: int) -> list[Piece]:
     return estimator.finished().periodogram.pieces()
 
 
-def draw(pieces: Sequence[Piece], theta: Sequence[float], dt: float, records: int,
+def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, records: int,
          rng: np.random.Generator, courses: Sequence[Course] = ()) -> list[RecordSpectrum]:
     """
     Draw spectra.
 
     Parameters
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of SpectrumPiece
         As `shape_of` gives them.
     theta : sequence of float
         Squared coefficients of quantization, white noise, flicker and random walk.

@@ -23,7 +23,7 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.random_effects import q_statistic, random_effects
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import (
     AxisResult,
     Coefficient,
@@ -45,7 +45,6 @@ _SAME_BAND = 0.2
 """Relative difference at the fast end of the spectra beyond error: another filter, not noise."""
 _CONTRADICTION = 1e-3
 """Probability below which the spread of a coefficient is no chance, over all that are compared."""
-_COMPARED = ('noise_density', 'bias_instability', 'rate_random_walk')
 
 
 @dataclass(frozen=True)
@@ -262,7 +261,7 @@ def _turn_on_remarks(spread: Mapping[str, TurnOnBias], axes: Mapping[str, AxisRe
 def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
     """Enter the spread between recordings; where they contradict each other intervals widen."""
     coefficients = dict(axis.coefficients)
-    for key in _COMPARED:
+    for key in LASTING_TERMS:
         values, errors = _logarithms(name, key, parts)
         found = coefficients[key]
         if len(values) < 2 or found.value is None or found.ci95 is None:
@@ -291,7 +290,7 @@ def _widened(found: Coefficient, values: Mapping[str, float], errors: Mapping[st
 def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Remark]:
     """Say which recording contradicts the others, and in what."""
     remarks = []
-    compared = [(name, key) for name in axes for key in _COMPARED]
+    compared = [(name, key) for name in axes for key in LASTING_TERMS]
     for name, key in compared:
         values, errors = _logarithms(name, key, parts)
         if len(values) < 2:

@@ -33,10 +33,10 @@ from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
 from imu_allan.node.resuming import new_run, Setup
 from imu_allan.node.run import Half, Lane
-from imu_allan.node.same_imu import Trial
+from imu_allan.node.same_imu import Probation
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
-from imu_allan.node.thermometer import Thermometer
+from imu_allan.node.temperature_topic import TemperatureTopic
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -98,15 +98,16 @@ class CharacterizationNode(Node):
             ' '.join(filter(None, [values['imu_type'], *_fields(values), *_units(values)])),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
-        self._thermometer = (Thermometer(self, values['temperature_topic'], self._facts,
-                                         len(topics)) if values['temperature_topic'] else None)
+        thermometer = values['temperature_topic']
+        self._temperature = (TemperatureTopic(self, thermometer, self._facts, len(topics))
+                             if thermometer else None)
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(
             self, values['imu_type'],
             [f'-p {half}_topic' if half else f'-r {TOPIC}' for _, half in topics],
             self._receptions, self._publications, self._announcements, self._log)
         self._run = self._storage.first_run()
-        self._note_trials()
+        self._note_probations()
 
         # Services wait for the worker while samples come in: they have a group of their own.
         services = ReentrantCallbackGroup()
@@ -116,7 +117,7 @@ class CharacterizationNode(Node):
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
-        if self._run.on_trial:
+        if self._run.on_probation:
             self._results.fit(self._run)
         self._storage.try_output()
         self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
@@ -211,10 +212,10 @@ class CharacterizationNode(Node):
         return max([reception.take(now) for reception in self._receptions])
 
     def _feed(self, now: float) -> None:
-        if self._thermometer is not None:
-            self._thermometer.take()
+        if self._temperature is not None:
+            self._temperature.take()
             for number, lane in enumerate(self._run.lanes):
-                self._thermometer.feed(number, lane.characterization)
+                self._temperature.feed(number, lane.characterization)
         for number, reception in enumerate(self._receptions):
             blocks = reception.blocks(now)
             if blocks:
@@ -222,10 +223,10 @@ class CharacterizationNode(Node):
                 self._feed_lane(number, self._run.lanes[number], blocks)
 
     def _feed_lane(self, number: int, lane: Lane, blocks: list[ImuBlock]) -> None:
-        if lane.trial is not None:
-            lane.trial.hold(blocks)
-            if lane.trial.complete:
-                self._end_trial(number, lane.trial)
+        if lane.probation is not None:
+            lane.probation.hold(blocks)
+            if lane.probation.complete:
+                self._end_probation(number, lane.probation)
             return
         self._update(number, blocks)
         # Where two publishers take turns, neither has changed.
@@ -248,16 +249,16 @@ class CharacterizationNode(Node):
 
     # -- one run after the other ----------------------------------------------------------------
 
-    def _end_trial(self, number: int, trial: Trial) -> None:
-        verdict = trial.verdict()
+    def _end_probation(self, number: int, probation: Probation) -> None:
+        verdict = probation.verdict()
         if verdict is None:
-            self._run.lanes[number].trial = None
-            self._note_trials()
-            self._update(number, trial.blocks)
+            self._run.lanes[number].probation = None
+            self._note_probations()
+            self._update(number, probation.blocks)
         else:
             self._begin_because(verdict, {
-                place: lane.trial.blocks for place, lane in enumerate(self._run.lanes)
-                if lane.trial is not None})
+                place: lane.probation.blocks for place, lane in enumerate(self._run.lanes)
+                if lane.probation is not None})
         self._storage.hurry()
 
     def _begin_because(self, verdict: UnusableState, blocks: Mapping[int, Sequence[ImuBlock]]
@@ -273,15 +274,15 @@ class CharacterizationNode(Node):
     def _begin_anew(self) -> None:
         self._run.over = True
         self._run = new_run(self._setup)
-        self._note_trials()
+        self._note_probations()
         self._results.begin_run()
         for reception, announcements in zip(self._receptions, self._announcements, strict=True):
             reception.facts.looping = False
             announcements.begin_run()
 
-    def _note_trials(self) -> None:
+    def _note_probations(self) -> None:
         for reception, lane in zip(self._receptions, self._run.lanes, strict=True):
-            reception.facts.on_trial = lane.trial is not None
+            reception.facts.on_probation = lane.probation is not None
 
     # -- services -------------------------------------------------------------------------------
 
@@ -362,9 +363,9 @@ class CharacterizationNode(Node):
             self._take(now)
         self._feed(now)
         for number in range(len(self._receptions)):
-            trial = self._run.lanes[number].trial
-            if trial is not None and not trial.hopeless:
-                self._end_trial(number, trial)
+            probation = self._run.lanes[number].probation
+            if probation is not None and not probation.hopeless:
+                self._end_probation(number, probation)
         return True
 
     def _end_worker(self) -> bool:

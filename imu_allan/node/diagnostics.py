@@ -69,7 +69,7 @@ class Facts:
     longest_hold_s : float
         Longest time between two takings since the last report.
     paused : bool
-    on_trial : bool
+    on_probation : bool
         Whether messages are held back until they show the IMU of the state file.
     fit_s : float or None
         Time the last fit took.
@@ -112,7 +112,7 @@ class Facts:
     cpu_s: float | None = None
     longest_hold_s: float = 0.0
     paused: bool = False
-    on_trial: bool = False
+    on_probation: bool = False
     fit_s: float | None = None
     fit_error: str = ''
     update_error: str = ''
@@ -221,7 +221,7 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
     rate = summary.measured_rate_hz or timeline.sample_rate_hz
     if facts.update_error:
         return ERROR, facts.update_error
-    if facts.on_trial:
+    if facts.on_probation:
         return OK, 'looking whether this is the IMU of the state file'
     if summary.moving:
         return WARN, 'the IMU moves: this part is left out'

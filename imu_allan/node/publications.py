@@ -9,8 +9,8 @@ from imu_allan.node.result_messages import (
     ResultMessages,
     SENSORS,
     TUNED_TERM,
-    VECTOR_TERMS,
 )
+from imu_allan.noise.terms import LASTING_TERMS
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -45,7 +45,7 @@ class Publications:
 
         self._result = latched(String, 'result')
         self._coefficients = latched(DiagnosticArray, 'coefficients')
-        terms = [f'{sensor}/{term}' for sensor in SENSORS for term in VECTOR_TERMS]
+        terms = [f'{sensor}/{term}' for sensor in SENSORS for term in LASTING_TERMS]
         self._vectors = {topic: latched(Vector3Stamped, topic) for topic in (
             *terms, *(f'{sensor}/{TUNED_TERM}' for sensor in SENSORS),
             *(f'{term}/interval/{end}' for term in terms for end in ENDS))}

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.findings import live_text
+from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Remark, Result, TurnOnBias
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration
@@ -20,8 +21,6 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 SENSORS = ('gyro', 'accel')
 TUNED_TERM = 'filter_random_walk'
 """Not measured but chosen, for a filter with a random walk and nothing else."""
-VECTOR_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
-"""Terms that have a topic of their own."""
 FILTER_TERMS = ('noise_density', 'rate_random_walk')
 """What every filter asks for: a WARN stands while one is not observable."""
 ENDS: tuple[Literal['low', 'high'], ...] = ('low', 'high')
@@ -66,12 +65,12 @@ def result_messages(result: Result, node_name: str, stamp: Time,
 
     """
     vectors = {f'{sensor}/{term}': vector_message(result, sensor, term, stamp)
-               for sensor in SENSORS for term in VECTOR_TERMS}
+               for sensor in SENSORS for term in LASTING_TERMS}
     vectors |= {f'{sensor}/{TUNED_TERM}': tuned_message(result, sensor, filter_of, stamp)
                 for sensor in SENSORS}
     vectors |= {f'{sensor}/{term}/interval/{end}':
                 interval_message(result, sensor, term, end, stamp)
-                for sensor in SENSORS for term in VECTOR_TERMS for end in ENDS}
+                for sensor in SENSORS for term in LASTING_TERMS for end in ENDS}
     curves = {f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}
     return ResultMessages(String(data=result.to_json()),
                           coefficients_message(result, node_name, stamp), vectors, curves)

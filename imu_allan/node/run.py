@@ -13,7 +13,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
-from imu_allan.node.same_imu import ChangeWatch, Signature, Trial
+from imu_allan.node.same_imu import ChangeWatch, Probation, Signature
 from imu_allan.node.standards import Looks
 from imu_allan.result import Backtest, Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
@@ -81,7 +81,7 @@ class Lane:
 
     Attributes
     ----------
-    trial : Trial or None
+    probation : Probation or None
         Of a resumed one: messages are held back until it has passed.
     fed : int
         Messages it has been given.
@@ -98,7 +98,7 @@ class Lane:
         self.power_ons = PowerOns(boot_id()) if power_ons is None else power_ons
         self.half: Half | None = half
         self.unit = unit
-        self.trial: Trial | None = None
+        self.probation: Probation | None = None
         self.fed = 0
         self.stamp_ns = 0
         self.error = ''
@@ -185,9 +185,9 @@ class Run:
         return max(lane.stamp_ns for lane in self.lanes)
 
     @property
-    def on_trial(self) -> bool:
+    def on_probation(self) -> bool:
         """Whether all messages are held back until they show the IMU of the state file."""
-        return all(lane.trial is not None for lane in self.lanes)
+        return all(lane.probation is not None for lane in self.lanes)
 
     @property
     def backtests(self) -> Backtests | None:

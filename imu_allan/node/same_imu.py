@@ -17,12 +17,12 @@ from imu_allan.timeline.pace import measure_pace
 import numpy as np
 
 _SAME_RATE = 0.05
-"""Relative difference of two rates that jitter over the trial can make."""
+"""Relative difference of two rates that jitter over the probation can make."""
 _OTHER_RATE = 0.3
 """Relative difference that jitter cannot make: one between the two wants a longer look."""
-TRIAL_S = 2.0
+PROBATION_S = 2.0
 """At 100 Hz 200 messages, which tell a rate to far less than `_SAME_RATE`; all wait so long."""
-LONGEST_TRIAL_S = 10.0
+LONGEST_PROBATION_S = 10.0
 """Jitter has averaged out by then: the rate counts as it is."""
 LASTING_S = 10.0
 """A driver that is reconfigured settles in less; so long a change is no hiccup."""
@@ -83,7 +83,7 @@ class Signature:
                 for block in blocks]
 
 
-class Trial:
+class Probation:
     """
     The first messages after a resume, held back.
 
@@ -96,7 +96,7 @@ class Trial:
 
     """
 
-    def __init__(self, signature: Signature, seconds: float = TRIAL_S) -> None:
+    def __init__(self, signature: Signature, seconds: float = PROBATION_S) -> None:
         self._seconds = seconds
         self._signature = signature
         self.blocks: list[ImuBlock] = []
@@ -112,7 +112,7 @@ class Trial:
             return True
         if self.hopeless or self._lasted_s < self._seconds:
             return False
-        return self._lasted_s >= LONGEST_TRIAL_S or not (
+        return self._lasted_s >= LONGEST_PROBATION_S or not (
             _SAME_RATE < self._signature.rate_difference(self.blocks) < _OTHER_RATE)
 
     @property

@@ -17,7 +17,7 @@ from imu_allan.node.log import Log
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Run, Snapshot
 from imu_allan.node.run_folder import claimed, other_folders, run_folder, try_folder
-from imu_allan.node.same_imu import Signature, Trial, TRIAL_S
+from imu_allan.node.same_imu import Probation, PROBATION_S, Signature
 from imu_allan.node.worker import Worker
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
@@ -112,7 +112,8 @@ class Storage:
         self._log.info(self._facts.resumed)
         for lane, summary in zip(run.lanes, summaries, strict=True):
             # Held back means lost in a crash: no more than half of what may be lost.
-            lane.trial = Trial(Signature.of(summary), min(TRIAL_S, self.checkpoint_period / 2))
+            lane.probation = Probation(Signature.of(summary),
+                                       min(PROBATION_S, self.checkpoint_period / 2))
         return run
 
     def keep_aside(self, run: Run, verdict: UnusableState) -> None:
@@ -149,7 +150,7 @@ class Storage:
         period = self.checkpoint_period
         # Sooner than the period, so that a sample is not older when its checkpoint is on the disk.
         due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
-        return (self.keeps_state and due and not run.on_trial and run.fed != run.checkpointed
+        return (self.keeps_state and due and not run.on_probation and run.fed != run.checkpointed
                 and not self._worker.under_way('checkpoint'))
 
     def checkpoint(self, run: Run) -> 'Future[int]':

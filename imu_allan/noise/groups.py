@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
 from imu_allan.noise import spectrum
-from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
 
@@ -171,13 +171,13 @@ _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
 
 
-def bins_of(pieces: Sequence[Piece], dt: float, bridged_share: float = 0.0) -> Bins:
+def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridged_share: float = 0.0) -> Bins:
     """
     Join the pieces of a spectrum.
 
     Parameters
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of SpectrumPiece
         At least one.
     dt : float
         Sample interval in seconds.

@@ -5,13 +5,13 @@
 from collections.abc import Mapping
 
 from imu_allan.noise import spectrum
+from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.noise.trial import OBSERVABLE
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_KEYS = ('noise_density', 'bias_instability', 'rate_random_walk')
 _OCTAVES = 12
 """A forecast beyond 4096 records, half a year for one of an hour, helps nobody to plan."""
 _SINGLE = 32
@@ -43,12 +43,12 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
 
     """
     found: dict[str, tuple[float | None, float | None]] = {}
-    theta = np.array([coefficients.get(key, 0.0) for key in _KEYS]) ** 2
+    theta = np.array([coefficients.get(key, 0.0) for key in LASTING_TERMS]) ** 2
     if theta[0] <= 0 or duration_s < 4 * dt:
-        return dict.fromkeys(_KEYS, (None, None))
+        return dict.fromkeys(LASTING_TERMS, (None, None))
     lengths: Array = duration_s * np.exp2(np.arange(_OCTAVES + 1))
     errors = _standard_errors(theta, dt, lengths)
-    for i, key in enumerate(_KEYS):
+    for i, key in enumerate(LASTING_TERMS):
         if theta[i] <= 0:
             found[key] = (None, None)
         elif observable.get(key):

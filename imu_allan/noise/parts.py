@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 from imu_allan.noise.cells import Cells
 from imu_allan.noise.groups import Bins, bins_of, grouped, Groups
-from imu_allan.noise.periodogram import BLOCK, Periodogram, Piece, unbroken
+from imu_allan.noise.periodogram import BLOCK, Periodogram, SpectrumPiece, unbroken
 from imu_allan.noise.segments import Layout, layout, MEANS, OCTAVES, PER_OCTAVE, SHORTEST_SEGMENT
 import numpy as np
 from numpy.typing import NDArray
@@ -109,8 +109,8 @@ class Part:
             end = min(length, int(np.ceil(2 * length * cell * self._border)))
             if end > 1:
                 coefficients = dct(points, norm='ortho')
-                pieces.append(Piece(cell, length, 1, 1, end, coefficients**2, coefficients, gaps,
-                                    start))
+                pieces.append(SpectrumPiece(cell, length, 1, 1, end, coefficients**2,
+                                            coefficients, gaps, start))
         return bins_of(pieces, self.dt, self.bridged_share) if pieces else None
 
     @cached_property
@@ -149,7 +149,7 @@ def _shapes(length: int, step: int, dt: float, bridged_share: float
             ) -> tuple[Array, Array, Array]:
     """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
     place = layout(length, step)
-    nothing = Piece(step, length, 1, place.first, place.last, np.zeros((1, length)))
+    nothing = SpectrumPiece(step, length, 1, place.first, place.last, np.zeros((1, length)))
     bins = bins_of([nothing], dt, bridged_share)
     return (_by_band(bins.frequency, place), _by_band(bins.design, place),
             _by_band(bins.ramp, place))

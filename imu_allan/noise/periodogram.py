@@ -56,7 +56,7 @@ _MAX_FILLED_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class Piece:
+class SpectrumPiece:
     """
     Part of the spectrum.
 
@@ -273,13 +273,13 @@ class Periodogram:
         for i, stage in enumerate(self.means):
             stage.finish(2**(STAGE_OCTAVES * (i + 1)))
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[SpectrumPiece]:
         """
         Return the spectrum from the slowest to the fastest part, without overlap.
 
         Returns
         -------
-        list of Piece
+        list of SpectrumPiece
 
         """
         top = 0.5 if self.cell == 1 else _HIGHEST_OF_MEANS
@@ -288,8 +288,8 @@ class Periodogram:
             length = points.shape[1]
             coefficients = dct(points, norm='ortho')
             last = length if self.cell == 1 else int(np.ceil(2 * length * top))
-            found.append(Piece(self.cell, length, 1, 1, last, coefficients**2, coefficients,
-                               gaps, start))
+            found.append(SpectrumPiece(self.cell, length, 1, 1, last, coefficients**2,
+                                       coefficients, gaps, start))
         if self.cell == 1:
             return found
         border = top / self.cell
@@ -305,8 +305,8 @@ class Periodogram:
                 first = max(1, int(np.ceil(2 * length * low)))
                 last = int(np.ceil(2 * length * high))
                 blocks = stages[i].blocks[length]
-                found.append(Piece(step, length, blocks, first, last, power / blocks,
-                                   gaps=stages[i].gaps(length)))
+                found.append(SpectrumPiece(step, length, blocks, first, last, power / blocks,
+                                           gaps=stages[i].gaps(length)))
             border = max(border, _LOWEST / step)
         return found
 

@@ -122,6 +122,9 @@ TERMS: dict[str, Term] = {
 }
 """The five power-law terms by key, from the steepest falling to the steepest rising."""
 
+LASTING_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
+"""N, B and K: what is the sensor's own. Q is its output's, R this record's."""
+
 
 def gauss_markov_avar(sigma: float, correlation_time_s: float,
                       tau: ArrayLike) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from itertools import pairwise
 from imu_allan.noise import chi_square
 from imu_allan.noise.groups import about_ramp, Bins
 from imu_allan.noise.likelihood import Solution
-from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
@@ -64,14 +64,14 @@ class Line:
     amplitude: float
 
 
-def find_lines(pieces: list[Piece], bins: Bins, axis: int, dt: float,
+def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
                first: Solution) -> tuple[list[Line], Mask]:
     """
     Find the lines of one axis.
 
     Parameters
     ----------
-    pieces : list of Piece
+    pieces : list of SpectrumPiece
         From the slowest to the fastest part.
     bins : Bins
         Of the same pieces.

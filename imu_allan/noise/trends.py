@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups
-from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -38,7 +38,7 @@ class SlowCoefficients:
 
     Attributes
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of SpectrumPiece
         Of the record.
     count : int
         Index of the last of them.
@@ -52,7 +52,7 @@ class SlowCoefficients:
 
     """
 
-    pieces: Sequence[Piece]
+    pieces: Sequence[SpectrumPiece]
     count: int
     which: NDArray[np.bool_]
     dt: float
@@ -72,7 +72,7 @@ class RecordSpectrum:
 
     Attributes
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of SpectrumPiece
     bins : Bins
         Of these pieces.
     axis : int
@@ -85,7 +85,7 @@ class RecordSpectrum:
 
     """
 
-    pieces: Sequence[Piece]
+    pieces: Sequence[SpectrumPiece]
     bins: Bins
     axis: int
     dt: float
@@ -158,14 +158,14 @@ def _own(courses: Sequence[Course | EachCourse], number: int = 0) -> list[Course
     return [course.of[number] if isinstance(course, EachCourse) else course for course in courses]
 
 
-def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
+def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Course],
                slowest: int | None = None) -> Array:
     """
     Transform courses of the mean as the record was transformed: X of (7) in docs/statistics.md.
 
     Parameters
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of SpectrumPiece
         Of the record.
     dt : float
         Sample interval in seconds.
@@ -185,7 +185,7 @@ def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
     A bend, over 100 points of 1 s; being even, it has no odd coefficient:
 
     >>> nothing = np.zeros((1, 100))
-    >>> piece = Piece(1, 100, 1, 1, 100, nothing, nothing)
+    >>> piece = SpectrumPiece(1, 100, 1, 1, 100, nothing, nothing)
     >>> regressors([piece], 1.0, [legendre(2, 100.0)], slowest=4).round(2) + 0.0
     array([[0.  ],
            [4.3 ],
@@ -208,7 +208,7 @@ def regressors(pieces: Sequence[Piece], dt: float, courses: Sequence[Course],
     return np.concatenate(parts)
 
 
-def duration(pieces: Sequence[Piece], dt: float) -> float:
+def duration(pieces: Sequence[SpectrumPiece], dt: float) -> float:
     """Seconds from the beginning of the record to its end; runs are laid end to end."""
     return max(((piece.start + piece.length * piece.step) * dt for piece in pieces
                 if piece.coefficients is not None), default=0.0)

@@ -17,7 +17,7 @@ from imu_allan.noise.cells import Cells
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.gaps import filled
 from imu_allan.noise.groups import bins_of, grouped
-from imu_allan.noise.periodogram import Piece
+from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.result import Backtest, Coast, DriftModel, Innovations, Tone
 from imu_allan.tuning.coasting import coasting_weights
 from imu_allan.tuning.kalman import Filtered, run_filters
@@ -216,9 +216,9 @@ def _fitted(row: Array, step_s: float) -> DriftModel | None:
     return fit_drift_model(grouped(bins_of([piece_of(row[None])], step_s), 0), step_s)
 
 
-def piece_of(rows: Array) -> Piece:
+def piece_of(rows: Array) -> SpectrumPiece:
     """Return the spectrum of means in a row, shape (axes, n), as one piece."""
     # About their mean, so that a large one costs no digits.
     coefficients = dct(rows - rows.mean(axis=1, keepdims=True), norm='ortho')
     length = rows.shape[1]
-    return Piece(1, length, 1, 1, length, coefficients**2, coefficients)
+    return SpectrumPiece(1, length, 1, 1, length, coefficients**2, coefficients)

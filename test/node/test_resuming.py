@@ -16,7 +16,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.resuming import pack, Setup, unpack
 from imu_allan.node.run import Lane, Run
-from imu_allan.node.same_imu import Signature, Trial
+from imu_allan.node.same_imu import Probation, Signature
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
@@ -98,7 +98,7 @@ def test_another_imu_begins_a_new_run_with_its_first_sample(ros: Ros, checkpoint
     assert samples_at_the_end(ros, node) == driver.next
 
 
-def test_a_few_samples_at_the_end_of_a_trial_do_not_harm_the_run(
+def test_a_few_samples_at_the_end_of_a_probation_do_not_harm_the_run(
         ros: Ros, checkpoint: Path) -> None:
     before = checkpoint.read_bytes()
     node, driver = start(ros), Driver(ros)
@@ -118,18 +118,18 @@ def messages(rate_hz: float, seconds: float, first_s: float = 0.0) -> ImuBlock:
 @pytest.mark.parametrize(('rate_hz', 'needed_s', 'reason'), [
     (200.0, 2.0, None), (202.0, 2.0, None), (400.0, 2.0, 'rate'), (50.0, 2.0, 'rate'),
     (220.0, 10.0, 'rate'), (4.0, 4.0, 'rate')])
-def test_a_trial_looks_longer_where_jitter_could_be_the_reason(
+def test_a_probation_looks_longer_where_jitter_could_be_the_reason(
         ros: Ros, checkpoint: Path, rate_hz: float, needed_s: float, reason: str | None) -> None:
     run = unpack(decode_state(checkpoint.read_bytes()),
                  Setup(ros.name('imu/data_raw'), TimelineOptions()))
-    trial = Trial(Signature.of(run.lanes[0].characterization.summary()))
+    probation = Probation(Signature.of(run.lanes[0].characterization.summary()))
     lasted = 0.0
-    while not trial.complete:
+    while not probation.complete:
         assert lasted < 20
-        trial.hold([messages(rate_hz, 0.5, lasted)])
+        probation.hold([messages(rate_hz, 0.5, lasted)])
         lasted += 0.5
     assert lasted == pytest.approx(needed_s, abs=0.5)
-    verdict = trial.verdict()
+    verdict = probation.verdict()
     assert (verdict and verdict.reason) == reason
     if verdict is not None:
         assert str(verdict) == f'it is of 200 Hz, the messages now come at {rate_hz:g} Hz'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.groups import bins_of, grouped
 from imu_allan.noise.likelihood import maximise
-from imu_allan.noise.periodogram import Periodogram, Piece
+from imu_allan.noise.periodogram import Periodogram, SpectrumPiece
 from imu_allan.noise.tones import find_lines, folded, higher_side, Line, rises
 import numpy as np
 import pytest
@@ -130,8 +130,8 @@ def test_no_line_is_sought_in_a_part_of_a_few_bins():
 
     def few(pieces):
         [piece] = pieces
-        return [Piece(piece.step, piece.length, piece.blocks, 2 * 1383, 2 * 1403, piece.power,
-                      piece.coefficients)]
+        return [SpectrumPiece(piece.step, piece.length, piece.blocks, 2 * 1383, 2 * 1403,
+                              piece.power, piece.coefficients)]
 
     lines, keep = lines_of(samples, few)
     assert lines == []

@@ -16,8 +16,8 @@ from imu_allan.writers.filters.layout import (
     FilterConfig,
     heading,
     joined,
-    number,
     Pair,
+    real,
     SAMPLE_UNITS,
     worst,
 )
@@ -80,5 +80,5 @@ def _parameters(numbers: Numbers, name: str, rate: float, names: _Parameters,
             yield f'# {parameter}'
             continue
         value = min(max(entry.value, usual), highest)
-        yield f"# at rest {number(entry.value)}; {name}'s default {usual:g}, at most {highest:g}"
-        yield line(parameter, number(value))
+        yield f"# at rest {real(entry.value)}; {name}'s default {usual:g}, at most {highest:g}"
+        yield line(parameter, real(value))

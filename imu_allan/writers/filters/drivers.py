@@ -15,9 +15,9 @@ from imu_allan.writers.filters.layout import (
     heading,
     indented,
     joined,
-    number,
     Pair,
     pairs,
+    real,
     SAMPLE_UNITS,
     triples,
 )
@@ -52,7 +52,7 @@ def _matrix(numbers: Numbers, sensor: Sensor, name: str) -> list[str]:
     lines = ['', f'# N^2 f of x, y, z on the diagonal [({SAMPLE_UNITS[sensor, N]})^2]']
     if values is None:
         return [*lines, *(f'# {name}: {remark}' for remark in remarks)]
-    cells = [number(values[i] if i == j else 0.0) for i in range(3) for j in range(3)]
+    cells = [real(values[i] if i == j else 0.0) for i in range(3) for j in range(3)]
     return [*lines, f'{name}: [{", ".join(cells)}]']
 
 
@@ -74,12 +74,12 @@ def autoware(numbers: Numbers) -> FilterConfig:
         axis = numbers.result.axes.get(name)
         if N in own:
             body.append(f'angular_velocity_stddev_{letter}{letter}: '
-                        f'{number(own[N].value * sqrt(f))}')
+                        f'{real(own[N].value * sqrt(f))}')
         else:
             body.append(f'# angular_velocity_stddev_{letter}{letter}: this result has no value '
                         'for it')
         if N in own and axis is not None and axis.mean is not None:
-            body.append(f'angular_velocity_offset_{letter}: {number(axis.mean)}')
+            body.append(f'angular_velocity_offset_{letter}: {real(axis.mean)}')
     body += pairs(numbers, {('accel', N): 'acceleration_stddev'}, lambda value: value * sqrt(f),
                   'sqrt(f)', SAMPLE_UNITS)
     return FilterConfig('imu_corrector.param.yaml', joined([*lines, *indented(body, 4)]))

@@ -11,8 +11,8 @@ from imu_allan.writers.filters.layout import (
     FilterConfig,
     heading,
     joined,
-    number,
     Pair,
+    real,
     UNITS,
     worst,
 )
@@ -37,7 +37,7 @@ def gtsam(numbers: Numbers) -> FilterConfig:
         ('accel', K): 'biasAccCovariance', ('gyro', K): 'biasOmegaCovariance'}
 
     def matrix(value: float) -> list[str]:
-        return [f'  - [{", ".join(number(value if i == j else 0.0) for j in range(3))}]'
+        return [f'  - [{", ".join(real(value if i == j else 0.0) for j in range(3))}]'
                 for i in range(3)]
 
     for (sensor, key), name in names.items():
@@ -58,7 +58,7 @@ def state_space(numbers: Numbers) -> FilterConfig:
     spaces = _spaces(numbers)
     step = next(iter(spaces.values())).step_s
     document = {'imu_allan': numbers.provenance(), 'step_s': step,
-                'axes': {name: {part: [[float(number(value)) for value in row] for row in
+                'axes': {name: {part: [[float(real(value)) for value in row] for row in
                                        getattr(space, part).tolist()] for part in _PARTS}
                          for name, space in spaces.items()}}
     return FilterConfig('state_space.json', json.dumps(document, indent=2) + '\n')
@@ -76,11 +76,11 @@ def state_space_cpp(numbers: Numbers) -> FilterConfig:
     for name, space in spaces.items():
         lines += ['', f'namespace {name} {{',
                   f'constexpr int states = {len(space.transition)};',
-                  f'constexpr double step_s = {number(space.step_s)};']
+                  f'constexpr double step_s = {real(space.step_s)};']
         for part in _PARTS:
             rows = getattr(space, part).tolist()
             cells = ', '.join(
-                '{{' + ', '.join(number(value) for value in row) + '}}' for row in rows)
+                '{{' + ', '.join(real(value) for value in row) + '}}' for row in rows)
             lines.append(f'constexpr Matrix<{len(rows)}, {len(rows[0])}> {part}'
                          f'{{{{{cells}}}}};')
         lines.append(f'}}  // namespace {name}')

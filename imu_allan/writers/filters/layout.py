@@ -83,7 +83,7 @@ def pairs(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled, 
         entry = worst(numbers, sensor, key, scale, scaling, units[sensor, key])
         lines += ['', *(f'{sign} {remark}' for remark in entry.remarks)]
         lines += [f'{sign} {name}:' if entry.value is None
-                  else line.format(name=name, value=number(entry.value))]
+                  else line.format(name=name, value=real(entry.value))]
     return lines
 
 
@@ -138,7 +138,7 @@ def triples(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled
                 f'{_TERMS[sensor, key]}')
         lines += ['', f'{sign} {what}', *(f'{sign} {name}: {remark}' for remark in remarks)]
         lines += [f'{sign} {name}:' if values is None else
-                  line.format(name=name, value=', '.join(number(value) for value in values))]
+                  line.format(name=name, value=', '.join(real(value) for value in values))]
     return lines
 
 
@@ -158,7 +158,7 @@ def indented(lines: Sequence[str], by: int) -> list[str]:
     return [f'{" " * by}{line}' if line else '' for line in lines]
 
 
-def number(value: float) -> str:
+def real(value: float) -> str:
     """`value` in six digits, so that YAML 1.1 reads it, where a real must have a point."""
     text = repr(float(f'{value:.{DIGITS - 1}e}'))
     return text.replace('e', '.0e') if 'e' in text and '.' not in text else text

@@ -10,9 +10,9 @@ from imu_allan.writers.filters.layout import (
     heading,
     indented,
     joined,
-    number,
     Pair,
     pairs,
+    real,
     SAMPLE_UNITS,
     topic_of,
     worst,
@@ -94,7 +94,7 @@ def point_lio(numbers: Numbers) -> FilterConfig:
         {('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'})
     for names in parts:
         lines += indented(pairs(numbers, names, lambda value: value**2 * f, '^2 f', _SQUARED), 4)
-    lines += ['', '    # [s], the sample interval', f'    imu_time_inte: {number(1 / f)}']
+    lines += ['', '    # [s], the sample interval', f'    imu_time_inte: {real(1 / f)}']
     topic = topic_of(numbers)
     if topic:
         lines += ['', 'common:', f'    imu_topic: {topic}']
@@ -139,15 +139,15 @@ def glim(numbers: Numbers) -> FilterConfig:
         entry = worst(numbers, sensor, N, lambda v: v, '', f'{unit}/sqrt(Hz)')
         lines += [f'    // {remark}' for remark in entry.remarks]
         if entry.value is not None:
-            lines.append(f'    "{name}": {number(entry.value)},')
+            lines.append(f'    "{name}": {real(entry.value)},')
     for sensor, (_, unit) in _GLIM.items():
         found = numbers.worst(sensor, K)
         if found is not None:
-            entries.append(f'{found[0]} {number(found[1].value * sqrt(frame))} {unit}')
+            entries.append(f'{found[0]} {real(found[1].value * sqrt(frame))} {unit}')
     steps = [one[1].value * sqrt(frame) for one in (numbers.worst('accel', K),
                                                     numbers.worst('gyro', K)) if one is not None]
     lines += [f'    // K sqrt(T), T = {frame:g} s between lidar frames; one value for both '
               'sensors, the larger:', f'    // {", ".join(entries) or "no value"}',
-              f'    "imu_bias_noise": {number(max(steps))}' if steps else '    // imu_bias_noise',
+              f'    "imu_bias_noise": {real(max(steps))}' if steps else '    // imu_bias_noise',
               '  }', '}']
     return FilterConfig('glim_sensors.json', joined(lines))

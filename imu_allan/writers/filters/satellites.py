@@ -11,9 +11,9 @@ from imu_allan.writers.filters.layout import (
     heading,
     indented,
     joined,
-    number,
     Pair,
     pairs,
+    real,
     times,
     triples,
 )
@@ -78,7 +78,7 @@ def _correlation_time(numbers: Numbers) -> list[str]:
     if found is None:
         return ['', '# corrtime: this result has no value for it']
     return ['', '# Tc [h], the same for both sensors',
-            f'corrtime: {number(found[1].value / 3600)}']
+            f'corrtime: {real(found[1].value / 3600)}']
 
 
 def navego(numbers: Numbers) -> FilterConfig:

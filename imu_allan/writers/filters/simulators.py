@@ -12,8 +12,8 @@ from imu_allan.writers.filters.layout import (
     FilterConfig,
     heading,
     joined,
-    number,
     Pair,
+    real,
     times,
     triples,
     UNITS,
@@ -49,11 +49,11 @@ def gazebo(numbers: Numbers) -> FilterConfig:
             if N not in own:
                 continue
             lines += [f'    <{name[-1]}><noise type="gaussian">', '      <mean>0</mean>',
-                      f'      <stddev>{number(own[N].value * sqrt(f))}</stddev>']
+                      f'      <stddev>{real(own[N].value * sqrt(f))}</stddev>']
             if TIME in own:
-                lines += [f'      <dynamic_bias_stddev>{number(own[K].value)}'
+                lines += [f'      <dynamic_bias_stddev>{real(own[K].value)}'
                           '</dynamic_bias_stddev>',
-                          f'      <dynamic_bias_correlation_time>{number(own[TIME].value)}'
+                          f'      <dynamic_bias_correlation_time>{real(own[TIME].value)}'
                           '</dynamic_bias_correlation_time>']
             lines.append(f'    </noise></{name[-1]}>')
         lines.append(f'  </{tag}>')
@@ -80,7 +80,7 @@ def rotors(numbers: Numbers) -> FilterConfig:
         entry = worst(numbers, sensor, key, lambda value: value, '', UNITS[sensor, key])
         lines += [f'  <!-- {_comment(remark)} -->' for remark in entry.remarks]
         if entry.value is not None:
-            lines += [f'  <{tag}>{number(entry.value)}</{tag}>' for tag in tags]
+            lines += [f'  <{tag}>{real(entry.value)}</{tag}>' for tag in tags]
     return FilterConfig('rotors_imu.xml', joined([*lines, '</plugin>']))
 
 
@@ -105,8 +105,8 @@ def matlab(numbers: Numbers) -> FilterConfig:
                              line='{name} = [{value}];', sign='%')
         flicker = _flicker(numbers, sensor)
         lines += ['', '% B of x, y, z, bias instability; 0 where it is not observable',
-                  f'{sensor}.BiasInstability = [{", ".join(number(b) for b in flicker)}];']
-    lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {number(numbers.rate())}, "
+                  f'{sensor}.BiasInstability = [{", ".join(real(b) for b in flicker)}];']
+    lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {real(numbers.rate())}, "
               "'Gyroscope', gyro, 'Accelerometer', accel);"]
     return FilterConfig('imu_sensor.m', joined(lines))
 
@@ -141,7 +141,7 @@ def airsim(numbers: Numbers) -> FilterConfig:
         if entry.value is None:
             remarks.append(f'{name}: this result has no value for it')
         else:
-            settings[name] = float(number(entry.value))
+            settings[name] = float(real(entry.value))
     settings['GyroBiasStabilityTau'] = _AIRSIM_TIMES['gyro']
     settings['AccelBiasStabilityTau'] = _AIRSIM_TIMES['accel']
     text = json.dumps({'imu_allan': remarks, 'Imu': settings}, indent=2, ensure_ascii=False)

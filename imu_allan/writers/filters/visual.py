@@ -12,10 +12,10 @@ from imu_allan.writers.filters.layout import (
     heading,
     indented,
     joined,
-    number,
     Pair,
     pairs,
     quoted,
+    real,
     SAMPLE_UNITS,
     times,
     topic_of,
@@ -70,7 +70,7 @@ def orb_slam3(numbers: Numbers) -> FilterConfig:
     lines += pairs(numbers, {('gyro', N): 'IMU.NoiseGyro', ('accel', N): 'IMU.NoiseAcc',
                              ('gyro', K): 'IMU.GyroWalk', ('accel', K): 'IMU.AccWalk'})
     lines += ['', '# [Hz], a real number in settings of File.version 1.0; '
-              'older versions want a whole number', f'IMU.Frequency: {number(numbers.rate())}']
+              'older versions want a whole number', f'IMU.Frequency: {real(numbers.rate())}']
     return FilterConfig('orb_slam3_imu.yaml', joined(lines))
 
 
@@ -128,7 +128,7 @@ def basalt(numbers: Numbers) -> FilterConfig:
     ``Calibration::dicrete_time_accel_noise_std`` (calibration.hpp) multiplies by the root of
     ``imu_update_rate``. JSON knows no comments: they stand under a key that cereal passes over.
     """
-    values: dict[str, object] = {'imu_update_rate': float(number(numbers.rate()))}
+    values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
     remarks = numbers.provenance()
     names: dict[Pair, str] = {('accel', N): 'accel_noise_std', ('gyro', N): 'gyro_noise_std',
                               ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
@@ -136,7 +136,7 @@ def basalt(numbers: Numbers) -> FilterConfig:
         found, said = each(numbers, sensor, key)
         remarks += [f'{name}: {remark}' for remark in said]
         if found is not None:
-            values[name] = [float(number(value)) for value in found]
+            values[name] = [float(real(value)) for value in found]
             remarks.append(f'{name}: {key} of x, y, z [{UNITS[sensor, key]}], continuous')
     text = json.dumps({'value0': values, 'imu_allan': remarks}, indent=4, ensure_ascii=False)
     return FilterConfig('basalt_imu.json', text + '\n')
@@ -175,7 +175,7 @@ def isaac_ros_vslam(numbers: Numbers) -> FilterConfig:
     body = pairs(numbers, {('gyro', N): 'gyro_noise_density', ('gyro', K): 'gyro_random_walk',
                            ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'})
     body += ['', '# [Hz], the rate of the recording',
-             f'calibration_frequency: {number(numbers.rate())}']
+             f'calibration_frequency: {real(numbers.rate())}']
     return FilterConfig('isaac_ros_vslam_imu.yaml', joined([*lines, *indented(body, 4)]))
 
 
@@ -209,7 +209,7 @@ def kimera(numbers: Numbers) -> FilterConfig:
                              ('accel', N): 'accelerometer_noise_density',
                              ('gyro', K): 'gyroscope_random_walk',
                              ('accel', K): 'accelerometer_random_walk'})
-    lines += ['', f'rate_hz: {number(numbers.rate())}']
+    lines += ['', f'rate_hz: {real(numbers.rate())}']
     return FilterConfig('kimera_imu.yaml', joined(lines))
 
 
@@ -243,7 +243,7 @@ def rovio(numbers: Numbers) -> FilterConfig:
         found, remarks = each(numbers, sensor, key, lambda value: value**2)
         lines += [f'        ; {name}: {key}^2 of x, y, z [({UNITS[sensor, key]})^2]',
                   *(f'        ; {name}: {remark}' for remark in remarks)]
-        lines += [f'        {name}_{i} {number(value)};' for i, value in enumerate(found or [])]
+        lines += [f'        {name}_{i} {real(value)};' for i, value in enumerate(found or [])]
     return FilterConfig('rovio_imu.info', joined([*lines, '    }', '}']))
 
 
@@ -261,7 +261,7 @@ def svo_pro(numbers: Numbers) -> FilterConfig:
              'them.', 'imu_params:']
     body = pairs(numbers, {('gyro', N): 'sigma_omega_c', ('accel', N): 'sigma_acc_c',
                            ('gyro', K): 'sigma_omega_bias_c', ('accel', K): 'sigma_acc_bias_c'})
-    body += ['', f'imu_rate: {number(numbers.rate())}']
+    body += ['', f'imu_rate: {real(numbers.rate())}']
     return FilterConfig('svo_pro_imu.yaml', joined([*lines, *indented(body, 2)]))
 
 
@@ -292,4 +292,4 @@ def rtabmap(numbers: Numbers) -> FilterConfig:
 
 def _topic_and_rate(numbers: Numbers) -> list[str]:
     return [f'rostopic: {topic_of(numbers) or quoted("/imu/data_raw")}',
-            f'update_rate: {number(numbers.rate())}']
+            f'update_rate: {real(numbers.rate())}']

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import printable, shorten
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SENSORS
@@ -35,7 +35,6 @@ _MOST_NAMED = 7
 """Colours there are; what sticks out beyond them is named in the table alone."""
 _WIDTH = 11.0
 """Inches; as wide as the page, text of 8 points is 11 pixels high."""
-_SHOWN = ('noise_density', 'bias_instability', 'rate_random_walk')
 
 
 def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
@@ -130,8 +129,8 @@ def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
     """
     colours = _odd_colours(fleet, theme)
     names = [axis for axis in AXES if _axes(fleet, axis)]
-    keys = [key for key in _SHOWN
-            if any(trait.key == key for trait in fleet.population.traits)] or list(_SHOWN[:1])
+    known = {trait.key for trait in fleet.population.traits}
+    keys = [key for key in LASTING_TERMS if key in known] or ['noise_density']
     with plot_style(theme):
         rows = [(sensor, key) for sensor in _sensors(fleet) for key in keys]
         figure = empty_figure(_WIDTH, 0.9 + 2.1 * max(1, len(rows)))

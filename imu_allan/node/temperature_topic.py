@@ -19,7 +19,7 @@ _MOST_WAITING = 100_000
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
-class Thermometer:
+class TemperatureTopic:
     """
     Takes readings and hands them to a run.
 
