@@ -67,8 +67,8 @@ def unit_name(path: str, source: 'str | re.Pattern[str]' = 'file') -> str:
     return (resolved.name if resolved.is_dir() else resolved.stem) or 'recording'
 
 
-def natural(name: str) -> tuple[object, ...]:
-    """Return a key that sorts ``unit2`` before ``unit10``."""
+def natural(name: str) -> tuple[tuple[object, ...], str]:
+    """Return a key that sorts ``unit2`` before ``unit10``, and ``bag_2`` before ``bag_10``."""
     # Text and numbers alternate, so that the parts of two names are always of one kind.
     return tuple(int(part) if place % 2 else part.casefold()
-                 for place, part in enumerate(re.split(r'(\d+)', name)))
+                 for place, part in enumerate(re.split(r'(\d+)', name))), name

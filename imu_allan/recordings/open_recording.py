@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.fleet.names import natural
 from imu_allan.recordings.messages.definitions import definition_paths
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import natural_order, Recording
+from imu_allan.recordings.recording import Recording
 
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """How the names of the files in a rosbag2 directory end."""
@@ -104,7 +105,7 @@ def recordings_in(path: Path | str) -> list[Path]:
     except (OSError, ValueError):
         # What is wrong with it is told when it is opened.
         return [folder]
-    return sorted(found, key=lambda item: natural_order(item.name)) or [folder]
+    return sorted(found, key=lambda item: natural(item.name)) or [folder]
 
 
 def _is_bag(folder: Path) -> bool:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-import re
 from types import TracebackType
 
 from imu_allan.block import ImuBlock
@@ -315,9 +314,3 @@ def _list_topics(recording: Recording) -> str:
 
 def _shown(name: str) -> str:
     return printable(shorten(name))
-
-
-def natural_order(name: str) -> list[tuple[bool, int, str]]:
-    """Sort by the numbers in a name as numbers: bag_2 before bag_10."""
-    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part)
-            for part in re.split(r'(\d+)', name)]

@@ -15,10 +15,11 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, natural_order, Recording
+from imu_allan.recordings.recording import ImuTopic, Recording
 import yaml
 
 _SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
@@ -239,4 +240,4 @@ def _recorded_files(path: Path) -> list[Path]:
     """Files that a recorder wrote, in the order of their numbers."""
     return sorted(
         (file for file in path.iterdir() if file.name.endswith(_SUFFIXES) and file.is_file()),
-        key=lambda file: natural_order(file.name))
+        key=lambda file: natural(file.name))
