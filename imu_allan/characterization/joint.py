@@ -16,7 +16,7 @@ from math import exp, log, sqrt
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import length_remarks
 from imu_allan.characterization.mean import error_of_mean
-from imu_allan.characterization.stream import Characterization, Record
+from imu_allan.characterization.stream import Characterization, FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
@@ -52,7 +52,7 @@ class _Part:
     """One recording with its own result."""
 
     path: str
-    record: Record
+    record: FinishedRecord
     result: Result
 
 

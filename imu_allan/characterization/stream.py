@@ -38,7 +38,7 @@ State = Mapping[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True)
-class Record:
+class FinishedRecord:
     """
     What was taken in, ready to be put together with other records.
 
@@ -180,13 +180,13 @@ class Characterization:
         """Topic that the samples come from."""
         return self._topic
 
-    def record(self) -> Record | None:
+    def record(self) -> FinishedRecord | None:
         """
         Return what was taken in, the stream being left as it is.
 
         Returns
         -------
-        Record or None
+        FinishedRecord or None
             None before a sample came. Of axes that were there at different times those with the
             most samples.
 
@@ -200,7 +200,7 @@ class Characterization:
         longest = max(twin._groups, key=lambda group: group.estimator.samples)
         finished = longest.estimator.finished()
         heat = longest.temperature(finished, rate)
-        return Record(summary, rate, longest.names, finished,
+        return FinishedRecord(summary, rate, longest.names, finished,
                       heat.course if heat is not None else None)
 
     @property

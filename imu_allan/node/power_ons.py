@@ -17,7 +17,7 @@ from typing import Any
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import turn_on_bias
 from imu_allan.characterization.mean import error_of_mean
-from imu_allan.characterization.stream import Record
+from imu_allan.characterization.stream import FinishedRecord
 from imu_allan.result import Result, TurnOnBias
 
 MOST = 1000
@@ -139,7 +139,7 @@ def boot_id() -> str:
         return ''
 
 
-def _mark(record: Record) -> Mark:
+def _mark(record: FinishedRecord) -> Mark:
     first = record.estimator.reference
     return Mark(record.estimator.samples,
                 dict(zip(record.names, record.estimator.mean.tolist(), strict=True)),
