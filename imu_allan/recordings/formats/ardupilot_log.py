@@ -28,7 +28,7 @@ from imu_allan.recordings.formats.table import fastest, Table, table_block, tabl
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic
+from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
 import numpy as np
 from numpy.typing import NDArray
 
@@ -113,9 +113,11 @@ class ArduPilotRecording(FileRecording):
         fields = imu.messages.fields
         assert fields is not None
         factors = np.repeat(imu.messages.factors, 3)
+        malformed = MalformedMessages()
         for name, table, position in self._tables(self._kinds(), base):
             if name == imu.topic:
-                yield table_block(table, fields, factors), position
+                yield table_block(table, fields, factors, malformed), position
+        malformed.report(self, topic)
         if base == 'IMU':
             self.remark('filtered', 'IMU messages have passed the filters of the autopilot '
                                     f'(INS_GYRO_FILTER, INS_ACCEL_FILTER); {_RAW}')

@@ -17,7 +17,7 @@ from imu_allan.recordings.formats.table import fastest, Table, table_block, tabl
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic
+from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
 import numpy as np
 
 _TYPES = {
@@ -73,12 +73,14 @@ class UlogRecording(FileRecording):
         fields = imu.messages.fields
         assert fields is not None
         factors = np.repeat(imu.messages.factors, 3)
+        malformed = MalformedMessages()
         for found, _, table in self._tables([imu.topic.partition('.')[0]]):
             if found == imu.topic:
-                block = table_block(table, fields, factors)
+                block = table_block(table, fields, factors, malformed)
                 for start in range(0, len(block), _BLOCK):
                     yield (block.part(slice(start, start + _BLOCK)),
                            self.size_bytes * start // len(block))
+        malformed.report(self, topic)
 
     def _tables(self, names: list[str]) -> Iterator[tuple[str, str, Table]]:
         """Load topics: name, type and columns of each that has messages."""

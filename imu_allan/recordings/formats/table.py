@@ -4,14 +4,18 @@
 The columns of a log of an autopilot to blocks of samples.
 
 A table is one array of equal length a column. Which columns are the samples, and how they are
-scaled, is said by `imu_allan.recordings.messages.imu_fields`, as for messages.
+scaled, is said by `imu_allan.recordings.messages.imu_fields`, and they are turned into SI units by
+`imu_allan.recordings.messages.values`, both as for messages.
 """
 
 from collections.abc import Mapping
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.recordings.messages.imu_fields import Burst, ImuFields, Vector
+from imu_allan.cdr import MalformedImu
+from imu_allan.recordings.messages.forms import OnMalformed
+from imu_allan.recordings.messages.imu_fields import ImuFields, Vector
+from imu_allan.recordings.messages.values import to_si, unrolled, unsound
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,8 +52,34 @@ def table_times(table: Table, fields: ImuFields) -> NDArray[np.int64]:
     times = table[stamp.path].astype(np.int64) * stamp.unit_ns
     if fields.burst is None:
         return times
-    before, kept = _within_burst(table, fields.burst, _width(table, fields))
-    return (times[:, np.newaxis] - before)[kept]
+    before, filled, _ = unrolled(fields.burst, _width(table, fields), table.__getitem__)
+    return (times[:, np.newaxis] - before)[filled]
+
+
+def table_block(table: Table, fields: ImuFields, factors: NDArray[np.float64],
+                on_malformed: OnMalformed) -> ImuBlock:
+    """
+    Return all samples of a table; the stamps are the receive time, too.
+
+    Parameters
+    ----------
+    table : mapping of str to ndarray
+        The columns, of equal length.
+    fields : ImuFields
+        Which of them are the samples.
+    factors : ndarray of float, shape (6,)
+        What the samples are multiplied by.
+    on_malformed : callable
+        Told of bursts that are none.
+
+    """
+    times = table_times(table, fields)
+    samples = np.zeros((len(times), 6))
+    absent = np.ones((len(times), 2), np.bool_)
+    for first, vector in fields.vectors():
+        samples[:, first:first + 3] = _vector(table, fields, vector, on_malformed)
+        absent[:, first // 3] = False
+    return ImuBlock(times, times, samples * factors, absent, '')
 
 
 def _width(table: Table, fields: ImuFields) -> int:
@@ -57,40 +87,19 @@ def _width(table: Table, fields: ImuFields) -> int:
     return sum(name.startswith(f'{vector.paths[0]}[') for name in table)
 
 
-def _within_burst(table: Table, burst: Burst, width: int,
-                  ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return how long before the stamp each sample of a burst is, and which are filled."""
-    filled = table[burst.samples].astype(np.int64)[:, np.newaxis]
-    number = np.arange(width)
-    step_ns = np.nan_to_num(table[burst.step_us].astype(np.float64))[:, np.newaxis] * 1e3
-    return np.rint((filled - 1 - number) * step_ns).astype(np.int64), number < filled
-
-
-def table_block(table: Table, fields: ImuFields, factors: NDArray[np.float64]) -> ImuBlock:
-    """Return all samples, times `factors` of shape (6,); the stamps are the receive time, too."""
-    times = table_times(table, fields)
-    samples = np.zeros((len(times), 6))
-    absent = np.ones((len(times), 2), np.bool_)
-    for first, vector in fields.vectors():
-        samples[:, first:first + 3] = _vector(table, fields, vector)
-        absent[:, first // 3] = False
-    return ImuBlock(times, times, samples * factors, absent, '')
-
-
-def _vector(table: Table, fields: ImuFields, vector: Vector) -> NDArray[np.float64]:
-    if fields.burst is not None:
-        width = _width(table, fields)
-        _, kept = _within_burst(table, fields.burst, width)
-        columns = [np.stack([table[f'{path}[{number}]'] for number in range(width)], axis=1)[kept]
-                   for path in vector.paths]
-        scale = (np.ones(kept.shape) if vector.scale is None else
-                 np.broadcast_to(table[vector.scale].astype(np.float64)[:, None], kept.shape))
-        return np.stack(columns, axis=1) * scale[kept][:, np.newaxis]
-    values = np.stack([table[path] for path in vector.paths], axis=1).astype(np.float64)
-    if vector.scale is not None:
-        values *= table[vector.scale].astype(np.float64)[:, np.newaxis]
-    if vector.per:
-        seconds = table[vector.per].astype(np.float64) * 1e-6
-        seconds[seconds == 0] = np.nan
-        values /= seconds[:, np.newaxis]
-    return values
+def _vector(table: Table, fields: ImuFields, vector: Vector, on_malformed: OnMalformed,
+            ) -> NDArray[np.float64]:
+    """Return the numbers of a vector in SI units, shape (n, 3)."""
+    column = table.__getitem__
+    if fields.burst is None:
+        values = np.stack([table[path] for path in vector.paths], axis=1).astype(np.float64)
+        to_si(values, vector, column)
+        return values
+    width = _width(table, fields)
+    _, filled, sound = unrolled(fields.burst, width, column)
+    if not sound.all():
+        on_malformed(int((~sound).sum()), MalformedImu(unsound(fields.burst, width)))
+    bursts = np.stack([[table[f'{path}[{number}]'] for number in range(width)]
+                       for path in vector.paths]).astype(np.float64).transpose(2, 1, 0)
+    to_si(bursts, vector, column)
+    return bursts[filled]

@@ -49,7 +49,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Layout:
+class MessageLayout:
     """
     Places of fields in messages that are alike.
 
@@ -72,7 +72,7 @@ class Layout:
 def walk(
     types: Types, type_name: str, message: bytes | memoryview, serialization: Serialization,
     wanted: Collection[str],
-) -> Layout:
+) -> MessageLayout:
     """
     Find fields in one message.
 
@@ -92,7 +92,7 @@ def walk(
 
     Returns
     -------
-    Layout
+    MessageLayout
         Without the fields that the message does not have.
 
     Raises
@@ -116,7 +116,7 @@ class _Walk:
         self._byte_order: Literal['<', '>'] = '<'
         self._at = self._steps = 0
 
-    def run(self, type_name: str) -> Layout:
+    def run(self, type_name: str) -> MessageLayout:
         size = len(self._message)
         if self._aligned:
             if size < 4:
@@ -135,7 +135,7 @@ class _Walk:
                                f'{self._at}')
         # What comes behind the last field that is asked for moves none of them.
         end = max((place.at for place in self._places.values()), default=0)
-        return Layout(self._byte_order, self._places,
+        return MessageLayout(self._byte_order, self._places,
                       tuple(key for key in self._keys if key[0] < end))
 
     def _visit(self, type_name: str, path: str, depth: int) -> None:

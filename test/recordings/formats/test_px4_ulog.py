@@ -104,6 +104,21 @@ def test_fifos_are_unrolled_to_true_sample_times(tmp_path):
     assert messages.absent.all(axis=0).tolist() == [False, True]
 
 
+def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
+    form, messages = fifo()
+    messages[7] = pack('<QQIffB12h', 9, 1_003_500, 7, float('nan'), 0.5, 4, *range(12))
+    messages[9] = pack('<QQIffB12h', 9, 1_004_500, 7, 125.0, 0.5, 200, *range(12))
+    path = write(tmp_path / 'a.ulg', {'sensor_gyro_fifo': (form, messages)})
+    found, remarks = read(path)
+    whole, _ = read(write(tmp_path / 'b.ulg', {'sensor_gyro_fifo': fifo()}))
+    kept = ~np.isin(np.arange(len(whole)) // 4, [7, 9])
+    assert found.header_ns.tolist() == whole.header_ns[kept].tolist()
+    assert found.samples.tobytes() == whole.samples[kept].tobytes()
+    assert [remark.message for remark in remarks] == [
+        f'{path}: 2 messages of sensor_gyro_fifo are not valid px4_msgs/msg/SensorGyroFifo and '
+        'were left out; the first: samples is not 1 to 4, or dt is no time']
+
+
 def test_a_thin_log_says_what_to_set(tmp_path):
     path = write(tmp_path / 'a.ulg', {'sensor_combined': combined(step=250)})
     with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
