@@ -201,7 +201,7 @@ class Characterization:
         finished = longest.estimator.finished()
         heat = longest.temperature(finished, rate)
         return FinishedRecord(summary, rate, longest.names, finished,
-                      heat.course if heat is not None else None)
+                              heat.course if heat is not None else None)
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:

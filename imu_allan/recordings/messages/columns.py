@@ -130,7 +130,7 @@ def in_order(decoded: Sequence[tuple[NDArray[np.intp], Columns]]) -> Columns:
     if not decoded:
         empty = np.zeros(0)
         return Columns(empty.reshape(0, 0).astype(np.int64), empty.astype(np.int64),
-                        empty.reshape(0, 6), np.zeros((0, 2), np.bool_))
+                       empty.reshape(0, 6), np.zeros((0, 2), np.bool_))
     order = np.argsort(np.concatenate([index for index, _ in decoded]), kind='stable')
     parts = [columns for _, columns in decoded]
 

@@ -136,7 +136,7 @@ class _Walk:
         # What comes behind the last field that is asked for moves none of them.
         end = max((place.at for place in self._places.values()), default=0)
         return MessageLayout(self._byte_order, self._places,
-                      tuple(key for key in self._keys if key[0] < end))
+                             tuple(key for key in self._keys if key[0] < end))
 
     def _visit(self, type_name: str, path: str, depth: int) -> None:
         if depth > _DEEPEST:
