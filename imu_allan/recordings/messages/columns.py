@@ -55,7 +55,9 @@ def taken(
     frames_seen : dict of str to int
         Numbers of the names of frames; new ones are entered.
     rows : ndarray of uint8, shape (n, size)
+        The messages.
     receive_ns : ndarray of int64, shape (n,)
+        Their receive stamps.
     form : Form
         Where the fields stand.
     on_malformed : callable, optional

@@ -109,6 +109,7 @@ class Forms:
         Parameters
         ----------
         rows : ndarray of uint8, shape (n, size)
+            Messages of equal size.
         on_malformed : callable, optional
             Told of messages that are none; without it they raise MalformedImu.
 
