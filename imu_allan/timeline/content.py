@@ -117,12 +117,17 @@ class Content(Record):
         """Tell at a glance whether there cannot be more repeats than by chance."""
         if self.held or self.run or not self.settled:
             return False
-        # One axis says it for nearly all sensors: looking at all takes many times as long.
-        axis = self.changed.index(max(self.changed))
-        values = samples[:, axis]
-        same = values[1:] == values[:-1]
-        return bool(values[0] != self.last[axis]
-                    and np.count_nonzero(same) < FROZEN_RUN and not same[-1])
+        # The liveliest axis says it for most sensors, two for outputs of 16 bits: looking at all
+        # takes many times as long.
+        alive = [axis for axis in sorted(range(6), key=lambda axis: -self.changed[axis])
+                 if self.changed[axis]]
+        same: Bools = np.ones(len(samples) - 1, dtype=bool)
+        for axis in alive:
+            values = samples[:, axis]
+            same &= values[1:] == values[:-1]
+            if np.count_nonzero(same) < FROZEN_RUN and not same[-1:].any():
+                return any(samples[0, axis] != self.last[axis] for axis in alive)
+        return False
 
     def look(self, samples: Floats, consumed: int) -> Repeats:
         """
