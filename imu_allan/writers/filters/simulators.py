@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated sensors of other programs."""
 
+from html import escape
 import json
 from math import pi, sqrt
-from xml.sax.saxutils import escape
 
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.writers.filters.chosen_numbers import K, Key, N, Numbers, Sensor, TIME
@@ -154,4 +154,4 @@ def _xml_heading(numbers: Numbers, *more: str) -> list[str]:
 
 def _comment(text: str) -> str:
     """`text` so that it cannot end a comment."""
-    return escape(text).replace('--', '- -')
+    return escape(text, quote=False).replace('--', '- -')
