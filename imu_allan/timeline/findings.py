@@ -178,8 +178,8 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             remarks['gravity'] = (
                 f'the mean acceleration is {size:.4g} m/s^2, not about 9.81{hint}')
     if options.motion == 'exclude':
-        remarks |= _motion_remarks(motion)
-    return remarks
+        return remarks | _motion_remarks(motion)
+    return remarks | _kept_motion(motion)
 
 
 def _rate_remarks(counts: Counts) -> dict[str, str]:
@@ -304,6 +304,16 @@ def _motion_remarks(motion: MotionSummary) -> dict[str, str]:
             f'the noise changed for good: {text}; the curve mixes both levels, analyze them '
             'apart with --start and --duration')
     return remarks
+
+
+def _kept_motion(motion: MotionSummary) -> dict[str, str]:
+    if not motion.count:
+        return {}
+    start = motion.spans[0][0] if motion.spans else 0.0
+    return {'motion_kept': (
+        f'motion or knocks were seen {_times(motion.count)}, {motion.excluded_s:.6g} s in all, '
+        f'first at {start:.5g} s, and kept as asked: coefficients and bounds describe them as '
+        'much as the noise')}
 
 
 def _times(count: int) -> str:

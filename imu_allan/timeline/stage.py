@@ -104,7 +104,8 @@ class TimelineStage:
         n = len(self._pending)
         blocks = self._work_off(self._pending.take(n, n)) if n else []
         if self._motion is not None:
-            blocks += self._marked(self._motion.flush())
+            rest = self._motion.flush()
+            blocks += [] if self._keeps_motion else self._marked(rest)
         return blocks
 
     def break_run(self) -> list[EvenBlock]:
@@ -199,7 +200,8 @@ class TimelineStage:
         return summarize(stage._counts, stage._intake.decision, stage._intake.content,
                          stage._intake.presence, stage._placing.cursor, self._options, motion,
                          len(stage._pending),
-                         detector.excursions if detector is not None else [])
+                         [] if detector is None or self._keeps_motion else
+                         detector.excursions)
 
     @property
     def epoch_ns(self) -> int | None:
@@ -239,23 +241,30 @@ class TimelineStage:
         return self._at_rest(placing.place(messages))
 
     def _at_rest(self, pieces: Iterable[EvenPiece]) -> list[EvenBlock]:
-        """Leave out motion, unless the user keeps it or a window has no length yet."""
+        """Leave out motion, or only look for it; not before a window has a length."""
         blocks: list[EvenBlock] = []
         if self._intake.presence.changed:
             interval_s = self._intake.decision.pace.interval_ns / SECOND
             pieces = [part for piece in pieces for part in piece.by_axes(interval_s)]
         for piece in pieces:
             first_interval_ns = self._intake.decision.first_interval_ns
-            if self._options.motion == 'keep' or first_interval_ns is None:
+            if self._keeps_motion or first_interval_ns is None:
                 blocks.append(piece.block())
+            if first_interval_ns is None:
                 continue
+            at_rest: list[EvenBlock] = []
             if self._motion is None:
                 self._motion = MotionDetector(first_interval_ns / SECOND)
                 self._axes = _axes_of(piece)
             elif self._intake.presence.changed:
-                blocks += self._judge_by(_axes_of(piece))
-            blocks += self._motion.push(piece)
+                at_rest += self._judge_by(_axes_of(piece))
+            at_rest += self._motion.push(piece)
+            blocks += [] if self._keeps_motion else at_rest
         return self._marked(blocks)
+
+    @property
+    def _keeps_motion(self) -> bool:
+        return self._options.motion == 'keep'
 
     def _judge_by(self, axes: Axes) -> list[EvenBlock]:
         """Go on with the detector of some axes: what it knows of rest is not that of others."""

@@ -118,7 +118,8 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
     Parameters
     ----------
     counts, decision, content, presence, cursor, options, motion
-        What the parts of a timeline remember, its options, and the spans cut out.
+        What the parts of a timeline remember, its options, and the spans of motion that were
+        cut out, or only seen where it is kept.
     held_back : int
         Messages that came but are not decided on.
     excursions : sequence
@@ -130,6 +131,10 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         Of all that is decided on.
 
     """
+    remarks = remarks_of(counts, decision, content, presence, options, motion, excursions)
+    if options.motion == 'keep':
+        # It was only looked for.
+        motion = MotionSummary()
     measured = _measured_rate(counts, decision)
     rate = options.rate_hz or measured
     last_sample_s = 1 / rate if rate and counts.samples else 0.0
@@ -154,7 +159,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         clock=None if decision.counted_only else decision.clock,
         frame_id=decision.frame_id,
         start_time=start,
-        remarks=remarks_of(counts, decision, content, presence, options, motion, excursions),
+        remarks=remarks,
         present=tuple(decision.present or [True] * 6),
         messages=counts.messages + held_back,
         bridged=counts.bridged,

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+import re
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.noise.simulate import NoiseStream
@@ -105,6 +106,18 @@ def test_kept_motion_stays():
     summary, even = run(block, motion='keep')
     assert summary.timeline.motion == ()
     assert np.array_equal(rows_by_place(even)[1], block.samples)
+    assert (summary.motions, summary.mostly_motion) == (0, False)
+
+
+def test_kept_motion_is_told():
+    block = still(12_000)
+    assert not run(block, motion='keep')[0].remarks
+    block.samples[6000:6100] += 1.0
+    (remark,) = run(block, motion='keep')[0].remarks
+    assert remark.code == 'motion_kept'
+    assert re.fullmatch(
+        r'motion or knocks were seen once, \d(\.\d)? s in all, first at \S+ s, and kept as asked: '
+        'coefficients and bounds describe them as much as the noise', remark.message)
 
 
 def test_a_recording_in_motion_throughout_is_mostly_motion():
