@@ -205,7 +205,8 @@ def named(axes: Sequence[str]) -> str:
 def names_of(result: Result) -> list[str]:
     """Return what the samples came from: path and topic as far as they are known, printable."""
     source = result.source
-    return [printable(name) for name in (source.path, source.topic) if name] or ['samples']
+    names = (source.path, source.topic if source.topic != NO_TOPIC else None)
+    return [printable(name) for name in names if name] or ['samples']
 
 
 def amount_of(timeline: Timeline) -> str:

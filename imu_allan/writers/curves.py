@@ -162,12 +162,30 @@ def few_degrees(axis: AxisResult) -> list[bool]:
     return [dof < FEWEST_DEGREES for dof in axis.curve.edf]
 
 
-def reading_point(term: Term, shown: Mapping[str, float], tau: Array) -> float:
-    """Return the averaging time at which a coefficient is read off its line."""
+def reading_point(term: Term, axis: AxisResult, tau: Array,
+                  truth: Mapping[str, float] | None = None) -> float:
+    """
+    Return the averaging time at which a coefficient is read off its line.
+
+    That of the bias instability is where the model, its drift and all, is lowest.
+
+    Parameters
+    ----------
+    term : Term
+        Whose coefficient.
+    axis : AxisResult
+        Whose model.
+    tau : ndarray, shape (n,)
+        Averaging times to choose from.
+    truth : mapping of term key to float, optional
+        The model instead (SI).
+
+    """
     if term.read_at is not None:
         return term.read_at
-    total = sum((TERMS[key].adev(value, tau) ** 2 for key, value in shown.items()),
-                np.zeros(tau.shape))
+    model = describe(axis) if truth is None else FittedModel(truth)
+    # Lines and the low-pass bend the short end; what has a floor is the sum of the rest.
+    total = FittedModel(model.coefficients, None, model.processes).allan_variance(tau, 1.0)
     if np.ptp(total) == 0:
         return float(np.sqrt(tau[0] * tau[-1]))
     return float(tau[np.argmin(total)])
@@ -209,6 +227,12 @@ def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float
     if rings:
         low = min([low, *(value / 1.8 for value in reading if value > low / 60)])
     return low / 1.3, high * 1.3
+
+
+def beyond(axes: Iterable[AxisResult], limits: tuple[float, float]) -> bool:
+    """Say whether a point of the curves lies outside of what is shown."""
+    low, high = limits
+    return any(0 < value < low or value > high for axis in axes for value in axis.curve.adev)
 
 
 def density_limits(axes: Iterable[AxisResult], timeline: Timeline) -> tuple[float, float]:

@@ -6,13 +6,13 @@ What stands inside the panels of a figure: Allan deviation and its terms, spectr
 Drawn with matplotlib's object interface, without pyplot and without a display.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, TERMS
-from imu_allan.result import AxisResult, GaussMarkov, Timeline
+from imu_allan.result import AxisResult, GaussMarkov, Result, Signal, Timeline
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.wording import duration, number
 from imu_allan.writers.curves import (
@@ -29,8 +29,10 @@ from imu_allan.writers.curves import (
 )
 from imu_allan.writers.figure_style import COLOURS, Theme
 from imu_allan.writers.frames import write_in_a_row
+from imu_allan.writers.label_places import best_place, Box, LETTER
+from imu_allan.writers.svg import FONT
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,9 +45,10 @@ _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density':
 _SLOPES = {-1.0: '−1', -0.5: '−½', 0.0: '0', 0.5: '+½', 1.0: '+1'}
 READ_AT = {'quantization_noise': '√3 s', 'noise_density': '1 s', 'rate_random_walk': '3 s',
            'rate_ramp': '√2 s'}
-_LABEL_PLACES = {'quantization_noise': (-12, -22), 'noise_density': (18, 26),
-                 'bias_instability': (12, -26), 'rate_random_walk': (14, -16),
-                 'rate_ramp': (14, -10)}
+_NAME_SIZE = 7.5
+"""Points: with the 6 of a superscript the smallest that survives a printer."""
+_WIDER = 1.1
+"""Letters of DejaVu Sans are so much wider than those of a browser."""
 
 
 def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
@@ -56,9 +59,10 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
     Parameters
     ----------
     panel : matplotlib.axes.Axes
-        Where to draw.
+        Where to draw, with its limits set.
     axis : AxisResult
-        Whose deviation. Points of few degrees of freedom are hollow.
+        Whose deviation. Points of few degrees of freedom are hollow; an arrow stands where one
+        lies beyond the limits.
     colour, marker : str
         Of the axis.
     timeline : Timeline, optional
@@ -91,6 +95,12 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         panel.plot(tau[chosen], adev[chosen], marker, color=colour, markersize=4.4, zorder=4,
                    markerfacecolor=face, markeredgewidth=0.8,
                    markeredgecolor=colour if face != colour else panel.get_facecolor())
+    low, high = panel.get_ylim()
+    for chosen, edge, inwards in ((seen & (adev > high), high, -9), (seen & (adev < low), low, 9)):
+        for at in tau[chosen]:
+            panel.annotate('', (at, edge), xytext=(0, inwards), textcoords='offset points',
+                           zorder=5, arrowprops={'arrowstyle': '->', 'color': colour,
+                                                 'linewidth': 1.1, 'shrinkA': 0, 'shrinkB': 0})
 
 
 def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
@@ -110,19 +120,16 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
         Draw these coefficients (SI) instead of the estimated ones.
 
     """
-    ink, paper = COLOURS[theme]['ink'], COLOURS[theme]['paper']
     curve = axis.curve
     if not curve.tau_s:
         return
     tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
     shown = coefficients_of(axis) if truth is None else dict(truth)
     low, high = panel.get_ylim()
-    places = dict(_LABEL_PLACES)
-    if {'quantization_noise', 'noise_density'} <= set(shown):
-        # Their rings are neighbours: Q, the steeper, gets the room above the curve.
-        places.update(quantization_noise=(18, 26), noise_density=(-14, -24))
+    panel.set_xlim(*panel.get_xlim())
+    taken: list[Box] = []
     if axis.gauss_markov is not None and truth is None:
-        _draw_gauss_markov(panel, axis, axis.gauss_markov, tau, theme)
+        _draw_gauss_markov(panel, axis, axis.gauss_markov, tau, taken, theme)
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
@@ -131,34 +138,54 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
             continue
         panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
-        label = f'{term.symbol} = {written(axis.coefficients[key], abs(value))}\n'
-        at = reading_point(term, shown, tau)
+        lines = [f'{term.symbol} = {written(axis.coefficients[key], abs(value))}']
+        at = reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
+        slope = f'slope {_SLOPES[term.slope]}'
         ringed = tau[0] <= at <= tau[-1] and low < height < high
         if ringed:
-            label += f'slope {_SLOPES[term.slope]}, '
-            label += f'read at {READ_AT[key]}' if term.read_at else f'at {FLICKER_FLOOR:.3f} B'
+            lines.append(f'{slope}, read at {READ_AT[key]}' if term.read_at else
+                         f'{slope}, at {FLICKER_FLOOR:.3f} B')
             panel.plot([at], [height], 'o', markersize=7.5, markerfacecolor='none',
-                       markeredgecolor=ink, markeredgewidth=1.2, zorder=8)
+                       markeredgecolor=COLOURS[theme]['ink'], markeredgewidth=1.2, zorder=8)
         else:
-            label += f'slope {_SLOPES[term.slope]}'
+            lines.append(slope)
             place = int(inside.sum()) * 2 // 5
             at, height = float(tau[inside][place]), float(line[inside][place])
-        share = float(np.log(at / tau[0]) / np.log(tau[-1] / tau[0]))
-        turned = share > (0.6 if ringed else 0.8)
-        right, up = places[key] if ringed else (16, -10)
-        panel.annotate(
-            label, (at, height), xytext=(-abs(right) if turned else right, up),
-            textcoords='offset points', fontsize=7.5, color=ink, va='center', zorder=7,
-            ha='right' if right < 0 or turned else 'left',
-            bbox={'boxstyle': 'round,pad=0.15', 'facecolor': paper, 'edgecolor': 'none',
-                  'alpha': 0.85},
-            arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,
-                        'shrinkB': 4})
+        _name(panel, axis, (at, height), lines, taken, theme)
+
+
+def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Sequence[str],
+          taken: list[Box], theme: Theme) -> None:
+    """Write beside a point what it is, with a line to it, where the text covers least."""
+    ink, paper = COLOURS[theme]['ink'], COLOURS[theme]['paper']
+    scale = 72 / panel.figure.dpi
+    tall = panel.bbox.height * scale
+
+    def points(x: ArrayLike, y: ArrayLike) -> Array:
+        pixels = panel.transData.transform(np.column_stack([x, y])) - panel.bbox.min
+        return np.asarray(np.column_stack([pixels[:, 0] * scale, tall - pixels[:, 1] * scale]))
+
+    curve = axis.curve
+    seen = [(t, v) for values in (curve.adev, curve.model_adev)
+            for t, v in zip(curve.tau_s, values, strict=True) if v > 0]
+    x, y = points(*([value] for value in at))[0]
+    size = (max(map(len, lines)) * LETTER * _WIDER * _NAME_SIZE + 4,
+            len(lines) * 1.25 * _NAME_SIZE + 3)
+    box = best_place((x, y), size, (0, 0, panel.bbox.width * scale, tall),
+                     points(*zip(*seen, strict=True)), taken, _NAME_SIZE / FONT)
+    taken.append(box)
+    panel.annotate(
+        '\n'.join(lines), at, xytext=(box[0] + 2 - x, y - (box[1] + box[3]) / 2),
+        textcoords='offset points', fontsize=_NAME_SIZE, color=ink, va='center', ha='left',
+        zorder=7, bbox={'boxstyle': 'round,pad=0.15', 'facecolor': paper, 'edgecolor': 'none',
+                        'alpha': 0.85},
+        arrowprops={'arrowstyle': '-', 'color': ink, 'linewidth': 0.6, 'shrinkA': 0,
+                    'shrinkB': 4, 'relpos': (0 if box[0] > x else 1, 0.5)})
 
 
 def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, tau: Array,
-                       theme: Theme) -> None:
+                       taken: list[Box], theme: Theme) -> None:
     """Draw the bump of a correlated process and name it at its top."""
     line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau))
     low, high = panel.get_ylim()
@@ -169,16 +196,9 @@ def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, ta
                linestyle=(0, (6, 1)), zorder=2.5)
     sigma, unit = engineering(process.sigma, axis.unit)
     top = int(np.argmax(np.where(inside, line, 0.0)))
-    panel.annotate(
-        f'Gauss-Markov, {number(sigma)} {typeset(unit)}\n'
-        f'correlated over {duration(process.correlation_time_s)}', (tau[top], line[top]),
-        # Above the curve: the labels of the terms stand below it.
-        xytext=(-14, 44), textcoords='offset points', fontsize=7.5, ha='right', va='center',
-        color=COLOURS[theme]['ink'], zorder=7,
-        bbox={'boxstyle': 'round,pad=0.15', 'edgecolor': 'none', 'alpha': 0.85,
-              'facecolor': COLOURS[theme]['paper']},
-        arrowprops={'arrowstyle': '-', 'color': COLOURS[theme]['ink'], 'linewidth': 0.6,
-                    'shrinkA': 0, 'shrinkB': 2})
+    _name(panel, axis, (float(tau[top]), float(line[top])), [
+        f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
+        f'correlated over {duration(process.correlation_time_s)}'], taken, theme)
 
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str,
@@ -238,10 +258,12 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
                            fontsize=7, color=soft)
 
 
-def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], timeline: Timeline,
+def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
                 theme: Theme = 'light') -> None:
     """
     Draw how the means wandered over the recording, its gaps, and the motion that was left out.
+
+    The temperature beside the sensor, where it is known, has its scale on the right.
 
     Parameters
     ----------
@@ -249,13 +271,13 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], timeline: Timelin
         Where to draw; a strip without curves where no axis has the signal.
     axes : mapping of name to AxisResult
         Of one sensor.
-    timeline : Timeline
-        Of the same result.
+    result : Result
+        Whose axes they are.
     theme : 'light' or 'dark'
         Colours of the paper.
 
     """
-    colours = COLOURS[theme]
+    colours, timeline = COLOURS[theme], result.timeline
     scale, unit = time_unit(timeline.duration_s)
     length = max(timeline.duration_s, 1e-9) / scale
     panel.set_xlim(0, length)
@@ -288,4 +310,17 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], timeline: Timelin
         if spans:
             total = duration(sum(span.duration_s for span in spans))
             parts.append((f'■ {len(spans)} × {name} ({total})', colour))
+    if result.temperature is not None:
+        _draw_temperature(panel, result.temperature, scale, theme)
+        parts.append(('- - temperature [°C]', colours['soft']))
     write_in_a_row(panel, parts)
+
+
+def _draw_temperature(panel: 'Axes', signal: Signal, scale: float, theme: Theme) -> None:
+    mean = np.array([np.nan if v is None else v for v in signal.mean])
+    if not np.isfinite(mean).any():
+        return
+    right = panel.twinx()
+    right.plot((np.arange(len(mean)) + 0.5) * signal.step_s / scale, mean, linewidth=1.2,
+               linestyle=(0, (4, 2)), color=COLOURS[theme]['soft'])
+    right.locator_params(axis='y', nbins=4)

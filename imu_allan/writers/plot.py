@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import warnings
 
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import (
@@ -24,7 +24,7 @@ from imu_allan.wording import (
     origin_of,
     SENSORS,
 )
-from imu_allan.writers.curves import axes_of, density_limits, limits_of, sensors_of
+from imu_allan.writers.curves import axes_of, beyond, density_limits, limits_of, sensors_of
 from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style, Theme
 from imu_allan.writers.frames import frame_allan, frame_density, label_ends
 from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
@@ -73,14 +73,14 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes, theme)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
+            frame_allan(panel, sensor, limits_of(axes.values()))
             for name, axis in axes.items():
                 if any(axis.curve.adev):
                     draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
                                result.timeline)
-            frame_allan(panel, sensor, limits_of(axes.values()))
             label_ends(panel, axes, theme)
-            draw_signal(figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105)), axes,
-                        result.timeline, theme)
+            strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
+            draw_signal(strip, axes, result, theme)
         return figure
 
 
@@ -138,7 +138,7 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
             draw_density(density, axis, result.timeline, colour, theme)
             frame_density(density, sensor, density_limits(axes.values(), result.timeline), **ends)
             first = [first[0] or allan, first[1] or density]
-        draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result.timeline, theme)
+        draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result, theme)
         return figure
 
 
@@ -181,10 +181,10 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
             left, bottom = (place % beside) * column, 1 - (place // beside + 1) * row
             panel = figure.add_axes((left + 0.6 / width, bottom + 0.42 / height,
                                      column - 1.14 / width, row - 0.68 / height))
+            frame_allan(panel, sensor, limits_of(axes.values()))
             for name, axis in axes.items():
                 draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
                            result.timeline)
-            frame_allan(panel, sensor, limits_of(axes.values()))
             label_ends(panel, axes, theme)
             panel.set_title(SENSORS[sensor], loc='left')
         return figure
@@ -239,6 +239,8 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
     panel.text(0, 4.1, SENSORS[sensor], fontsize=11, fontweight='bold', color=ink, va='center')
     terms = [term for key, term in TERMS.items()
              if any(axis.coefficients[key].observable for axis in axes.values())]
+    # Where nothing shows, the bounds of what is asked for first.
+    terms = terms or [TERMS[key] for key in LASTING_TERMS]
     for column, term in enumerate(terms):
         right = 0.05 + 0.95 * (column + 1) / max(3, len(terms))
         unit = typeset(engineering(1.0, term.unit(AXES[next(iter(axes))]))[1])
@@ -281,6 +283,9 @@ def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '
     if what:
         title = f'{what}   {title}'
         key += ';  dashed: its terms;  ring: where the coefficient is read'
+    sensors = [axes_of(result, sensor).values() for sensor in sensors_of(result)]
+    if any(beyond(axes, limits_of(axes, rings=bool(what))) for axes in sensors):
+        key += ';  arrow: a point beyond'
     top = figure.get_figheight()
     for text, below, size, colour, weight in (
             (title, 0.27, 12, 'ink', 'bold'), (' · '.join(facts), 0.50, 8.5, 'soft', 'normal'),

@@ -16,16 +16,14 @@ from html import escape
 from math import ceil, floor, inf, log10
 import re
 
+from imu_allan.writers.label_places import best_place, Box, LETTER
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-Box = tuple[float, float, float, float]
 
 FONT = 12.5
 """Size of all text, in the unit of the view box, which is a pixel at the width it is made for."""
-_LETTER = 0.56
-"""Mean width of a letter over its height, in the sans-serif fonts of browsers."""
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 _PLAIN_DECADES = range(-3, 4)
 
@@ -113,7 +111,7 @@ def _linear_ticks(low: float, high: float, most: int) -> list[tuple[float, str]]
 
 def text_width(text: str) -> float:
     """Estimate how wide a text is."""
-    return _LETTER * FONT * len(text)
+    return LETTER * FONT * len(text)
 
 
 @dataclass
@@ -204,13 +202,17 @@ class Panel:
 
     def points(self, x: ArrayLike, y: ArrayLike, shape: str, titles: Sequence[str],
                hollow: Sequence[bool]) -> str:
-        """Return marks with what they tell under the pointer; those outside are left out."""
+        """Return marks with what they tell under the pointer; an arrow for those outside."""
+        _, top, _, bottom = self._box
         marks = []
         for px, py, title, empty in zip(self.x(x), self.y(y), titles, hollow, strict=True):
             if self._inside(px, py):
-                kind = 'mark hollow' if empty else 'mark'
-                marks.append(f'<path class="{kind}" d="{_MARKS[shape].format(x=px, y=py)}">'
-                             f'<title>{escape(title)}</title></path>')
+                kind, path = 'mark hollow' if empty else 'mark', _MARKS[shape]
+            else:
+                kind, path = 'beyond', _ARROWS['up' if py < top else 'down']
+                py = min(max(float(py), top + 1), bottom - 1)
+            marks.append(f'<path class="{kind}" d="{path.format(x=px, y=py)}">'
+                         f'<title>{escape(title)}</title></path>')
         return ''.join(marks)
 
     def span(self, x0: float, x1: float, kind: str, title: str) -> str:
@@ -253,16 +255,9 @@ class Panel:
             return ''
         width = max(map(text_width, lines)) + 8
         height = FONT * 1.25 * len(lines) + 4
-        best, cost = (0.0, 0.0), inf
-        for right, down in _AROUND:
-            box_x = px + right - (width if right < 0 else 0)
-            box_y = py + down - height / 2
-            price = self._price((box_x, box_y, box_x + width, box_y + height), avoid, taken)
-            price += 0.02 * (abs(right) + abs(down))
-            if price < cost:
-                best, cost = (box_x, box_y), price
-        left, top = best
-        taken.append((left, top, left + width, top + height))
+        place = best_place((px, py), (width, height), self._box, avoid, taken)
+        taken.append(place)
+        left, top, _, _ = place
         end_x = left if left > px else left + width
         rows = ''.join(_text(left + 4, top + FONT * (1.1 + 1.25 * row), text, kind, 'start')
                        for row, text in enumerate(lines))
@@ -275,23 +270,14 @@ class Panel:
         """Return points as pixels, shape (n, 2)."""
         return np.column_stack([self.x(x), self.y(y)])
 
-    def _price(self, box: Box, avoid: Array, taken: Iterable[Box]) -> float:
+    @property
+    def _box(self) -> Box:
         left, right = sorted((self.x.start, self.x.end))
         top, bottom = sorted((self.y.start, self.y.end))
-        price = 0.0
-        if box[0] < left + 2 or box[2] > right - 2 or box[1] < top + 2 or box[3] > bottom - 2:
-            price += 1000
-        for other in taken:
-            if (box[0] < other[2] + 3 and other[0] < box[2] + 3
-                    and box[1] < other[3] + 3 and other[1] < box[3] + 3):
-                price += 500
-        covered = ((avoid[:, 0] > box[0] - 4) & (avoid[:, 0] < box[2] + 4)
-                   & (avoid[:, 1] > box[1] - 4) & (avoid[:, 1] < box[3] + 4))
-        return price + 3.0 * float(covered.sum())
+        return left, top, right, bottom
 
     def _inside(self, px: float, py: float) -> bool:
-        left, right = sorted((self.x.start, self.x.end))
-        top, bottom = sorted((self.y.start, self.y.end))
+        left, top, right, bottom = self._box
         return left - 0.5 <= px <= right + 0.5 and top - 0.5 <= py <= bottom + 0.5
 
     def _clipped(self, y: ArrayLike) -> Array:
@@ -307,8 +293,8 @@ _MARKS = {
     'diamond': 'M{x:.1f} {y:.1f}m0 -4.8l4.8 4.8l-4.8 4.8l-4.8 -4.8Z',
 }
 SHAPES = tuple(_MARKS)
-_AROUND = [(right, down) for down in (-34, 34, -58, 58, -86, 86, 0, -120, 120)
-           for right in (16, -16, 44, -44, 90, -90)]
+_ARROWS = {'up': 'M{x:.1f} {y:.1f}v13m-4 -7l4 -6l4 6',
+           'down': 'M{x:.1f} {y:.1f}v-13m-4 7l4 6l4 -6'}
 
 
 @dataclass

@@ -2,14 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 import io
-from math import degrees
+from itertools import combinations
+from math import degrees, sqrt
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import allan_variance
-from imu_allan.result import Curve, Remark, Signal, Source, Span, Spectrum, Timeline
+from imu_allan.result import (
+    Curve,
+    DriftModel,
+    GaussMarkov,
+    Remark,
+    Signal,
+    Source,
+    Span,
+    Spectrum,
+    Timeline,
+)
 from imu_allan.writers import curves, panels, plot
 from imu_allan.writers.figure_style import COLOURS
 import matplotlib
@@ -95,6 +106,66 @@ def test_each_coefficient_has_a_ring_where_it_is_read(result):
     assert 'N = 2.406 °/√h\nslope −½, read at 1 s' in texts
     assert 'K = 50 °/h/√h\nslope +½, read at 3 s' in texts
     assert 'B = 24.8 °/h\nslope 0, at 0.664 B' in texts
+
+
+def test_the_ring_of_b_stands_where_the_curve_is_lowest_beside_a_correlated_process(result):
+    process = GaussMarkov(2e-3, 3000.0)
+    axis = result.axes['gyro_z']
+    bumped = replace(axis, gauss_markov=process, drift_model=DriftModel(
+        axis.drift_model.noise_density, 0.0, (process,), 0.1, 3600.0))
+    figure = plot.sensor_figure(replace(result, axes={'gyro_z': bumped}), 'gyro')
+    at = [float(line.get_xdata()[0]) for line in figure.axes[0].lines
+          if line.get_markerfacecolor() == 'none']
+    # N alone falls to where the process, seen from short times, rises: N/sqrt(tau) against
+    # sigma sqrt(2 tau / (3 T)).
+    lowest = sqrt(3 * 3000.0 / 2) * axis.drift_model.noise_density / 2e-3
+    assert [round(tau / lowest, 1) for tau in at if tau != 1.0] == [1.0]
+    assert not covering(figure)
+
+
+def covering(figure):
+    """Pairs of names in the first panel that are written over one another."""
+    plot.render(figure, 'png', 60)
+    texts = [text for text in figure.axes[0].texts if text.get_text()]
+    boxes = [text.get_bbox_patch().get_window_extent() for text in texts]
+    return [(a.get_text(), b.get_text()) for (a, one), (b, other)
+            in combinations(zip(texts, boxes, strict=True), 2) if one.overlaps(other)]
+
+
+def test_a_point_beyond_the_axes_leaves_an_arrow_at_their_edge(result):
+    def far(axis):
+        curve = axis.curve
+        return replace(axis, curve=replace(
+            curve, adev=(*curve.adev[:-1], curve.adev[-1] * 1e-3),
+            edf=(*curve.edf[:-1], 1.0)))
+
+    for figure, name in ((plot.overview_figure, 'gyro_x'),
+                         (lambda r: plot.sensor_figure(r, 'gyro'), 'gyro_x'),
+                         (lambda r: plot.paper_figure(r, 8.5), 'gyro_x')):
+        sheet = figure(replace(result, axes={name: far(result.axes[name])}))
+        panel = next(p for p in sheet.axes if 'Allan' in p.get_ylabel())
+        arrows = [text.xy for text in panel.texts if not text.get_text()]
+        assert arrows == [(result.axes[name].curve.tau_s[-1], panel.get_ylim()[0])]
+        plain = figure(result)
+        panel = next(p for p in plain.axes if 'Allan' in p.get_ylabel())
+        assert not [text for text in panel.texts if not text.get_text()]
+    assert any('arrow: a point beyond' in text for text in texts_of(plot.overview_figure(
+        replace(result, axes={'gyro_x': far(result.axes['gyro_x'])}))))
+
+
+def test_the_temperature_stands_beside_the_signal(result):
+    warmth = Signal(450.0, (20.0,) * 8, (20.0, 21.0, *[22.0] * 6), (23.0,) * 8)
+    figure = plot.overview_figure(replace(result, temperature=warmth))
+    shown = [line.get_ydata().tolist() for panel in figure.axes for line in panel.lines]
+    assert shown.count(list(warmth.mean)) == 2
+    assert '- - temperature [°C]' in plot.render(figure, 'svg').decode()
+
+
+def test_a_sensor_without_any_coefficient_shows_the_bounds(result, make_axis):
+    figure = plot.overview_figure(replace(result, axes={
+        'gyro_x': make_axis('gyro_x', {}, {'noise_density': 2e-3},
+                            curve=result.axes['gyro_x'].curve)}))
+    assert 'not observable, < 6.88' in texts_of(figure)
 
 
 def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):

@@ -16,6 +16,7 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import measured, SAMPLES, SENSORS, spoken
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of, worst_axis
 from imu_allan.writers.curves import (
+    beyond,
     coefficients_of,
     few_degrees,
     limits_of,
@@ -23,7 +24,8 @@ from imu_allan.writers.curves import (
     reading_point,
     written,
 )
-from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
+from imu_allan.writers.label_places import Box
+from imu_allan.writers.svg import Drawing, group, Panel, SHAPES
 import numpy as np
 
 
@@ -80,7 +82,8 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                  'Points: measured, hollow where fewer than 3 degrees of freedom stand behind '
                  'one. Line: fitted model, over the times of which it was fitted. Shaded: where '
                  '95 % of the points should fall if it is right. Ring: where the coefficient is '
-                 'read.',
+                 'read.' + (' Arrow: a point beyond the axes.'
+                            if beyond(known.values(), (low, high)) else ''),
                  both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
                        draw, 330), groups_of(known), worst_axis(known))
 
@@ -126,7 +129,7 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeli
         parts.append(panel.line(tau, TERMS[key].adev(value, tau) * factor, 'term'))
     for key, value in values.items():
         term = TERMS[key]
-        at = reading_point(term, values, tau)
+        at = reading_point(term, axis, tau)
         name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
         lines = [f'{term.symbol} = {written(axis.coefficients[key], abs(value))}',
                  name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
