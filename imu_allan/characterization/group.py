@@ -31,6 +31,8 @@ class Group:
         Place on the grid behind the newest sample.
     new_run : bool
         A run has begun since.
+    away : bool
+        The newest block did not have these axes.
 
     """
 
@@ -39,6 +41,7 @@ class Group:
     thermometer: Thermometer
     end: int = 0
     new_run: bool = False
+    away: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -51,7 +54,8 @@ class Group:
 
     def to_plain(self) -> dict[str, Any]:
         """Give what is no array, for JSON."""
-        return {'columns': self.columns.tolist(), 'next': self.end, 'new_run': self.new_run}
+        return {'columns': self.columns.tolist(), 'next': self.end, 'new_run': self.new_run,
+                'away': self.away}
 
     def part(self, some: NDArray[np.bool_]) -> Group:
         """Give some of the axes, which go on alone."""
@@ -83,7 +87,7 @@ class Group:
         elif block.first_index > self.end:
             skipped = block.first_index - self.end
             estimator.skip(skipped)
-        self.new_run = False
+        self.new_run = self.away = False
         first = last = None
         if epoch_ns is not None and interval_ns is not None:
             first = epoch_ns + round(block.start_s * 1e9)

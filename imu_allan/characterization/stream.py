@@ -319,6 +319,12 @@ class Characterization:
         groups: list[Group] = []
         for group in self._groups:
             stays = there[group.columns]
+            if group.away and stays.any():
+                # Who comes back and gave one value before was dead, and begins anew.
+                kept = ~(stays & group.estimator.constant)
+                if not kept.any():
+                    continue
+                group, stays = group.part(kept), stays[kept]
             whole = stays.all() or not stays.any()
             groups += [group] if whole else [group.part(stays), group.part(~stays)]
         known = [column for group in groups for column in group.columns.tolist()]
@@ -328,6 +334,7 @@ class Characterization:
         self._groups = groups
         for group in groups:
             group.new_run |= block.new_run
+            group.away |= not there[group.columns[0]]
         return [group for group in groups if there[group.columns[0]]]
 
     def _readings(self) -> Thermometer:
@@ -390,7 +397,8 @@ class Characterization:
                     group = Group(np.array(plain['columns'], dtype=np.int64).reshape(-1),
                                   Estimator.from_state(part(f'estimator{number or ""}')),
                                   Thermometer.from_state(heat) if heat else Thermometer(),
-                                  int(plain['next']), bool(plain.get('new_run', False)))
+                                  int(plain['next']), bool(plain.get('new_run', False)),
+                                  bool(plain.get('away', False)))
                     if group.estimator.axes != len(group.columns):
                         raise ValueError('axes of an estimator and their names differ in number')
                     self._groups.append(group)

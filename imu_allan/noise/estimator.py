@@ -87,6 +87,13 @@ class Estimator:
         return self._n.bridged
 
     @property
+    def constant(self) -> NDArray[np.bool_]:
+        """Whether each axis has given one value so far, shape (axes,)."""
+        held = self._chunk[:, :self._n.held]
+        return np.asarray(np.maximum(self.highest, held.max(axis=1, initial=-np.inf))
+                          <= np.minimum(self.lowest, held.min(axis=1, initial=np.inf)))
+
+    @property
     def next_place(self) -> tuple[int, int]:
         """Return the run that is being taken in, by number, and the place of its next sample."""
         return self._n.runs, self._n.first + self._n.held

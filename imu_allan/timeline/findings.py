@@ -19,6 +19,7 @@ from imu_allan.timeline.decision import AXIS_NAMES, Decision
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.sleepers import Sleepers
 import numpy as np
 
 _GRAVITY_TOLERANCE = 0.5
@@ -52,14 +53,14 @@ _LONGEST_LAG_S = 0.3
 
 
 def remarks_of(counts: Counts, decision: Decision, content: Content, presence: Presence,
-               options: TimelineOptions, motion: MotionSummary,
+               sleepers: Sleepers, options: TimelineOptions, motion: MotionSummary,
                excursions: Sequence[Sequence[float]] = ()) -> tuple[Remark, ...]:
     """
     Word what the user should know about.
 
     Parameters
     ----------
-    counts, decision, content, presence, options, motion, excursions
+    counts, decision, content, presence, sleepers, options, motion, excursions
         As `imu_allan.timeline.summary.summarize`.
 
     Returns
@@ -68,7 +69,7 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, presence: P
         Of the recording as a whole, each code once.
 
     """
-    told = (_presence_remarks(counts, decision, presence)
+    told = (_presence_remarks(counts, decision, presence) | _late_axes(counts, sleepers)
             | _remarks(counts, decision, content, options, motion))
     return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
 
@@ -213,6 +214,20 @@ def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) ->
             f'no values for a while, NaN or declared absent (covariance[0] is -1): {told}; the '
             'record of these axes is shorter by that, the others lose nothing')
     return remarks
+
+
+def _late_axes(counts: Counts, sleepers: Sleepers) -> dict[str, str]:
+    late: dict[int, list[str]] = {}
+    for name, messages in zip(AXIS_NAMES, sleepers.late, strict=True):
+        if messages:
+            late.setdefault(messages, []).append(name)
+    if not late:
+        return {}
+    told = '; '.join(f'{", ".join(names)} for the first {messages} of {counts.messages} messages'
+                     for messages, names in late.items())
+    return {'axis_late_start': (
+        f'one value, of an axis that had not come to life yet: {told}; the record of these axes '
+        'begins behind that, the others lose nothing')}
 
 
 def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:

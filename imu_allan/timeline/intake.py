@@ -43,7 +43,9 @@ from imu_allan.timeline.pace import (
     spread_about,
 )
 from imu_allan.timeline.pending import Window
+from imu_allan.timeline.placing import SPARSE
 from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.sleepers import Sleepers
 import numpy as np
 from numpy.typing import NDArray
 
@@ -97,18 +99,20 @@ class Intake:
         self.decision = Decision()
         self.content = Content()
         self.presence = Presence()
+        self.sleepers = Sleepers()
 
     def copy(self, counts: Counts) -> 'Intake':
         """Give an independent copy, which counts in `counts`."""
         twin = Intake(self._options, counts)
         twin.decision, twin.content = self.decision.copy(), self.content.copy()
-        twin.presence = self.presence.copy()
+        twin.presence, twin.sleepers = self.presence.copy(), self.sleepers.copy()
         return twin
 
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Everything needed to go on later, as a flat dict of arrays."""
         return {'decision': np.array(json.dumps(self.decision.to_plain())),
                 'presence': np.array(json.dumps(self.presence.to_plain())),
+                'sleepers': np.array(json.dumps(self.sleepers.to_plain())),
                 **self.content.to_state()}
 
     @classmethod
@@ -122,6 +126,9 @@ class Intake:
         intake.presence = (
             Presence.from_plain(json.loads(str(state['presence']))) if 'presence' in state
             else Presence(there=list(intake.decision.present or [True] * 6)))
+        # One from before axes could come to life late calls them awake with their next change.
+        if 'sleepers' in state:
+            intake.sleepers = Sleepers.from_plain(json.loads(str(state['sleepers'])))
         return intake
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
@@ -140,6 +147,7 @@ class Intake:
         """Tell whether every value of every axis is there and usable, as is usual."""
         return bool(all(self.presence.there) and not self.decision.spiky
                     and not window.absent.any()
+                    and self.sleepers.sleep_on(window.samples[:window.consumed])
                     and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST
                     and self.content.is_fresh(window.samples[:window.consumed]))
 
@@ -151,6 +159,7 @@ class Intake:
         else:
             counts.add_header_faults(window.header[:c])
         self.content.last = window.samples[c - 1].tolist()
+        self.sleepers.count(c)
         self._count(window)
 
     def look(self, window: Window) -> tuple[Window, Repeats, str]:
@@ -211,6 +220,7 @@ class Intake:
         counts, c = self._counts, window.consumed
         stamps, other = self.stamps(window)
         away, unusable = self._unusable(window)
+        away = self._woken(window, away)
         twice = self._twice(window, stamps, newest) if self.decision.unties else None
         held, frozen = repeats.held, repeats.frozen
         if frozen is not None:
@@ -237,6 +247,21 @@ class Intake:
         if away is not None:
             samples = np.where(away, np.nan, samples)
         return Messages(stamps, other, samples, c, void)
+
+    def _woken(self, window: Window, away: Bools | None) -> Bools | None:
+        """Let an axis that comes to life begin anew: it is not there for some messages."""
+        samples = np.where(away, np.nan, window.samples) if away is not None else window.samples
+        woke = self.sleepers.look(samples, window.consumed)
+        if not woke:
+            return away
+        away = np.zeros(samples.shape, dtype=bool) if away is None else away.copy()
+        for axis, row in woke.items():
+            away[max(row - SPARSE, 0):max(row, 1), axis] = True
+        self.presence.changed = True
+        if any(axis >= 3 for axis in woke):
+            # What a dead accelerometer measured is no gravity.
+            self._counts.gravity, self._counts.gravity_samples = [0.0, 0.0, 0.0], 0
+        return away
 
     def _note_frozen(self, window: Window, stamps: Stamps, frozen: Bools) -> None:
         content, begins = self.content, frozen[:window.consumed]

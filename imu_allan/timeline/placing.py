@@ -37,6 +37,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+SPARSE = 16
+"""Every so many samples go into the mean acceleration, which needs no more."""
+
 _CLOCK_STEP_S = 1.0
 """A leap of one clock alone by more is a step of that clock."""
 _NEVER_NS = 5 * 365 * 86400 * SECOND
@@ -49,8 +52,6 @@ _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
 _BESIDE_GAP = 3
 """Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
-_SPARSE = 16
-"""Every so many samples go into the mean acceleration, which needs no more."""
 
 
 @dataclass
@@ -423,11 +424,12 @@ class Placing:
         self._tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
                       np.concatenate([self._tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((self._decision.present or [False])[3:]):
-            some = messages.samples[:c:_SPARSE, 3:]
+            some = messages.samples[:c:SPARSE, 3:]
             total = some.sum(axis=0).tolist()
             if isnan(sum(total)):
-                # For a while an axis is not there.
-                some = some[np.isfinite(some).all(axis=1)]
+                # For a while an axis is not there, and may have been dead before.
+                gone = np.flatnonzero(np.isnan(some).any(axis=1))
+                some = some[int(gone[-1]) + 1:]
                 total = some.sum(axis=0).tolist()
             counts.gravity = [a + b for a, b in zip(counts.gravity, total, strict=True)]
             counts.gravity_samples += len(some)
@@ -488,7 +490,7 @@ def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int
     if not len(breaks):
         return 0, 0
     # With jitter one place of a gap may be taken for one beside it.
-    beside = _BESIDE_GAP if len(breaks) * _SPARSE < n else 0
+    beside = _BESIDE_GAP if len(breaks) * SPARSE < n else 0
     left_out = np.zeros(n, dtype=bool)
     for shift in range(-beside, beside + 1):
         left_out[np.clip(breaks + shift, 0, n - 1)] = True

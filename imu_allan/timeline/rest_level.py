@@ -80,8 +80,9 @@ class RestLevel:
 
     @property
     def is_known(self) -> bool:
-        """Whether the baseline rests on enough windows to be gone on with another time."""
-        return len(self._past) >= _FEW_WINDOWS
+        """Whether the baseline is one of enough windows, and all axes, to be gone on with."""
+        return (len(self._past) >= _FEW_WINDOWS and self.baseline is not None
+                and not self.baseline.any_constant)
 
     def copy(self, windows: Windows) -> 'RestLevel':
         """Give an independent copy; arrays are shared, for they are never written to."""
@@ -229,9 +230,13 @@ class RestLevel:
             return None
         loud = self.baseline.loudness
         known = (loud > 0) & np.isfinite(loud)
-        quiet = stretch.loudness[first:last, known] < self.baseline.far_quieter[known]
-        # A coarse or constant axis may be as it was.
-        quieter = (np.mean(quiet, axis=1) > 0.5) & ~np.any(
+        here = stretch.loudness[first:last, known]
+        quiet = here < self.baseline.far_quieter[known]
+        # A coarse or constant axis may be as it was, and one that stands still has died.
+        alive = here > 0
+        share = np.where(alive.any(axis=1), np.sum(quiet & alive, axis=1) / np.maximum(
+            alive.sum(axis=1), 1), quiet.mean(axis=1)) if known.any() else np.zeros(last - first)
+        quieter = (share > 0.5) & ~np.any(
             stretch.loudness[first:last] > self.baseline.loudest(), axis=1) if known.any() else (
             np.zeros(last - first, dtype=bool))
         for at in range(first, last):
@@ -289,6 +294,8 @@ class RestLevel:
 
     def _adopt(self, baseline: Baseline, time_s: float, told: Excluded) -> None:
         """Take a new baseline, and tell if the noise has become much louder or quieter."""
+        if self.baseline is not None:
+            baseline = baseline.kept_alive(self.baseline)
         self.baseline = baseline
         if self._first is None:
             self._first = baseline.loudness

@@ -27,6 +27,10 @@ _LEAST_EXCESS = 0.35
 """Of the loudness, the cube root of a variance: noise that is 1.6 times as large is no motion."""
 QUIETER = 3.0 ** (2 / 3)
 """Ratio of loudness, for a third of the noise: rest beside any driving, and no drift of noise."""
+_FINE = 0.7
+"""Noise over a step from which on the step hides nothing: below, an output may rest for long."""
+_ROUNDING = 1e-13
+"""Of the mean: a sum of some hundred equal values is off by less, any noise is larger."""
 _DITHER = 0.75
 """Of a squared step: an output of whole steps that flips between two has about a quarter."""
 
@@ -75,9 +79,19 @@ class Baseline:
         """Whether an axis has not changed yet."""
         return bool(np.isinf(self.resolution).any())
 
+    def kept_alive(self, before: 'Baseline') -> 'Baseline':
+        """Give the baseline with what was known before of axes that stood still all the while."""
+        died = (self.loudness == 0) & (before.loudness > 0) & np.tile(
+            before.loudness[:6] ** 1.5 >= _FINE * before.resolution, 2)
+        if not died.any() or not (self.loudness > 0).any():
+            return self
+        return Baseline(np.where(died, before.loudness, self.loudness),
+                        np.where(died, before.spread, self.spread),
+                        np.where(died[:6], before.wander, self.wander), self.resolution)
+
     def _steps(self) -> Floats:
         """Resolution where the noise does not dither it: there whole steps are no motion."""
-        coarse = self.loudness[:6] ** 1.5 < 0.7 * self.resolution
+        coarse = self.loudness[:6] ** 1.5 < _FINE * self.resolution
         return np.where(coarse, self.resolution, 0.0)
 
 
@@ -103,11 +117,19 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
         loudness has no hole of many standard deviations.
 
     """
+    dead = _dead(loudness, resolution)
     quiet = np.percentile(loudness, _QUIET_PERCENT, axis=0)
+    for axis in [] if dead is None else np.flatnonzero(dead.any(axis=0)).tolist():
+        assert dead is not None
+        alive = loudness[~dead[:, axis]]
+        quiet[axis::6] = np.percentile(alive[:, axis::6], _QUIET_PERCENT, axis=0)
     noisy = quiet > 0
     if noisy.any():
         louder = np.max(loudness[:, noisy] / quiet[noisy], axis=1)
-        rest = louder <= np.percentile(louder, _QUIET_PERCENT)
+        if dead is not None and not dead.any(axis=1).all():
+            # Fewer axes are quieter by chance, and say nothing of those that are dead.
+            louder[dead.any(axis=1)] = np.inf
+        rest = louder <= np.percentile(louder[np.isfinite(louder)], _QUIET_PERCENT)
     else:
         rest = np.ones(len(loudness), dtype=bool)
     for _ in range(50):
@@ -126,7 +148,30 @@ def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baselin
     known = wander[~np.isnan(wander[:, 0])]
     wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
             else np.full(6, np.inf))
+    dead = _dead(loudness, resolution)
+    if dead is not None:
+        for axis in np.flatnonzero(dead.any(axis=0)).tolist():
+            one = baseline_of(loudness[~dead[:, axis]], wander[~dead[:, axis]],
+                              np.zeros(6))
+            centre[axis::6], spread[axis::6] = one.loudness[axis::6], one.spread[axis::6]
+            wide[axis] = one.wander[axis]
     return Baseline(centre, spread, wide, resolution)
+
+
+def _dead(loudness: Floats, resolution: Floats) -> Bools | None:
+    """
+    Tell windows in which an axis stood still, shape (n, 6); None if there are none.
+
+    A fine one never does while others live. One that never lived, and coarse steps, are left.
+    """
+    still = loudness[:, :6] == 0
+    if not still.any():
+        return None
+    dead: Bools = still & ~still.all(axis=1)[:, None] & ~still.all(axis=0)
+    for axis in np.flatnonzero(dead.any(axis=0)).tolist():
+        noise = float(np.median(loudness[~still[:, axis], axis])) ** 1.5
+        dead[:, axis] &= noise >= _FINE * resolution[axis]
+    return dead if dead.any() else None
 
 
 def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
@@ -175,6 +220,8 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
         means = np.add.reduce(coarse, axis=1) / parts
         steps = coarse[:, 1:] - coarse[:, :-1]
         power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / (parts - 1))
+    # The mean of equal values is that value but for rounding, which is no noise.
+    power[power < (_ROUNDING * np.tile(means, 2)) ** 2] = 0.0
     if np.isnan(means[-1]).any():
         np.nan_to_num(means, copy=False)
         np.nan_to_num(power, copy=False)

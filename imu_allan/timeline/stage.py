@@ -197,8 +197,9 @@ class TimelineStage:
                 stage = self
         detector = stage._motion
         motion = detector.summary if detector is not None else MotionSummary()
-        return summarize(stage._counts, stage._intake.decision, stage._intake.content,
-                         stage._intake.presence, stage._placing.cursor, self._options, motion,
+        intake = stage._intake
+        return summarize(stage._counts, intake.decision, intake.content, intake.presence,
+                         intake.sleepers, stage._placing.cursor, self._options, motion,
                          len(stage._pending),
                          [] if detector is None or self._keeps_motion else
                          detector.excursions)

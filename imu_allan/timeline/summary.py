@@ -20,6 +20,7 @@ from imu_allan.timeline.findings import mostly_motion, remarks_of
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Cursor
 from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.sleepers import Sleepers
 
 _CLEAR_RATE = 1e-3
 """Less than this the ends of a record do not matter. A judgment."""
@@ -110,14 +111,15 @@ class TimelineSummary:
 
 
 def summarize(counts: Counts, decision: Decision, content: Content, presence: Presence,
-              cursor: Cursor, options: TimelineOptions, motion: MotionSummary, held_back: int,
+              sleepers: Sleepers, cursor: Cursor, options: TimelineOptions,
+              motion: MotionSummary, held_back: int,
               excursions: Sequence[Sequence[float]] = ()) -> TimelineSummary:
     """
     Tell what was seen.
 
     Parameters
     ----------
-    counts, decision, content, presence, cursor, options, motion
+    counts, decision, content, presence, sleepers, cursor, options, motion
         What the parts of a timeline remember, its options, and the spans of motion that were
         cut out, or only seen where it is kept.
     held_back : int
@@ -131,7 +133,8 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         Of all that is decided on.
 
     """
-    remarks = remarks_of(counts, decision, content, presence, options, motion, excursions)
+    remarks = remarks_of(counts, decision, content, presence, sleepers, options, motion,
+                         excursions)
     if options.motion == 'keep':
         # It was only looked for.
         motion = MotionSummary()

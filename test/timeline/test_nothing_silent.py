@@ -280,6 +280,54 @@ def numbers(result: Result, axes: str) -> list[float | None]:
             if name.startswith(axes)]
 
 
+@pytest.mark.parametrize(('rate_hz', 'dead', 'share'), [
+    (100.0, slice(0, 1), 0.3), (100.0, slice(3, 6), 0.7), (500.0, slice(0, 3), 0.05)])
+def test_an_axis_that_is_dead_first_is_used_from_its_first_breath_and_costs_the_others_nothing(
+        rate_hz, dead, share):
+    messages, truth, rng = rest(rate_hz, 15_000 / rate_hz)
+    whole = characterized(messages)
+    late = int(share * 15_000)
+    messages.samples[:late, dead] = 0.0
+    result = characterized(messages, rng)
+    assert_right(result, truth, 0.05)
+    assert not false_terms(result)
+    assert result.timeline.motion == ()
+    names = list(result.axes)[dead]
+    for name in set(result.axes) - set(names):
+        assert result.axes[name] == whole.axes[name]
+    for name in names:
+        assert result.axes[name].signal.mean[0] is None
+    assert codes(result) <= {'axis_late_start', 'short_recording'}
+    assert told(result, 'axis_late_start') == (
+        f'one value, of an axis that had not come to life yet: {", ".join(names)} for the first '
+        f'{late} of 15000 messages; the record of these axes begins behind that, the others lose '
+        'nothing')
+
+
+@pytest.mark.parametrize('rate_hz', [100.0, 1000.0])
+@pytest.mark.parametrize('dead', [[(0, 0.2), (0.5, 0.7)], [(0.4, 0.6)], [(0.1, 0.9)]])
+def test_an_axis_that_dies_and_wakes_again_is_no_motion(rate_hz, dead):
+    messages, truth, _ = rest(rate_hz, 30_000 / rate_hz)
+    for first, last in dead:
+        part = slice(int(first * 30_000), int(last * 30_000))
+        messages.samples[part, 3:] = messages.samples[part.start, 3:]
+    result = characterized(messages)
+    assert {name for name, axis in result.axes.items() if axis.stood_still} == {
+        'accel_x', 'accel_y', 'accel_z'}
+    assert numbers(result, 'accel') == [None] * 3
+    assert numbers(result, 'gyro') == [pytest.approx(truth.density, rel=0.03)] * 3
+    # Values that are held are no mean: at 1 kHz their edges look like knocks.
+    assert sum(span.duration_s for span in result.timeline.motion) < 3.1 * 2 * len(dead)
+
+
+def test_coarse_steps_do_not_wake():
+    messages, _, rng = rest(duration_s=300)
+    step, n = 10 * SIGMA, len(messages.place)
+    drift = 3 * step * np.linspace(0, 1, n)[:, None] + step * rng.uniform(-0.4, 0.4, 6)
+    messages.samples = np.rint((messages.samples + drift) / step) * step
+    assert 'axis_late_start' not in codes(characterized(messages))
+
+
 @pytest.mark.parametrize('declared', [True, False])
 @pytest.mark.parametrize(('first', 'last', 'again'), [
     (0, 6000, 15_000), (5000, 15_000, 15_000), (5000, 7000, 15_000), (1000, 2000, 4000)])
