@@ -175,6 +175,12 @@ def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recordin
         return ArduPilotRecording(path, stored, options)
     if head.startswith(b'{') and b'"schema": "imu_allan.' in head:
         raise _result_given(path, path)
+    if head.startswith((b'\xff\xfe', b'\xfe\xff')):
+        raise ImuAllanError(f'{printable(path)}: text in UTF-16, as a redirection of PowerShell '
+                            'writes it; save it as UTF-8')
+    if head.startswith(b'FMT,'):
+        raise ImuAllanError(f'{printable(path)}: a dataflash log of ArduPilot as text; give the '
+                            '.bin that it was made from')
     if path.suffix.lower() in ('.csv', '.txt') or (head.isascii() and any(
             separator in head for separator in (b',', b';', b'\t'))):
         from imu_allan.recordings.formats.foxglove_csv import FoxgloveCsv, is_foxglove

@@ -1,21 +1,25 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-CSV files: a header line that names the columns, then one sample a line.
+CSV files: a line that names the columns, then one sample a line.
 
-Which names are understood stands in `imu_allan.recordings.formats.csv_header`.
+Comments may stand before it, and where it is missing the user says what the columns are. Which
+names are understood stands in `imu_allan.recordings.formats.csv_header`.
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
+import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.csv_header import (
     Columns,
     echoed_imu,
+    is_remark,
+    MOST_COMMENTS,
     read_header,
     seconds_in,
 )
@@ -35,6 +39,7 @@ _LONGEST_HEADER = 1 << 20
 _NAMED_COLUMNS = 10
 """Of those left out: more take more than a line or two."""
 _QUOTES = ' \t\r"'
+_DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
 
@@ -59,15 +64,7 @@ class CsvRecording(FileRecording):
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        with stored.open('rb') as file:
-            header = file.readline(_LONGEST_HEADER)
-            self._data_at = file.tell()
-        if len(header) == _LONGEST_HEADER and not header.endswith(b'\n'):
-            raise ImuAllanError(f'{printable(path)}: its first line is longer than 1 MiB: it is '
-                                'no table of samples')
-        self._columns = self._read_header(header.decode('utf-8-sig', 'replace'))
-        if self._columns.nanoseconds is not None:
-            self._data_at = 0
+        self._columns = self._found_columns()
         if self._columns.time is None and options.rate_hz is None:
             raise ImuAllanError(
                 f'{printable(path)}: no time_s column; give the sample rate with --rate')
@@ -85,10 +82,10 @@ class CsvRecording(FileRecording):
             columns = replace(columns, axes=((columns.temperature, 0, 1.0),), ignored=('axes',))
         rejected = samples = 0
         first_rejected = ''
-        line = 1 if self._data_at == 0 else 2
+        line = self._first_line
         time_unit_s: float | None = None
         for text, position in self._texts():
-            lines = text.split('\n')
+            lines = (text.replace(',', '.') if self._decimal_comma else text).split('\n')
             if lines[-1] == '':
                 lines.pop()
             table, stamps, time_unit_s, bad = _parse(lines, columns, time_unit_s)
@@ -103,7 +100,8 @@ class CsvRecording(FileRecording):
         if rejected and not samples:
             raise ImuAllanError(
                 f'{printable(self.path)}: {first_rejected} is not a line of '
-                f'{len(columns.used)} numbers like the header says')
+                f'{len(columns.used)} numbers like the header says; a column that holds none can '
+                'be left out: --columns names the others, and --rate takes the place of the time')
         if rejected:
             self.remark(
                 'malformed_messages',
@@ -144,20 +142,43 @@ class CsvRecording(FileRecording):
             absent[:, axis // 3] = False
         return ImuBlock(stamps, stamps, samples, absent, '')
 
+    def _found_columns(self) -> Columns:
+        """Find the header line and understand it; sets where the samples begin."""
+        with self._stored.open('rb') as file:
+            for number in range(1, MOST_COMMENTS + 2):
+                self._data_at, self._first_line = file.tell(), number
+                line = file.readline(_LONGEST_HEADER)
+                if len(line) == _LONGEST_HEADER and not line.endswith(b'\n'):
+                    raise ImuAllanError(f'{printable(self.path)}: its first line is longer than '
+                                        '1 MiB: it is no table of samples')
+                header = line.decode('utf-8-sig', 'replace')
+                if not is_remark(header):
+                    break
+            behind, after = file.tell(), file.readline(_LONGEST_HEADER)
+        columns = echoed_imu(header) or self._read_header(header)
+        if not columns.headless:
+            self._data_at, self._first_line = behind, self._first_line + 1
+        self._decimal_comma = columns.delimiter != ',' and _DECIMAL_COMMA.search(
+            after.decode('utf-8', 'replace')) is not None
+        return columns
+
     def _read_header(self, header: str) -> Columns:
-        echoed = echoed_imu(header)
-        if echoed is not None:
-            return echoed
         try:
             columns = read_header(header, self.options)
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
-        if columns.ignored:
-            shown = [printable(cell[:40]) for cell in columns.ignored[:_NAMED_COLUMNS]]
-            if len(columns.ignored) > _NAMED_COLUMNS:
-                shown.append(f'and {len(columns.ignored) - _NAMED_COLUMNS:,} more')
+        if columns.lookalikes:
+            shown = ', '.join(printable(cell[:40]) for cell in columns.lookalikes[:_NAMED_COLUMNS])
             self.remark('ignored_columns',
-                        f'columns that are no axes were left out: {", ".join(shown)}')
+                        f'columns that may be axes were not understood: {shown}; --columns '
+                        'gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what')
+        others = [cell for cell in columns.ignored if cell not in columns.lookalikes]
+        if others:
+            shown_others = [printable(cell[:40]) for cell in others[:_NAMED_COLUMNS]]
+            if len(others) > _NAMED_COLUMNS:
+                shown_others.append(f'and {len(others) - _NAMED_COLUMNS:,} more')
+            self.remark('ignored_columns',
+                        f'columns that are no axes were left out: {", ".join(shown_others)}')
         return columns
 
 

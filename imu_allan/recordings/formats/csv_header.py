@@ -5,11 +5,12 @@ What the columns of a CSV file are, by its header line.
 
 Known are the project's own names (``time_s``, ``gyro_x``), those of EuRoC and TUM-VI
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), of ``rostopic echo -p``
-(``%time,field.angular_velocity.x``), of PlotJuggler (``__time,/imu/angular_velocity/x``), short
-ones (``t,gx,ay``), and whatever the user names.
+(``%time,field.angular_velocity.x``), of PlotJuggler (``__time,/imu/angular_velocity/x``), of
+phyphox (``"Gyroscope x (rad/s)"``), of UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), short ones
+(``t,gx,ay``), and whatever the user names or, where there is no header line, numbers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import re
 
@@ -19,12 +20,20 @@ from imu_allan.recordings.options import RecordingOptions
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 
-_COLUMN = re.compile(r'\s*"?\s*([^\s"\[]+(?:\[[0-2]\])?)\s*(?:\[([^\]]*)\])?\s*"?\s*')
+_COLUMN = re.compile(
+    r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
+_WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
+"""A name, with its unit, in a header whose names have nothing but blanks between them."""
+_COMMENT = ('#', '%', '//')
+MOST_COMMENTS = 100
+"""Lines before the header line; loggers write some five about device and settings."""
+_SHOWN = 80
+"""Characters of a line that no name was found in."""
 _LONGEST_CELL = 200
 """Characters of a column name."""
 _WORDS = {
-    'gyro': r'angular_?velocity|gyroscope|gyro|gyr|w_rs_s|omega',
-    'accel': r'linear_?acceleration|acceleration|accelerometer|accel|acc|a_rs_s'}
+    'gyro': r'angular_?velocity|ang_?vel|gyroscope|gyro|gyr|w_rs_s|omega',
+    'accel': r'linear_?acceleration|lin_?acc|acceleration|accelerometer|accel|acc|a_rs_s'}
 _LONG = {sensor: re.compile(rf'(?:.*[/.])?(?:{words})[/._]?(?:([xyz])|\[([0-2])\])')
          for sensor, words in _WORDS.items()}
 _SHORT = re.compile(r'([gwa])[_]?([xyz])')
@@ -44,8 +53,8 @@ class Columns:
 
     Attributes
     ----------
-    delimiter : str
-        What stands between them.
+    delimiter : str or None
+        What stands between them; None for blanks.
     time : int or None
         Number of the time column.
     time_unit : str or None
@@ -54,6 +63,10 @@ class Columns:
         Number of a column of nanoseconds to be added to it.
     temperature : int or None
         Number of a column with the temperature.
+    headless : bool
+        Whether the line that was read holds no names, but the first sample.
+    lookalikes : tuple of str
+        Those of `ignored` that look like the axes of a sensor that was not found.
     axes : tuple of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
     ignored : tuple of str
@@ -61,13 +74,15 @@ class Columns:
 
     """
 
-    delimiter: str
+    delimiter: str | None
     time: int | None
     time_unit: str | None
     axes: tuple[tuple[int, int, float], ...]
     ignored: tuple[str, ...] = ()
     nanoseconds: int | None = None
     temperature: int | None = None
+    headless: bool = False
+    lookalikes: tuple[str, ...] = ()
 
     @property
     def used(self) -> list[int]:
@@ -86,20 +101,25 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
         If it names no axis, names one twice, or a unit is wrong.
 
     """
-    delimiter = next((mark for mark in (',', ';', '\t') if mark in header), ',')
-    cells = header.rstrip('\r\n').split(delimiter)
-    chosen = _chosen(options.columns, cells)
+    delimiter, cells = _cells(header)
+    headless = _is_headless(cells)
+    # Without a header line a number is the place of a column, whatever stands in it.
+    names = [''] * len(cells) if headless else [cell.strip(' "') for cell in cells]
+    chosen = _chosen(options.columns, names)
+    if headless and not chosen:
+        raise ImuAllanError(_no_header(cells))
     time: int | None = None
     time_name, time_unit = '', None
     axes: dict[str, tuple[int, int, float]] = {}
     ignored: list[str] = []
     temperature: int | None = None
     for column, cell in enumerate(cells):
-        # Runs of blanks are what an expression goes through over and over.
-        plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
-        match = _COLUMN.fullmatch(plain)
-        name, unit = match.groups() if match else ('', None)
-        meaning = chosen.get(cell.strip(' "'), chosen.get(name)) if chosen else meaning_of(name)
+        name, unit = _name_and_unit(cell)
+        if chosen:
+            meaning, stated = chosen.get(column, (None, None))
+            unit = stated or unit
+        else:
+            meaning = meaning_of(name)
         if meaning == 'time':
             if time is not None and not _is_later_clock(time_name, name):
                 raise ImuAllanError('two time columns')
@@ -110,19 +130,83 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
                 raise ImuAllanError(f'two columns named {meaning}')
             axes[meaning] = column, list(AXES).index(meaning), _factor(
                 name, unit, meaning, options)
-        elif name and (options.temperature in (name, plain.strip(' "')) or (
+        elif name and (options.temperature in (
+                name, cell.strip(' "'), str(column + 1) if headless else name) or (
                 options.temperature is None and temperature is None
                 and _TEMPERATURE.fullmatch(name.lower()))):
             temperature = column
         else:
             ignored.append(cell.strip())
     if not axes:
+        shown = ','.join(cell.strip() for cell in cells)[:_SHOWN]
         raise ImuAllanError(
-            f'the first line names none of the axes {", ".join(AXES)}; a CSV recording begins '
-            f'with a line such as {EXAMPLE}, and --columns gyro_x=NAME,accel_z=NAME,time=NAME '
-            'tells what others are')
+            f'the first line names none of the axes {", ".join(AXES)} ({printable(shown)}); a CSV '
+            f'recording begins with a line such as {EXAMPLE}, and --columns '
+            'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
+    if headless:
+        ignored = []
+    missing = any(all(not axis.startswith(sensor) for axis in axes) for sensor in _WORDS)
     return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
-                   temperature=temperature)
+                   temperature=temperature, headless=headless,
+                   lookalikes=tuple(_lookalikes(ignored)) if missing and not chosen else ())
+
+
+def is_remark(line: str) -> bool:
+    """Whether a line before the header is a comment, and not a header that begins like one."""
+    if not line.lstrip().startswith(_COMMENT):
+        return False
+    return not any(meaning_of(_name_and_unit(cell)[0]) in AXES for cell in _cells(line)[1])
+
+
+def _cells(header: str) -> tuple[str | None, list[str]]:
+    """Tell what stands between the cells of a line, and take them apart."""
+    plain = header.strip('\r\n').lstrip('# ')
+    delimiter = next((mark for mark in (',', ';', '\t') if mark in plain), None)
+    if delimiter is not None:
+        return delimiter, plain.split(delimiter)
+    words = _WORD.findall(plain)
+    return (None, words) if len(words) > 1 else (',', [plain])
+
+
+def _name_and_unit(cell: str) -> tuple[str, str | None]:
+    """Take a cell apart; blanks in a name count as underscores."""
+    # Runs of blanks are what an expression goes through over and over.
+    plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
+    match = _COLUMN.fullmatch(plain)
+    if match is None:
+        return '', None
+    return match[1].strip().replace(' ', '_'), match[2] if match[2] is not None else match[3]
+
+
+def _is_headless(cells: Sequence[str]) -> bool:
+    """Whether a line holds numbers where the names should be."""
+    return any(map(_is_number, cells)) and not any(
+        meaning_of(_name_and_unit(cell)[0]) for cell in cells)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.strip(' \t"'))
+    except ValueError:
+        return False
+    return True
+
+
+def _no_header(cells: Sequence[str]) -> str:
+    names = [*(['time'] if len(cells) > len(AXES) else []), *AXES][:len(cells)]
+    example = ','.join(f'{name}={number}' for number, name in enumerate(names, 1))
+    return (f'no line names its columns, the first one holds numbers ({len(cells)} columns); tell '
+            f'what they are, such as --columns {example} if that is their order, with units as in '
+            "'time=1 us,gyro_x=2 deg/s', or write a first line "
+            f'such as {EXAMPLE}')
+
+
+def _lookalikes(ignored: Sequence[str]) -> Iterator[str]:
+    """Name the columns of three that differ in a last x, y or z alone."""
+    names = [_name_and_unit(cell)[0] for cell in ignored]
+    for name, cell in zip(names, ignored, strict=True):
+        if name[-1:] in ('x', 'y', 'z') and {f'{name[:-1]}{axis}' for axis in 'xyz'} <= {*names}:
+            yield cell
 
 
 def echoed_imu(line: str) -> Columns | None:
@@ -136,7 +220,8 @@ def echoed_imu(line: str) -> Columns | None:
     if len(cells) != 40 or not (cells[0].lstrip('-').isdecimal() and cells[1].isdecimal()):
         return None
     return Columns(',', 0, 's', tuple(
-        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), (), 1)
+        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), (), 1,
+        headless=True)
 
 
 def meaning_of(name: str) -> str | None:
@@ -167,19 +252,34 @@ def seconds_in(unit: str | None, first: float) -> float:
     return _converted('time', unit, 's')
 
 
-def _chosen(pairs: Sequence[tuple[str, str]], cells: Sequence[str]) -> Mapping[str, str]:
-    """Map the columns that the user names to their meaning."""
-    found: dict[str, str] = {}
-    names = [cell.strip(' "\r\n') for cell in cells]
-    for meaning, name in pairs:
+def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
+            ) -> Mapping[int, tuple[str, str | None]]:
+    """Map the columns that the user names, or numbers from 1, to their meaning and unit."""
+    found: dict[int, tuple[str, str | None]] = {}
+    for meaning, text in pairs:
         if meaning not in AXES and meaning != 'time':
             raise ImuAllanError(f'--columns {printable(meaning)}: not time or one of '
                                 f'{", ".join(AXES)}')
-        if name not in names and all(not cell.startswith(f'{name} [') for cell in names):
-            shown = ', '.join(printable(cell[:40]) for cell in names[:20])
-            raise ImuAllanError(f'--columns: no column {printable(name)}; there are {shown}')
-        found[name] = meaning
+        columns, unit = _columns_named(text, names), None
+        if not columns and ' ' in text:
+            name, _, unit = text.rpartition(' ')
+            columns = _columns_named(name.strip(), names)
+        if not columns:
+            shown = ', '.join(printable(name[:40]) for name in names[:20] if name)
+            raise ImuAllanError(f'--columns: no column {printable(text)}; there are '
+                                f'{shown or f"those from 1 to {len(names)}"}')
+        found.update(dict.fromkeys(columns, (meaning, unit)))
     return found
+
+
+def _columns_named(name: str, names: Sequence[str]) -> list[int]:
+    # The mark of a comment is none of the first name.
+    name = name.lstrip('# ')
+    columns = [column for column, each in enumerate(names)
+               if each == name or each.startswith((f'{name} [', f'{name} ('))]
+    if not columns and name.isdecimal() and len(name) < 7 and 1 <= int(name) <= len(names):
+        return [int(name) - 1]
+    return columns
 
 
 def _is_better_clock(before: str, name: str) -> bool:

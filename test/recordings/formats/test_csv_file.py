@@ -149,13 +149,25 @@ def test_other_columns_are_left_out_and_named(path):
 
 
 @pytest.mark.parametrize(('text', 'reason'), [
-    ('1,2,3\n4,5,6\n',
-     'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z; a '
-     'CSV recording begins with a line such as '
+    ('roll,pitch\n4,5\n',
+     'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
+     '(roll,pitch); a CSV recording begins with a line such as '
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, and '
-     '--columns gyro_x=NAME,accel_z=NAME,time=NAME tells what others are'),
+     '--columns gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from '
+     '1'),
+    ('1.7e18,0.1,-0.2,0.3,imu,9.8\n',
+     'no line names its columns, the first one holds numbers (6 columns); tell what they are, '
+     'such as --columns gyro_x=1,gyro_y=2,gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
+     "order, with units as in 'time=1 us,gyro_x=2 deg/s', or write a first line such as "
+     'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
     ('time_s,gyro_x\n', 'topic csv holds no readable message'),
-    ('time_s,gyro_x\n0,5;1\n', 'line 2: 0,5;1 is not a line of 2 numbers like the header says'),
+    ('time_s,gyro_x\n0,5;1\n',
+     'line 2: 0,5;1 is not a line of 2 numbers like the header says; a column that holds none can '
+     'be left out: --columns names the others, and --rate takes the place of the time'),
+    ('FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n',
+     'a dataflash log of ArduPilot as text; give the .bin that it was made from'),
+    ('time_s,gyro_x\n0,1\n'.encode('utf-16'),
+     'text in UTF-16, as a redirection of PowerShell writes it; save it as UTF-8'),
     ('time_s,gyro_x [m/s^2]\n0,5\n', 'column gyro_x: m/s^2 cannot be turned into rad/s'),
     ('time_s,gyro_x,gyro_x\n0,5,6\n', 'two columns named gyro_x'),
     ('time_s,time [s],gyro_x\n0,5,6\n', 'two time columns'),
@@ -196,8 +208,17 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('t_us,angular_velocity.x,angular_velocity.y,angular_velocity.z,linear_acceleration.x,'
      'linear_acceleration.y,linear_acceleration.z\n5,1,2,3,4,5,6\n', [5000]),
     ('t;GyrX;GyrY;GyrZ;AccX;AccY;AccZ\n1;1;2;3;4;5;6\n', [10**9]),
+    ('# timestamp ang_vel_x ang_vel_y ang_vel_z lin_acc_x lin_acc_y lin_acc_z\n'
+     '1.5 1 2 3 4 5 6\n', [1_500_000_000]),
+    ('t, a_x, a_y, a_z, w_x, w_y, w_z\n1, 4, 5, 6, 1, 2, 3\n', [10**9]),
+    ('"Time (s)","Gyroscope x (rad/s)","Gyroscope y (rad/s)","Gyroscope z (rad/s)",'
+     '"Acceleration x (m/s^2)","Acceleration y (m/s^2)","Acceleration z (m/s^2)"\n'
+     '1.5E0,1,2,3,4,5,6\n', [1_500_000_000]),
+    ('time;gx;gy;gz;ax;ay;az\n1,5;1,0;2,0;3;4;5;6,0\n', [1_500_000_000]),
+    ('# A Logger, device 4\n# gyro_range = 250.0 dps\nt,a_x,a_y,a_z,g_x,g_y,g_z\n1,4,5,6,1,2,3\n',
+     [10**9]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'short', 'omega',
-        'dotted', 'logger'])
+        'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     path.write_text(text)
     messages, _ = read(path)
@@ -215,7 +236,42 @@ def test_columns_of_any_name_can_be_named(path):
     assert block.samples[0, [0, 1, 5]] == pytest.approx([pi, pi / 2, 9.80665], rel=1e-15)
 
 
+@pytest.mark.parametrize(('text', 'others'), [
+    ('2500,imu,90,1\n3500,imu,180,2\n', 0), ('2500 imu 90 1\n3500 imu 180 2\n', 0),
+    ('2500\timu\t90\t1\n3500\timu\t180\t2\n', 0),
+    ('a,b,c,d\n2500,imu,90,1\n3500,imu,180,2\n', 1)],
+    ids=['commas', 'blanks', 'tabs', 'names'])
+def test_columns_can_be_numbered_from_one(path, text, others):
+    path.write_text(text)
+    columns = (('time', '1 ms'), ('gyro_z', '3 deg/s'), ('accel_x', '4 g'))
+    with open_recording(path, options=RecordingOptions(columns=columns)) as recording:
+        [block] = read_blocks(recording, 'csv')
+        assert [remark.code for remark in recording.remarks] == ['ignored_columns'] * others
+    assert block.header_ns.tolist() == [2_500_000_000, 3_500_000_000]
+    assert block.samples[:, [2, 3]].ravel() == pytest.approx(
+        [pi / 2, 9.80665, pi, 19.6133], rel=1e-15)
+    assert np.isnan(block.samples[:, [0, 1, 4, 5]]).all()
+
+
+def test_a_number_beyond_the_columns_says_how_many_there_are(path):
+    path.write_text('1,2,3\n4,5,6\n')
+    with pytest.raises(ImuAllanError) as error:
+        open_recording(path, options=RecordingOptions(columns=(('gyro_x', '4'),)))
+    assert str(error.value) == f'{path}: --columns: no column 4; there are those from 1 to 3'
+
+
+def test_columns_that_may_be_the_axes_of_the_missing_sensor_are_named(path):
+    path.write_text('t,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z,beta_x\n1,1,2,3,4,5,6,7\n')
+    messages, remarks = read(path)
+    assert messages.absent.tolist() == [[False, True]]
+    assert [remark.message.removeprefix(f'{path}: ') for remark in remarks] == [
+        'columns that may be axes were not understood: alpha_x, alpha_y, alpha_z; --columns '
+        'gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what',
+        'columns that are no axes were left out: beta_x']
+
+
 @pytest.mark.parametrize(('pair', 'reason'), [
+    (('gyro_x', '3'), '--columns: no column 3; there are when, w0'),
     (('gyro_x', 'w9'), '--columns: no column w9; there are when, w0'),
     (('roll', 'w0'), '--columns roll: not time or one of gyro_x, gyro_y, gyro_z, accel_x, '
                      'accel_y, accel_z')])
