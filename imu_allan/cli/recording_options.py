@@ -45,7 +45,7 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
                             'with the temperature of the IMU; one of its namespace or frame_id '
                             'is found')
     group.add_argument('--columns', metavar='AXIS=NAME', action='append', default=[],
-                       help="column of a CSV, by name or number from 1, and its unit: gyro_x=w0,"
+                       help='column of a CSV, by name or number from 1, and its unit: gyro_x=w0,'
                             "gyro_y=w1,accel_x=7,'time=t us'; other units as in --gyro-unit and "
                             '--accel-unit')
 
