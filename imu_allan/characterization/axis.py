@@ -9,6 +9,7 @@ from math import floor, log10
 from imu_allan.characterization.findings import (
     constant_remark,
     fit_remarks,
+    high_pass_remark,
     leaving_remark,
     steadiness_remarks,
     step_remarks,
@@ -22,6 +23,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.groups import Groups, WHITE
+from imu_allan.noise.high_pass import high_pass_corner_hz
 from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.signal_over_time import Columns
@@ -163,6 +165,12 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                 curve = _curve(points, axis, dt, FittedModel({}), {})
             found.append((replace(base, curve=curve), remarks))
             continue
+        corner_hz = _high_pass_corner_hz(fitted_axis.whole)
+        if corner_hz is not None:
+            found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
+                                  spectrum=_spectrum(fitted_axis.whole)),
+                          [high_pass_remark(corner_hz)]))
+            continue
         fitted, lines = fitted_axis.fit, fitted_axis.lines
         remarks = [*fit_remarks(fitted, quantity),
                    *step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)]
@@ -260,9 +268,16 @@ def _trend(fitted: Fit) -> Trend:
 
 
 def _spectrum(groups: Groups) -> Spectrum:
+    return Spectrum(tuple(groups.frequency.tolist()), tuple(_density(groups).tolist()))
+
+
+def _density(groups: Groups) -> Array:
     """Density of an axis: a column for unit white noise turns power into it, at every stage."""
-    density = groups.power / groups.design[:, WHITE]
-    return Spectrum(tuple(groups.frequency.tolist()), tuple(density.tolist()))
+    return groups.power / groups.design[:, WHITE]
+
+
+def _high_pass_corner_hz(groups: Groups) -> float | None:
+    return high_pass_corner_hz(groups.frequency, _density(groups), groups.dof)
 
 
 def _coefficient(key: str, quantity: Quantity, estimate: Estimate,

@@ -39,6 +39,15 @@ def still_remark(span: Span) -> Remark:
                   'coefficient is told, analyze the rest with --start and --duration')
 
 
+def high_pass_remark(corner_hz: float) -> Remark:
+    """Say that a filter has taken out what is slow."""
+    return Remark('high_passed',
+                  f'below about {corner_hz:.2g} Hz the noise falls away, which no sensor does: a '
+                  'filter has subtracted a bias that it estimates, as imu_complementary_filter '
+                  'does (or a broad vibration covers the noise); no coefficient is told, take the '
+                  'raw topic')
+
+
 def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:
     """Say where the output steps by more than the noise of one sample; `step` may be infinite."""
     if not noise < step < inf or noise <= 0:

@@ -29,7 +29,7 @@ TITLES = {
     'short_part': 'short part', 'short_recording': 'short recording',
     'temperature': 'temperature', 'tones': 'tones',
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
-    'held_values': 'held values', 'late_start': 'late start',
+    'held_values': 'held values', 'high_passed': 'slow part removed', 'late_start': 'late start',
     'rest_within_motion': 'rest within motion',
     'slow_cycle': 'slow cycle', 'slow_motion': 'slow motion', 'spikes': 'wild values',
     'start_auto': 'start', 'stood_still': 'stood still',

@@ -1,0 +1,119 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether the slow part of a signal was taken out, as by a filter that subtracts a bias it estimates.
+
+The density of a sensor never falls towards low frequencies: every term that a sensor has is level
+there or rises, but for quantization noise, which has no level part above it. Behind a filter that
+subtracts a moving estimate of the bias (``imu_complementary_filter``, and sensors that calibrate
+their zero while they rest), the level of the white noise falls by the square of the frequency.
+"""
+
+from imu_allan.noise import chi_square
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_LEVEL_OCTAVES = 3
+"""Above the corner, where the density has to be level; quantization noise alone has none."""
+_LEVEL = 1.4
+"""Ratio of the density in these octaves to their mean, either way, that is level."""
+_BELOW = 4.0
+"""Part of the corner from which on downwards the density is looked at: it is a 17th there."""
+_FALLS = 2.0
+"""Ratio of the density in the octave below that to what is slower yet: 7 behind such a filter, 1
+where a vibration stands above the floor."""
+_CERTAIN = 1e-6
+"""Chance at which white noise holds as little; of a thousand records with six axes each none."""
+_FALLEN = 0.25
+"""Of the highest octave, in the lowest one, before anything is looked at: it is a 17th or less."""
+_CLEAR = 3.0
+"""Standard errors of the logarithm of a ratio."""
+_HIGHEST_HZ = 1.0
+"""Corner: what follows a bias is slower, 0.16 Hz by default; vibrations above a quiet floor, which
+look alike, stand higher."""
+_CORNERS_PER_OCTAVE = 4
+"""Corners that are tried; half a step of it is a ratio of 1.09."""
+
+
+def high_pass_corner_hz(frequency: Array, density: Array, dof: Array) -> float | None:
+    """
+    Find the corner of a first-order high-pass in white noise.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (bands,)
+        Of narrow bands, in Hz, in any order.
+    density : ndarray, shape (bands,)
+        Of the signal in them.
+    dof : ndarray, shape (bands,)
+        Degrees of freedom of each.
+
+    Returns
+    -------
+    float or None
+        In Hz; None where the density does not fall as behind such a filter.
+
+    Examples
+    --------
+    >>> f = np.geomspace(1e-3, 50, 200)
+    >>> print(high_pass_corner_hz(f, f**2 / (f**2 + 0.16**2), np.full(200, 8.0)))
+    0.16...
+    >>> high_pass_corner_hz(f, 1 + 0.01 / f, np.full(200, 8.0)) is None
+    True
+
+    """
+    positive = frequency > 0
+    frequency, density, dof = frequency[positive], density[positive], dof[positive]
+    if len(frequency) < 2:
+        return None
+
+    def mean(of: Array, low: float, high: float) -> tuple[float, float]:
+        chosen = (frequency > low) & (frequency <= high)
+        weight = float(dof[chosen].sum())
+        return (float((of[chosen] * dof[chosen]).sum()) / weight if weight else np.nan), weight
+
+    if not _falls_somewhere(frequency, density, dof):
+        return None
+    octaves = np.log2(frequency.max() / frequency.min()) - _LEVEL_OCTAVES - 1
+    corners, clear = [], []
+    for step in range(int(max(octaves, 0) * _CORNERS_PER_OCTAVE)):
+        corner = float(frequency.max()) / 2**(_LEVEL_OCTAVES + 1 + step / _CORNERS_PER_OCTAVE)
+        if corner > _HIGHEST_HZ:
+            continue
+        top = corner * 2**(_LEVEL_OCTAVES + 1)
+        level, _ = mean(density, 2 * corner, top)
+        above = [mean(density, corner * 2**octave, corner * 2**(octave + 1))[0]
+                 for octave in range(1, _LEVEL_OCTAVES + 1)]
+        if not (level > 0 and all(1 / _LEVEL < each / level < _LEVEL for each in above)):
+            continue
+        low, low_dof = mean(density, 0.0, corner / _BELOW)
+        upper, upper_dof = mean(density, corner / (2 * _BELOW), corner / _BELOW)
+        lower, lower_dof = mean(density, 0.0, corner / (2 * _BELOW))
+        if not (lower_dof and upper_dof):
+            continue
+        if (chi_square.survival(low_dof * low / level, low_dof) > 1 - _CERTAIN
+                and np.log(upper / max(lower, 1e-300) / _FALLS)
+                > _CLEAR * np.sqrt(2 / upper_dof + 2 / lower_dof)):
+            clear.append(corner)
+        # How likely it is, where all above it is as it is.
+        chosen = frequency <= top
+        expected = level * (frequency**2 / (frequency**2 + corner**2))[chosen] + lower
+        corners.append((float(
+            (dof[chosen] * (density[chosen] / expected + np.log(expected))).sum()
+            + (dof[~chosen] * (1 + np.log(density[~chosen].clip(1e-300)))).sum()), corner))
+    # What is clear is so at a corner that is too high, too, below which more is seen.
+    return min((each for each in corners if clear
+                and min(clear) / 2**_LEVEL_OCTAVES <= each[1] <= max(clear)),
+               default=(0.0, None))[1]
+
+
+def _falls_somewhere(frequency: Array, density: Array, dof: Array) -> bool:
+    """Whether an octave holds clearly less than one above it, which costs little to know."""
+    octave = np.floor(np.log2(frequency)).astype(np.int64)
+    octave -= octave.min()
+    weight = np.bincount(octave, dof)
+    means = np.bincount(octave, dof * density)[weight > 0] / weight[weight > 0]
+    below = np.exp2(np.arange(len(means))) * 2 * frequency.min() <= 2 * _HIGHEST_HZ
+    return bool(below.any() and means[below].min() < _FALLEN * means.max())
