@@ -62,7 +62,8 @@ def shifted(path, first, last):
     return part
 
 
-@pytest.mark.parametrize('again', ['the same', 'a link', 'a copy', 'its end', 'its middle'])
+@pytest.mark.parametrize('again', ['the same', 'a link', 'a copy', 'its end', 'its middle',
+                                   'ten seconds of it'])
 def test_the_same_recording_given_twice_is_refused(written, again):
     path = written(0.0)
     other = {'the same': path, 'a link': path.with_name('link.csv'),
@@ -72,7 +73,11 @@ def test_the_same_recording_given_twice_is_refused(written, again):
     elif again == 'a copy':
         other.write_bytes(path.read_bytes())
     elif other is None:
-        other = shifted(path, 12_000, 36_000 if again == 'its end' else 30_000)
+        first, last = {'its end': (12_000, 36_000), 'its middle': (12_000, 30_000)}.get(
+            again, (17_500, 36_000))
+        other = shifted(path, first, last)
+        if again == 'ten seconds of it':
+            path = shifted(path, 0, 18_500)
     for paths in ([path, other], [other, path]):
         with pytest.raises(ImuAllanError, match=r'^[^ ]+ and [^ ]+ hold the same messages') as e:
             analyze(paths)

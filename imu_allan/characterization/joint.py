@@ -19,6 +19,7 @@ from imu_allan.characterization.mean import error_of_mean
 from imu_allan.characterization.stream import Characterization, FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
+from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
@@ -32,6 +33,7 @@ from imu_allan.result import (
     Result,
     Source,
     Span,
+    Stationarity,
     Timeline,
     TurnOnBias,
 )
@@ -96,7 +98,8 @@ def joint_result(recordings: Sequence[Characterization],
     fitted = axis_results(_merged(estimators), rate, [AXES[name] for name in first.names],
                           joint_fits(estimators, 1 / rate,
                                      [part.record.temperature for part in parts]))
-    axes = {name: replace(_with_spread(axis, name, parts), stationarity=None)
+    axes = {name: replace(_with_spread(axis, name, parts),
+                          stationarity=_stationarity(name, parts))
             for name, (axis, _) in zip(first.names, fitted, strict=True)}
     found = [Remark(remark.code, f'{name}: {remark.message}')
              for name, (_, own) in zip(first.names, fitted, strict=True) for remark in own]
@@ -224,9 +227,27 @@ def _of_each(parts: Sequence[_Part]) -> list[Remark]:
     """Return what the timeline and the front door said about one recording or another."""
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'coarse_resolution',
-           'constant_axis', 'warm_up', 'trend_or_walk', 'not_steady', 'temperature')
+           'constant_axis', 'warm_up', 'trend_or_walk', 'temperature')
     return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
             for remark in part.result.warnings if remark.code not in own]
+
+
+def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:
+    """Lay the segments of all records end to end; steady is what is so in each of them."""
+    found, segments, start = [], [], 0.0
+    for part in parts:
+        own = part.result.axes[name].stationarity
+        if own is not None:
+            found.append(own)
+            segments += [replace(segment, start_s=start + segment.start_s)
+                         for segment in own.segments]
+        start += part.result.timeline.duration_s
+    if not found:
+        return None
+    tests = [own.p_value for own in found if own.p_value is not None]
+    # Of several tests the smallest probability, times their number (Bonferroni).
+    return Stationarity(all(own.steady for own in found),
+                        min(1.0, len(tests) * min(tests)) if tests else None, tuple(segments))
 
 
 # ----------------------------------------------------------------------- what differs between them
@@ -264,12 +285,34 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     for key in LASTING_TERMS:
         values, errors = _logarithms(name, key, parts)
         found = coefficients[key]
-        if len(values) < 2 or found.value is None or found.ci95 is None:
+        if found.value is None or found.ci95 is None:
+            continue
+        coefficients[key] = found = _within(found, name, key, parts)
+        if len(values) < 2 or found.value is None:
             continue
         between = random_effects(list(values.values()), list(errors.values())).between
         coefficients[key] = replace(_widened(found, values, errors),
                                     between=found.value * between)
     return replace(axis, coefficients=coefficients)
+
+
+def _within(found: Coefficient, name: str, key: str, parts: Sequence[_Part]) -> Coefficient:
+    """Add what the quarters of a record differ by: the joint likelihood does not know of it."""
+    assert found.value is not None
+    assert found.ci95 is not None
+    whole = sum(part.result.timeline.duration_s for part in parts)
+    variance = 0.0
+    for part in parts:
+        own = part.result.axes[name].coefficients[key]
+        if own.value and own.between:
+            share = part.result.timeline.duration_s / whole
+            variance += (share * own.between / own.value)**2 / PARTS
+    if not variance or found.ci95[0] <= 0:
+        return found
+    low, high = (found.value * exp(sign * sqrt(log(bound / found.value)**2
+                                               + NORMAL95**2 * variance))
+                 for sign, bound in zip((-1, 1), found.ci95, strict=True))
+    return replace(found, ci95=(low, high))
 
 
 def _widened(found: Coefficient, values: Mapping[str, float], errors: Mapping[str, float]

@@ -12,10 +12,11 @@ from imu_allan.block import ImuBlock
 import numpy as np
 from numpy.typing import NDArray
 
-_HEAD = 64
-"""Messages from the beginning that are kept, so that short recordings are compared, too."""
-_ONE_OF_BITS = 10
-"""One message of 2^10 is kept besides: 5 MB of 100 million."""
+_MOST = 1 << 15
+"""Messages that are kept before only half of them are, 1.8 MB: of an hour at 200 Hz one in 32, so
+that 1.3 s in common are seen."""
+_LEAST_BITS = 10
+"""One message of 2^10 is kept at least: 5 MB of 100 million."""
 _FEWEST = 8
 """Messages in common from which on it is no chance: coarse steps make one value come again."""
 _SPREAD = np.uint64(0x9E3779B97F4A7C15)
@@ -38,7 +39,8 @@ class Fingerprint:
     """
 
     def __init__(self) -> None:
-        self._seen = 0
+        self._kept = 0
+        self._bits = 0
         self._stamps: list[NDArray[np.int64]] = []
         self._samples: list[NDArray[np.float64]] = []
 
@@ -47,20 +49,37 @@ class Fingerprint:
         for block in blocks:
             # A driver that stamps nothing leaves what the recorder knows.
             stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
-            chosen = stamps.astype(np.uint64) * _SPREAD >> np.uint64(64 - _ONE_OF_BITS) == 0
-            chosen[:max(0, _HEAD - self._seen)] = True
+            chosen = _is_kept(stamps, self._bits)
             self._stamps.append(stamps[chosen])
             self._samples.append(block.samples[chosen])
-            self._seen += len(block)
+            self._kept += len(self._stamps[-1])
+            while self._kept > _MOST and self._bits < _LEAST_BITS:
+                self._thin()
             yield block
+
+    def _thin(self) -> None:
+        """Keep half as many."""
+        self._bits += 1
+        stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
+        chosen = _is_kept(stamps, self._bits)
+        self._stamps, self._samples = [stamps[chosen]], [samples[chosen]]
+        self._kept = len(self._stamps[0])
 
     def shares_messages_with(self, other: 'Fingerprint') -> bool:
         """Whether both hold the same values wherever both have a message of the same time."""
-        if not (self._seen and other._seen):
+        if not (self._kept and other._kept):
             return False
         _, here, there = np.intersect1d(
             np.concatenate(self._stamps), np.concatenate(other._stamps), return_indices=True)
-        enough = min(_FEWEST, self._seen, other._seen)
+        enough = min(_FEWEST, self._kept, other._kept)
         return len(here) >= enough and np.array_equal(
             np.concatenate(self._samples)[here], np.concatenate(other._samples)[there],
             equal_nan=True)
+
+
+def _is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
+    """Choose one message of 2^bits by its stamp; those of more bits are among those of fewer."""
+    if bits == 0:
+        return np.ones(len(stamps), np.bool_)
+    kept: NDArray[np.bool_] = stamps.astype(np.uint64) * _SPREAD >> np.uint64(64 - bits) == 0
+    return kept

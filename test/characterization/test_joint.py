@@ -100,6 +100,30 @@ def test_a_recording_that_contradicts_the_others_is_named(nights):
     assert between / found.axes['gyro_x'].coefficients['noise_density'].value > 0.05
 
 
+def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_interval():
+    def louder(block):
+        late = block.header_ns > 600e9
+        samples = block.samples.copy()
+        samples[:, 0] *= np.where(late, 1.5, 1.0)
+        return replace(block, samples=samples)
+
+    def night(seed, **more):
+        return recorded(f'night{seed}', seed, samples=60_000, **more)
+
+    result = joint_result([night(13, changed=louder), night(12)])
+    plain = joint_result([night(11), night(12)])
+    told = [remark.message for remark in result.warnings if remark.code == 'not_steady']
+    assert [text.partition(': the noise')[0] for text in told] == ['night13: gyro_x']
+    assert width(result, 'noise_density') > 3 * width(plain, 'noise_density')
+    assert not result.axes['gyro_x'].stationarity.steady
+    assert result.axes['gyro_y'].stationarity.steady
+    # The segments of the second night begin where the first one ends.
+    starts = np.array([segment.start_s for segment in
+                       result.axes['gyro_x'].stationarity.segments])
+    assert (np.diff(starts) > 0).all()
+    assert 0.4 < np.mean(starts > 0.999 * 1200) < 0.6
+
+
 def test_a_mean_that_only_wanders_is_no_turn_on_bias():
     assert turn_on_bias([0.1, -0.2, 0.15], [0.2, 0.2, 0.2]).sigma == 0.0
 
