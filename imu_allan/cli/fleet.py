@@ -96,7 +96,7 @@ def _changed(path: Path) -> float:
 def line(unit: str, result: 'Result') -> str:
     """Return a result in one line."""
     from imu_allan.sensor.units import engineering
-    from imu_allan.wording import duration, number, SENSORS
+    from imu_allan.wording import counted, duration, number, SENSORS
 
     parts = [duration(result.timeline.duration_s)]
     for sensor in SENSORS:
@@ -107,7 +107,7 @@ def line(unit: str, result: 'Result') -> str:
             worst, shown_unit = engineering(max(values), found[0].unit)
             parts.append(f'{sensor} N {number(worst)} {shown_unit}')
     if result.warnings:
-        parts.append(f'{len(result.warnings)} remarks')
+        parts.append(counted(len(result.warnings), 'remark'))
     return f'{printable(unit)}: {", ".join(parts)}'
 
 

@@ -10,7 +10,7 @@ from imu_allan.characterization.mean import error_of_mean, recorded_s
 from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Result
 
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -20,7 +20,7 @@ TOLERANCE_CONFIDENCE = 0.95
 MEAN = 'mean'
 """Key of the zero bias of a gyroscope, which stands among the coefficients of a population."""
 
-_FEWEST_UNITS = 3
+FEWEST_UNITS = 3
 """Of two, the 95 % interval of a spread reaches up to 32 times of it, of three to 6."""
 _SIGNED = ('rate_ramp', MEAN)
 """Signed quantities are normal about their mean; the others spread by factors."""
@@ -96,11 +96,16 @@ class Oddity:
 
 @dataclass(frozen=True)
 class Population:
-    """Units in natural order of their names, what they have in common, and who sticks out."""
+    """
+    Units in natural order of their names, what they have in common, and who sticks out.
+
+    `unseen` holds axis and key of the coefficients that a filter takes and too few units show.
+    """
 
     units: tuple[str, ...]
     traits: tuple[Trait, ...]
     oddities: tuple[Oddity, ...]
+    unseen: tuple[tuple[str, str], ...] = ()
 
     @property
     def odd_units(self) -> list[str]:
@@ -144,8 +149,10 @@ def population(results: Mapping[str, Result]) -> Population:
     quantities = [(axis, key) for axis in AXES for key in (*TERMS, MEAN)
                   if key != MEAN or axis.startswith('gyro')]
     samples = {quantity: _sample(results, *quantity) for quantity in quantities}
+    unseen = tuple((axis, key) for (axis, key), sample in samples.items()
+                   if key in LASTING_TERMS and len(sample.values) < FEWEST_UNITS <= sample.units)
     samples = {quantity: sample for quantity, sample in samples.items()
-               if len(sample.values) >= _FEWEST_UNITS}
+               if len(sample.values) >= FEWEST_UNITS}
     traits = []
     for (axis, key), sample in samples.items():
         names = list(sample.values)
@@ -160,7 +167,7 @@ def population(results: Mapping[str, Result]) -> Population:
                      for name, out in zip(names, odd, strict=True) if out]
     order = {unit: place for place, unit in enumerate(units)}
     oddities.sort(key=lambda oddity: (order[oddity.unit], -abs(oddity.spreads or 1e9)))
-    return Population(units, tuple(traits), tuple(oddities))
+    return Population(units, tuple(traits), tuple(oddities), unseen)
 
 
 def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:

@@ -44,6 +44,30 @@ def test_units_that_do_not_differ_have_no_range(fleet):
     assert ' .. ' in cells(trait)[4]
 
 
+def test_a_spread_that_does_not_show_has_its_upper_limit(fleet):
+    trait = replace(fleet.population.traits[0], between=0.0, between_ci95=(0.0, 1e-5))
+    assert cells(trait)[5] == '< 0.0344'
+    assert not cells(fleet.population.traits[0])[5].startswith('<')
+
+
+def test_what_too_few_units_show_is_said(fleet, tmp_path):
+    def without_walk(result):
+        axes = {name: replace(axis, coefficients={**axis.coefficients, 'rate_random_walk': replace(
+            axis.coefficients['rate_random_walk'], value=None, ci95=None, upper95=1e-6,
+            observable=False)}) for name, axis in result.axes.items()}
+        return replace(result, axes=axes)
+
+    fleet = Fleet({unit: without_walk(result) for unit, result in fleet.results.items()})
+    assert fleet.unseen == (
+        'rate random walk of gyro x, y and z and acceleration random walk of accel x, y and z are '
+        'shown by fewer than 3 of 12 units, which makes no population; longer recordings show '
+        'more')
+    assert fleet.unseen in fleet_html(fleet)
+    with (tmp_path / 'out').open('w') as file:
+        Console(file=file, width=400).print(population_table(fleet))
+    assert fleet.unseen in (tmp_path / 'out').read_text()
+
+
 def test_unit_and_failure_are_named_everywhere(fleet, tmp_path):
     with (tmp_path / 'out').open('w') as file:
         Console(file=file, width=140).print(population_table(fleet))

@@ -137,18 +137,20 @@ def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
         grid = figure.add_gridspec(
             max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.42,
             bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, 'Coefficients of every unit', theme)
+        _heading(figure, 'Coefficients of every unit', theme, ' · small arrow: upper bound')
         for row, (sensor, key) in enumerate(rows):
             for column, name in enumerate(n for n in names if n.startswith(sensor)):
                 panel = figure.add_subplot(grid[row, column])
                 _draw_units(panel, fleet, name, key, colours, theme)
                 if row == len(rows) - 1:
-                    panel.set_xlabel('unit, by name')
+                    panel.set_xlabel('unit, counted in the order of the names')
         return figure
 
 
 def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mapping[str, str],
                 theme: Theme) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     unit = TERMS[key].unit(AXES[name])
     shown_unit = engineering(1.0, unit)[1]
     panel.set_title(f'{TERMS[key].symbol} {name.replace("_", " ")}', loc='left')
@@ -165,6 +167,8 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
         if member in axes:
             _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
                        _short(member), theme, rasterized=many)
+    # There is no unit between the third and the fourth.
+    panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
     panel.margins(x=0.03, y=0.12)
     if panel.get_ylim()[0] < 0:
         panel.set_ylim(bottom=0)
@@ -188,11 +192,11 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                        fontsize=8, color=COLOURS[theme]['ink'])
 
 
-def _heading(figure: 'Figure', title: str, theme: Theme) -> None:
+def _heading(figure: 'Figure', title: str, theme: Theme, more: str = '') -> None:
     height = figure.get_figheight()
     figure.text(0.02, 1 - 0.25 / height, title, fontsize=13, fontweight='bold', va='center')
     figure.text(0.02, 1 - 0.5 / height, 'black: median · blue: nine in ten units · in colour: '
-                'what sticks out', fontsize=8.5, va='center', color=COLOURS[theme]['soft'])
+                f'what sticks out{more}', fontsize=8.5, va='center', color=COLOURS[theme]['soft'])
 
 
 def _odd_colours(fleet: Fleet, theme: Theme) -> dict[str, str]:

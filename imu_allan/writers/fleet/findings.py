@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from imu_allan.fleet.population import MEAN, Oddity, Population, population
+from imu_allan.fleet.population import FEWEST_UNITS, MEAN, Oddity, Population, population
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import number
+from imu_allan.wording import listed, named, number
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,19 @@ class Fleet:
     def reasons(self, unit: str) -> list[str]:
         """Return why a unit sticks out, a sentence for each oddity."""
         return [sentence(oddity) for oddity in self.population.oddities if oddity.unit == unit]
+
+    @property
+    def unseen(self) -> str:
+        """Say which coefficients too few units show for a population; empty where all do."""
+        axes: dict[str, list[str]] = {}
+        for axis, key in self.population.unseen:
+            axes.setdefault(TERMS[key].name(AXES[axis]), []).append(axis)
+        if not axes:
+            return ''
+        what = listed([f'{term} of {named(names)}' for term, names in axes.items()])
+        return (f'{what} {"is" if len(axes) == 1 else "are"} shown by fewer than {FEWEST_UNITS} '
+                f'of {len(self.results)} units, which makes no population; longer recordings show '
+                'more')
 
     def serial(self, unit: str) -> str | None:
         """Return the serial number that was entered for a unit."""

@@ -62,6 +62,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
             ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
+        unseen=fleet.unseen,
         columns=[f'{sensor} {"N" if key == "noise_density" else "B"} '
                  f'[{typeset(_unit(sensor, key))}]' for sensor, key in _COLUMNS],
         units=[_unit_row(fleet, unit) for unit in population.units])

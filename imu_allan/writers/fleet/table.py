@@ -8,7 +8,7 @@ from imu_allan.errors import printable
 from imu_allan.fleet.population import MEAN, Trait
 from imu_allan.noise.terms import TERMS
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import number
+from imu_allan.wording import bounded, number
 from imu_allan.writers.fleet.findings import Fleet
 
 if TYPE_CHECKING:
@@ -36,14 +36,17 @@ def population_table(fleet: Fleet) -> 'RenderableType':
     if fleet.population.traits:
         table = Table(title=f'{len(fleet.results)} units', title_justify='left', padding=0,
                       title_style='bold', box=box.SIMPLE_HEAD, caption_justify='left',
-                      caption='spread: between units, measurement error apart; 95/95 limit: 95 % '
-                              'of all such units keep it, with 95 % confidence')
+                      caption='spread: between units, measurement error apart, or its 95 % upper '
+                              'limit where none shows; 95/95 limit: 95 % of all such units keep '
+                              'it, with 95 % confidence')
         for heading in HEADINGS:
             table.add_column(heading, overflow='fold', justify='left' if heading in (
                 'axis', 'term', 'unit') else 'right')
         for trait in fleet.population.traits:
             table.add_row(*cells(trait))
         parts.append(table)
+    if fleet.unseen:
+        parts.append(Text(fleet.unseen, style='italic'))
     for unit in fleet.population.odd_units:
         text = Text(f'{printable(unit)}: ', style='bold yellow')
         text.append('; '.join(fleet.reasons(unit)), style='not bold')
@@ -63,5 +66,7 @@ def cells(trait: Trait) -> tuple[str, ...]:
     symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
     return (trait.axis, symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
             ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),
-            shown(trait.between), shown(trait.measurement), shown(trait.tolerance),
+            shown(trait.between) if trait.between else
+            bounded(engineering(trait.between_ci95[1], trait.unit)[0]),
+            shown(trait.measurement), shown(trait.tolerance),
             f'{trait.observable} of {trait.units}')
