@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds for every test."""
 
+import os
 import signal
 
 import pytest
@@ -10,6 +11,8 @@ import pytest
 # every process that the tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# Workers of pytest-xdist are told that they are 80 columns wide; what is tested is a pipe.
+os.environ.pop('COLUMNS', None)
 
 
 @pytest.fixture

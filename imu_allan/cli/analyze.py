@@ -27,12 +27,14 @@ from imu_allan.cli.recording_options import (
     recording_options,
     timeline_options,
 )
-from imu_allan.cli.workers import executor, folder_names, in_order, Task
+from imu_allan.cli.workers import drawing_process, executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.consumers import CONSUMER_TITLES
 from imu_allan.writers.output_path import require_writable
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from imu_allan.result import Result
 
 
@@ -73,6 +75,8 @@ def register(verbs: Any) -> None:
                              'error')
     parser.add_argument('--units', choices=('datasheet', 'si'), default='datasheet',
                         help='of the table (default: %(default)s)')
+    parser.add_argument('--verbose', action='store_true',
+                        help='on a terminal, too: remarks in full, and terms that no axis shows')
     add_recording_options(parser)
     add_timeline_options(parser)
     workers = parser.add_mutually_exclusive_group()
@@ -86,6 +90,12 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Characterize every recording; each result is shown once it and those before it are done."""
+    wanted = args.output is not None and args.jobs == 1 and args.dask is None
+    with drawing_process(wanted=wanted) as artist:
+        return _characterize(args, artist)
+
+
+def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     from imu_allan.recordings import recordings_in
 
     args.recordings = [str(path) for given in args.recordings for path in recordings_in(given)]
@@ -125,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
     label = printable(tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings')
     with progress_bar(label, sum(task.size_bytes for task in todo),
                       wanted=not args.no_progress) as progress, \
-            executor(args.jobs, args.dask) as workers:
+            executor(args.jobs, args.dask, artist) as workers:
         for shown, (task, future) in enumerate(in_order(workers, todo, progress)):
             try:
                 result, unsaved = future.result()
@@ -212,7 +222,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     else:
         if not first:
             print(file=table)
-        print_result(result, to=table, units=args.units)
+        print_result(result, to=table, units=args.units, verbose=args.verbose)
     table.flush()
     print('\n'.join(configurations), end='')
     sys.stdout.flush()

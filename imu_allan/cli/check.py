@@ -110,7 +110,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
         to_junit,
         verdict_table,
     )
-    from rich.console import Console
+    from imu_allan.writers.terminal import console_of
 
     if args.live:
         result, verdicts = _live(source, args, specification)
@@ -122,10 +122,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
                          (args.certificate, certificate_html)):
         if path is not None:
             write_atomically(path, writer(verdicts, result, specification).encode())
-    console = Console()
-    if not console.is_terminal:
-        console.width = 130
-    console.print(verdict_table(verdicts, specification.name or args.spec))
+    console_of().print(verdict_table(verdicts, specification.name or args.spec))
     outcome, sentences = summary(verdicts)
     print(f'{outcome}: {printable(source)} against '
           f'{printable(specification.name or args.spec)}')

@@ -41,17 +41,15 @@ class Gathering:
 
     def finish(self) -> None:
         """Write the fleet's files, if there is a folder for them, and print what it has to say."""
-        from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
-        from rich.console import Console
-
         if self._output is None or len(self._results) + len(self._failures) < 2:
             return
+        from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
+        from imu_allan.writers.terminal import console_of
+
         fleet = Fleet(self._results, {unit: unit for unit in self._results},
                       tuple(Failure(*failure) for failure in self._failures))
         paths = save_fleet(fleet, self._output)
-        console = Console()
-        if not console.is_terminal:
-            console.width = 130
+        console = console_of()
         console.print()
         console.print(population_table(fleet))
         print(paths[-1])

@@ -5,7 +5,6 @@
 import argparse
 from collections.abc import Callable, Iterator
 from pathlib import Path
-import shutil
 import sys
 import textwrap
 from typing import Any, TYPE_CHECKING
@@ -13,6 +12,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import add_recording_options, recording_options
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.writers.terminal import columns_of
 
 if TYPE_CHECKING:
     from imu_allan.block import ImuBlock
@@ -29,6 +29,8 @@ _MOST_READ = 20
 """Imu topics that are read, each of which goes through the whole recording."""
 _MOST_NAMED = 200
 """Other topics told by name; a robot has fewer."""
+_LEAST_JITTER_S = 1e-6
+"""Decimal seconds of a table are rounded to about that."""
 
 
 def register(verbs: Any) -> None:
@@ -145,7 +147,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.recordings.thermometers import thermometer_of
     from imu_allan.sensor.acceleration_unit import AccelerationUnit
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
-    from imu_allan.wording import named
+    from imu_allan.wording import named, NO_TOPIC
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
     unit = AccelerationUnit()
@@ -174,7 +176,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
             stage.flush()
     except ImuAllanError as error:
         failure = str(error)
-    lines = [printable(shorten(topic))]
+    lines = ['table' if topic == NO_TOPIC else printable(shorten(topic))]
     messages = recording.imu(topic).messages
     rows = [('messages', f'{count:,}')]
     if messages.fields is not None:
@@ -198,9 +200,9 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
 
 def _wrapped(name: str, text: str) -> list[str]:
     """Break what is said of a name into lines of the terminal; a pipe gets it whole, for grep."""
-    if not sys.stdout.isatty():
+    width = columns_of()
+    if width is None:
         return [f'{name}{printable(text)}'.rstrip()]
-    width = shutil.get_terminal_size().columns
     return textwrap.wrap(printable(text), max(width, 2 * _INDENT), initial_indent=name,
                          subsequent_indent=' ' * _INDENT, break_long_words=False,
                          break_on_hyphens=False) or [name.rstrip()]
@@ -215,8 +217,9 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
         rows.append(('start', summary.start_time))
     rows.append(('duration', duration(timeline.duration_s)))
     if timeline.sample_rate_hz is not None:
-        jitter = ('' if summary.jitter_s is None
-                  else f', jitter {duration(abs(summary.jitter_s))}')
+        jitter = ('' if summary.jitter_s is None else
+                  f', jitter {duration(abs(summary.jitter_s))}'
+                  if abs(summary.jitter_s) >= _LEAST_JITTER_S else ', jitter below 1 us')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
     rows.append(('clock', 'none usable, samples are counted' if summary.clock is None
                  else clock_of(summary.clock, topic)

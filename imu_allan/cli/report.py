@@ -57,13 +57,11 @@ def run(args: argparse.Namespace) -> int:
             paths += save_paper(results[0], args.output, args.width, pictures)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of
-        from rich.console import Console
+        from imu_allan.writers.terminal import console_of
 
         names = names_of([Path(path) for path in args.results])
         paths = save_comparison(dict(zip(names, results, strict=True)), args.output, pictures)
-        console = Console()
-        if not console.is_terminal:
-            console.width = 130
+        console = console_of()
         named = dict(zip(names, results, strict=True))
         if len(named) > MOST_COMPARED:
             from imu_allan.writers.fleet import Fleet, population_table

@@ -53,31 +53,30 @@ def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.terminal import console_of
+    from imu_allan.writers.tuning_document import tuning_document
     from imu_allan.writers.tuning_table import (
         forecast_sentences,
         forecast_table,
-        tuning_document,
         tuning_table,
     )
-    from rich.console import Console
 
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
                             's: a filter coasts for at least one interval')
     result = load_result(args.result)
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = 130
+    console = console_of()
     console.print(tuning_table(result, args.aiding, args.coast, args.bias))
+    console.print()
     console.print(forecast_table(result, args.calibration))
-    sys.stdout.flush()
-    for sentence in forecast_sentences(result, args.calibration):
-        print(sentence)
-    for sentence in _beyond(result, args.coast):
-        print(sentence)
+    for sentence in (*forecast_sentences(result, args.calibration),
+                     *_beyond(result, args.coast)):
+        console.print(sentence, markup=False)
     tables, verified = ([], {}) if args.verify is None else _verification(args, result)
     for table in tables:
+        console.print()
         console.print(table)
+    sys.stdout.flush()
     if args.json is not None:
         document = tuning_document(result, args.aiding, args.coast, args.bias,
                                    args.calibration)
@@ -105,11 +104,8 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
     from imu_allan.tuning.field_test import field_test
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
-    from imu_allan.writers.tuning_table import (
-        field_test_document,
-        field_test_table,
-        verification_table,
-    )
+    from imu_allan.writers.tuning_document import field_test_document
+    from imu_allan.writers.tuning_table import field_test_table, verification_table
 
     other, means = _other(args)
     axes = {name: axis for name, axis in result.axes.items()

@@ -21,6 +21,7 @@ from concurrent.futures import (
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib import import_module
 from itertools import count as naturals
 import logging
 import os
@@ -139,8 +140,6 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
 
     drawing = None
     if task.folder is not None and artist is not None:
-        from imu_allan.writers.plot import prepare_to_draw
-        artist.submit(prepare_to_draw)
         drawing = partial(_drawn, artist)
     result = analyze(list(task.together) or task.path, progress=progress, **task.arguments())
     if task.inspection:
@@ -161,6 +160,9 @@ def _drawn(artist: Executor, result: 'Result') -> Callable[[], bytes]:
     drawn = artist.submit(overview_png, result)
 
     def picture() -> bytes:
+        # While it waits: what prints the result afterwards.
+        import_module('imu_allan.writers.table')
+        import_module('rich.console')
         try:
             return drawn.result()
         except ImuAllanError:
@@ -211,9 +213,46 @@ def _folder_name(stem: str, topic: str | None) -> str:
 # -------------------------------------------------------------------------------------- by whom
 
 @contextmanager
-def executor(jobs: int, dask: str | None) -> Iterator[Executor]:
+def drawing_process(*, wanted: bool = True) -> Iterator[Executor | None]:
+    """
+    Give a process that draws pictures beside this one; None on a computer with one core.
+
+    It begins at once with its imports, which take as long as reading and fitting a small
+    recording.
+
+    Parameters
+    ----------
+    wanted : bool, optional
+        False gives none.
+
+    """
+    if not wanted or len(os.sched_getaffinity(0)) < 2:
+        yield None
+        return
+    with _WorkerProcesses(1) as artist:
+        artist.submit(_prepare_to_draw)
+        yield artist
+
+
+def _prepare_to_draw() -> None:
+    from imu_allan.writers.plot import prepare_to_draw
+
+    prepare_to_draw()
+
+
+@contextmanager
+def executor(jobs: int, dask: str | None, artist: Executor | None = None) -> Iterator[Executor]:
     """
     Give whatever works: this process, `jobs` others of this machine, or a Dask cluster.
+
+    Parameters
+    ----------
+    jobs : int
+        Recordings to work on at a time.
+    dask : str or None
+        Address of the cluster.
+    artist : Executor, optional
+        Draws the pictures where this process works; the others draw theirs.
 
     Raises
     ------
@@ -225,8 +264,7 @@ def executor(jobs: int, dask: str | None) -> Iterator[Executor]:
         with _dask_client(dask) as client:
             yield client.get_executor(pure=False)
     elif jobs == 1:
-        with _WorkerProcesses(1) as artist:
-            yield _ThisProcess(artist if len(os.sched_getaffinity(0)) > 1 else None)
+        yield _ThisProcess(artist)
     else:
         with _WorkerProcesses(jobs) as workers:
             yield workers

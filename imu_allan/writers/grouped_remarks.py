@@ -109,7 +109,10 @@ def told_once(found: Sequence[tuple[str | None, str]], *, listing: bool = False
     """
     shapes: dict[tuple[str, ...], list[tuple[str | None, str]]] = {}
     for axis, text in found:
-        shapes.setdefault(tuple(_NUMBER.split(text)) if axis else (text,), []).append((axis, text))
+        # An interval is of one axis: what two of them reach over would be "a to b to c to d".
+        alone = axis is None or 'interval' in text
+        shapes.setdefault((text,) if alone else tuple(_NUMBER.split(text)), []).append(
+            (axis, text))
     return tuple(_sentence(shape, those, listing=listing) for shape, those in shapes.items())
 
 
@@ -149,6 +152,8 @@ def _sentence(shape: tuple[str, ...], found: Sequence[tuple[str | None, str]], *
     axes = [axis for axis, _ in found if axis is not None]
     if not axes:
         return found[0][1]
+    if len(shape) == 1:
+        return f'{named(axes)}: {shape[0]}'
     numbers = zip(*(_NUMBER.findall(text) for _, text in found), strict=True)
     text = shape[0] + ''.join(
         (listed(list(dict.fromkeys(values))) if listing else _range(values)) + between

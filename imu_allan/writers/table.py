@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal, TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS
 from imu_allan.wording import (
@@ -34,6 +34,7 @@ from imu_allan.writers.answer import (
     GOOD,
 )
 from imu_allan.writers.grouped_remarks import grouped, outlook_of
+from imu_allan.writers.terminal import console_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -41,16 +42,19 @@ if TYPE_CHECKING:
 
 Units = Literal['datasheet', 'si']
 
-PIPE_WIDTH = 100
-"""Where nobody says how wide the paper is: every line of an ordinary result fits."""
 _HEAD = 16
 """Columns before the numbers of the answer."""
+_MORE = ' ...'
+_PARTS = ('; ', '. ', ': ', ' (')
+_MOST_LOST = 0.6
+"""Share of a line that a whole part of a sentence has to fill to end there."""
 _LONGEST_HEAD = 28
 """Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
-                 to: TextIO | None = None, units: Units = 'datasheet') -> None:
+                 to: TextIO | None = None, units: Units = 'datasheet', verbose: bool = False
+                 ) -> None:
     """
     Print the answer, the coefficients with their intervals, and the remarks.
 
@@ -64,18 +68,17 @@ def print_result(result: Result, console: 'Console | None' = None, *,
         Standard output by default.
     units : 'datasheet' or 'si', optional
         Of the table; the numbers for a filter are SI in any case.
+    verbose : bool, optional
+        Remarks in full however many lines they take, and terms that no axis shows.
 
     """
-    from rich.console import Console
-
     if console is None:
-        console = Console(file=to, highlight=False)
-        if not console.is_terminal:
-            console.width = PIPE_WIDTH
-    console.print(result_table(result, console.width, units))
+        console = console_of(to)
+    console.print(result_table(result, console.width, units, verbose=verbose))
 
 
-def result_table(result: Result, width: int = 80, units: Units = 'datasheet') -> 'RenderableType':
+def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
+                 verbose: bool = False) -> 'RenderableType':
     """
     Lay the result out for a terminal.
 
@@ -87,6 +90,8 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet') ->
         Columns of the terminal.
     units : 'datasheet' or 'si', optional
         Of the numbers in the rows.
+    verbose : bool, optional
+        Remarks in full, and terms that no axis shows.
 
     Returns
     -------
@@ -102,11 +107,12 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet') ->
     for answer in found:
         axes = {name: result.axes[name] for name in AXES
                 if name.startswith(answer.sensor) and name in result.axes}
-        rows = list(_rows(axes, units))
+        rows = list(_rows(axes, units, verbose=verbose))
         columns = _column_widths(rows)
         parts += [Text(), *answer_lines(answer, width)]
         parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)
-    parts += [Text(), *_notes(result, tuned=any(answer.tuned for answer in found))]
+    parts += [Text(), *_notes(result, tuned=any(answer.tuned for answer in found)),
+              *_remarks(result, None if verbose else width)]
     return Group(*parts)
 
 
@@ -178,7 +184,7 @@ class _Row:
         return f'{self.label}\n  {self.unit}' if tall or len(beside) > _LONGEST_HEAD else beside
 
 
-def _rows(axes: Mapping[str, AxisResult], units: Units) -> Iterator[_Row]:
+def _rows(axes: Mapping[str, AxisResult], units: Units, *, verbose: bool) -> Iterator[_Row]:
     from rich.text import Text
 
     quantity = AXES[next(iter(axes))]
@@ -186,11 +192,14 @@ def _rows(axes: Mapping[str, AxisResult], units: Units) -> Iterator[_Row]:
         cells = {name: axis.coefficients[term.key] for name, axis in axes.items()}
         if all(c.value is None and c.upper95 is None for c in cells.values()):
             continue
+        shown = any(cell.observable for cell in cells.values())
+        if not (shown or verbose or term.key in LASTING_TERMS):
+            continue
         unit = term.unit(quantity)
         yield _Row(f'{term.symbol} {term.name(quantity)}',
                    unit if units == 'si' else engineering(1.0, unit)[1],
                    {name: _cell(cell, units) for name, cell in cells.items()},
-                   not any(cell.observable for cell in cells.values()))
+                   not shown)
     if any(axis.mean is not None for axis in axes.values()):
         unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
         yield _Row('mean', unit, {
@@ -269,18 +278,39 @@ def _notes(result: Result, *, tuned: bool) -> 'Iterator[Text]':
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
     words = []
     if tuned:
-        words.append(f'"for a filter": corrected every {AIDING_S:g} s, alone for up to '
-                     f'{duration(COAST_S)}; other times: imu_allan tune.')
+        words.append(f'"for a filter": corrected every {AIDING_S:g} s, alone up to '
+                     f'{duration(COAST_S)}; else: imu_allan tune.')
     if any(not c.observable and c.upper95 is not None for c in cells):
-        words.append('"<": below this bound with 95 % confidence.')
+        words.append('"<": below it with 95 % confidence.')
     if longer := outlook_of(result):
         words.append(longer)
     if words:
         yield Text(' '.join(words), style='dim')
+
+
+def _remarks(result: Result, width: int | None) -> 'Iterator[Text]':
+    """Yield a line for each remark, cut to `width` where it has more to say."""
+    from rich.text import Text
+
+    cut = False
     for group in grouped(result, tones=1):
         # The stretches of motion stand in the heading.
         if group.code != 'motion' or not result.timeline.motion:
             for sentence in group.sentences:
                 text = Text(f'{group.title}: ', style='yellow')
-                text.append(sentence, style='default')
+                short = sentence if width is None else _cut(sentence, width - len(text))
+                cut |= short != sentence
+                text.append(short, style='default')
                 yield text
+    if cut:
+        yield Text('... goes on: --verbose, or report.html of --output', style='dim')
+
+
+def _cut(sentence: str, width: int) -> str:
+    """Return as much of a sentence as a line holds, up to the end of a part of it if it may be."""
+    if len(sentence) <= width:
+        return sentence
+    room = sentence[:max(width - len(_MORE), 1)]
+    ends = [room.rfind(mark) for mark in _PARTS]
+    end = max(ends) if max(ends) > len(room) * _MOST_LOST else room.rfind(' ')
+    return (room[:end] if end > 0 else room) + _MORE

@@ -1,10 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter needs, as tables for the terminal: four ways to feed it, side by side."""
+"""What a filter needs, as tables for the terminal: five ways to feed it, side by side."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import AxisResult, Result
@@ -13,15 +12,15 @@ from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.verification import Excess, Verification
-from imu_allan.wording import duration, number
+from imu_allan.wording import duration, number, SENSORS, spoken
 import numpy as np
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 CONSERVATIVE = 'conservative'
-_FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
+FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
 
 
 @dataclass(frozen=True)
@@ -95,9 +94,9 @@ def _choice(name: str, tuning: FilterTuning, *, bound: bool = False) -> Choice:
 
 
 def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = 'random_walk'
-                 ) -> Table:
+                 ) -> Group:
     """
-    Return the table of every axis that has a drift model.
+    Return a table for each sensor, of its axes that have a drift model.
 
     Raises
     ------
@@ -105,38 +104,60 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         If no axis has one.
 
     """
-    axes = _known(result)
-    table = Table(title=f'Numbers for a filter that is corrected every {duration(aiding_s)} and '
-                  f'must do without for {duration(coast_s)}', title_justify='left')
-    for heading in ('axis', 'numbers', 'N', 'K' if bias == 'random_walk' else 'sigma, Tc', 'NIS',
-                    f'error over {duration(coast_s)}', f'claimed over {duration(coast_s)}'):
-        table.add_column(heading, justify='left' if heading in ('axis', 'numbers') else 'right')
-    for name, axis in axes.items():
-        for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
-            table.add_row(name if i == 0 else '', *_cells(choice, axis.unit),
-                          end_section=choice.name == FULL)
-    table.caption = ('SI units. NIS: mean squared innovation over what is claimed; error: squared '
-                     'error without\ncorrection over what is claimed. 1 is right, above 1 '
-                     'overconfident, far below 1 useless as a bound.')
-    table.caption_justify = 'left'
+    parts: list[RenderableType] = [Text(
+        f'Numbers for a filter that is corrected every {duration(aiding_s)} and must do without '
+        f'for {duration(coast_s)}:')]
+    for title, axes in _by_sensor(known_axes(result)).items():
+        axis = next(iter(axes.values()))
+        noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
+                                                               'rate_random_walk'))
+        second = ('K', f'K {walk}') if bias == 'random_walk' else (
+            'sigma, Tc', f'sigma {axis.unit}')
+        parts.append(Text(f'\n{title}: N {noise}, {second[1]}, claimed {axis.unit}'))
+        table = _table('', 'numbers', 'N', second[0], 'NIS', 'error', 'claimed')
+        for name, axis in axes.items():
+            for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
+                table.add_row(name[-1] if i == 0 else '', *_cells(choice))
+        parts.append(table)
+    parts.append(Text(
+        f'NIS: mean squared innovation over what is claimed; error: squared error after '
+        f'{duration(coast_s)} without correction over what is claimed. 1 is right, above 1 '
+        'overconfident, far below 1 useless as a bound. Claimed: the error itself, one standard '
+        'deviation.', 'dim'))
+    return Group(*parts)
+
+
+def _table(*headings: str, texts: int = 2) -> Table:
+    """Return a table without lines, to have room at 60 columns; `texts` columns are no numbers."""
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify='left' if place < texts else 'right',
+                         overflow='fold')
     return table
 
 
-def _cells(choice: Choice, unit: str) -> list[str]:
+def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult]]:
+    found = {title: {name: axis for name, axis in axes.items() if name.startswith(sensor)}
+             for sensor, title in SENSORS.items()}
+    return {title: those for title, those in found.items() if those}
+
+
+def _cells(choice: Choice) -> list[str]:
     tuning = choice.tuning
-    claimed = f'{number(choice.coast_sigma, 3)} {unit}'
+    claimed = number(choice.coast_sigma, 3)
     if tuning is None:
-        return [choice.name, '', '', '1', '1', claimed]
+        return ['full model', '', '', '1', '1', claimed]
     if tuning.random_walk is not None:
         bias = ('< ' if choice.bound and choice.name == MEASURED else '') + number(
-            tuning.random_walk)
+            tuning.random_walk, 3)
     else:
-        bias = f'{number(tuning.sigma or 0.0)}, {duration(tuning.correlation_time_s or 0.0)}'
-    return [choice.name, number(tuning.noise_density), bias, f'{choice.nis:.3g}',
+        bias = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
+    return [choice.name, number(tuning.noise_density, 3), bias, f'{choice.nis:.3g}',
             f'{choice.coast_ratio:.3g}', claimed]
 
 
-def _known(result: Result) -> dict[str, AxisResult]:
+def known_axes(result: Result) -> dict[str, AxisResult]:
+    """Return the axes with a drift model; ImuAllanError where there is none."""
     axes = {name: axis for name, axis in result.axes.items() if axis.drift_model is not None}
     if not axes:
         raise ImuAllanError('no axis of this result has a drift model (constant, too short, or '
@@ -144,31 +165,27 @@ def _known(result: Result) -> dict[str, AxisResult]:
     return axes
 
 
-def forecast_table(result: Result, calibration_s: float = 60.0) -> Table:
+def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
     """Return the predicted drift of every axis without correction."""
-    table = Table(title='Drift without correction, the bias averaged over '
-                  f'{duration(calibration_s)} before (one standard deviation)',
-                  title_justify='left')
-    table.add_column('axis')
-    table.add_column('of')
-    for horizon in _FORECAST_S:
-        table.add_column(f'after {duration(horizon)}', justify='right')
-    for name, axis in _known(result).items():
-        forecast = predicted_drift(axis, _FORECAST_S, calibration_s)
+    table = _table('axis', 'off by', *map(duration, FORECAST_S))
+    for name, axis in known_axes(result).items():
+        forecast = predicted_drift(axis, FORECAST_S, calibration_s)
         gyro = forecast.position is None
-        rows = [('heading' if gyro else 'velocity', forecast.integral,
-                 (180 / np.pi, '\u00b0') if gyro else (1.0, ' m/s'))]
+        rows = [('heading, deg', forecast.integral, 180 / np.pi) if gyro else
+                ('velocity, m/s', forecast.integral, 1.0)]
         if forecast.position is not None:
-            rows.append(('position', forecast.position, (1.0, ' m')))
-        for i, (what, values, (factor, unit)) in enumerate(rows):
-            table.add_row(name if i == 0 else '', what, *(
-                _known_or_more(forecast, horizon, value * factor, unit)
-                for horizon, value in zip(_FORECAST_S, values, strict=True)))
-    return table
+            rows.append(('position, m', forecast.position, 1.0))
+        for i, (what, values, factor) in enumerate(rows):
+            table.add_row(spoken(name) if i == 0 else '', what, *(
+                _known_or_more(forecast, horizon, value * factor)
+                for horizon, value in zip(FORECAST_S, values, strict=True)))
+    return Group(
+        Text('Drift after a time without correction, one standard deviation, the bias averaged '
+             f'over {duration(calibration_s)} before:'), table)
 
 
-def _known_or_more(forecast: DriftForecast, horizon: float, value: float, unit: str) -> str:
-    text = f'{number(value, 2)}{unit}'
+def _known_or_more(forecast: DriftForecast, horizon: float, value: float) -> str:
+    text = number(float(f'{value:.2g}'))
     return text if horizon <= forecast.known_to_s * (1 + 1e-6) else f'({text})'
 
 
@@ -191,7 +208,7 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
             said.append(f'One minute without correction costs about {number(value * factor, 2)}'
                         f'{unit} of {what} ({number(low * factor, 2)} to '
                         f'{number(high * factor, 2)}{unit}; {name}, the worst axis).')
-    if any(axis.drift_model is not None and axis.drift_model.to_s < _FORECAST_S[-1]
+    if any(axis.drift_model is not None and axis.drift_model.to_s < FORECAST_S[-1]
            for axis in result.axes.values()):
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
     return said
@@ -215,34 +232,30 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
     first = next(iter(found.values()))
     parts = ('in one part' if first.stops == 1
              else f'in {first.stops} parts, in each of which the filter begins anew')
-    table = Table('axis', 'numbers')
-    intervals = [row.interval_s for row in first.full.innovations]
-    horizons = [row.horizon_s for row in first.full.coasts]
-    for interval in intervals:
-        table.add_column(f'NIS {duration(interval)}', justify='right')
-    for horizon in horizons:
-        table.add_column(f'off after {duration(horizon)} (predicted)', justify='right')
+    table = _table('axis', 'numbers',
+                   *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
+                   *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
     for name, one in found.items():
+        factor, unit = engineering(1.0, units[name])
         for what, met in ((TUNED, one.tuned), (FULL, one.full)):
-            factor, unit = engineering(1.0, units[name])
             table.add_row(
-                name if what == TUNED else '', what,
+                f'{spoken(name)}\n{unit}' if what == TUNED else '',
+                'full model' if what == FULL else what,
                 *(f'{row.nis:.3g}' for row in met.innovations),
-                *(f'{number(row.observed_rms * factor, 3)} ({number(low * factor, 2)}-'
-                  f'{number(high * factor, 2)}) {unit}'
-                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)),
-                end_section=what == FULL)
+                *(f'{number(row.observed_rms * factor, 3)}\n'
+                  f'({number(low * factor, 2)}-{number(high * factor, 2)})'
+                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
     return Group(
         Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
-             f'{other}, {parts}', 'italic'), table,
+             f'{other}, {parts}:'), table,
         Text('NIS: mean squared innovation over what is claimed, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
              'that time without correction; in brackets where 95 % of such errors should lie if '
-             'the sensor were as the first recording has it.\n'))
+             'the sensor were as the first recording has it.', 'dim'))
 
 
 def verification_table(found: Mapping[str, Verification], other: str, *, run: bool = False
-                       ) -> Table:
+                       ) -> Group:
     """
     Return how numbers from one recording hold in another.
 
@@ -256,23 +269,22 @@ def verification_table(found: Mapping[str, Verification], other: str, *, run: bo
         Whether filters were run over it, so that what its model expects needs no column.
 
     """
-    table = Table(title=f'The tuned numbers held against {other}', title_justify='left')
-    for heading in ('axis', *(() if run else ('NIS there', 'error there')), 'N times', 'K times',
-                    'Allan deviation over prediction, by averaging time'):
-        table.add_column(heading, justify='left' if heading == 'axis' else 'right')
+    spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
+    table = _table('axis', *(() if run else ('NIS', 'error')), 'N times', 'K times', *spans,
+                   texts=1)
     for name, one in found.items():
-        bands = ', '.join(f'{_span(e)} {e.ratio:.2f} ({e.ci95[0]:.2f}-{e.ci95[1]:.2f})'
-                          for e in one.excess)
+        bands = {_span(e): f'{e.ratio:.2f}\n{e.ci95[0]:.2f}-{e.ci95[1]:.2f}' for e in one.excess}
         expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
-        table.add_row(name, *expected, _factor(one.noise_factor, one.noise_ci95),
-                      _factor(one.walk_factor, one.walk_ci95), bands)
-    table.caption = ('N times, K times: the factor that would make the numbers right there, with '
-                     'its 95 % interval.\nAbove 1 with motors or wheels running, it is what the '
-                     'motion adds: put it into --inflate.' + (
-                         '' if run else '\nThe models are compared; name the recording itself to '
-                         'run filters over it.'))
-    table.caption_justify = 'left'
-    return table
+        table.add_row(spoken(name), *expected, _factor(one.noise_factor, one.noise_ci95),
+                      _factor(one.walk_factor, one.walk_ci95),
+                      *(bands.get(span, '') for span in spans))
+    return Group(
+        Text(f'The tuned numbers held against {other}:'), table,
+        Text('N times, K times: the factor that would make the numbers right there, with its 95 % '
+             'interval. Above 1 with motors or wheels running, it is what the motion adds: put it '
+             'into --inflate. By averaging time: Allan deviation there over the one predicted.'
+             + ('' if run else ' The models are compared; name the recording itself to run '
+                'filters over it.'), 'dim'))
 
 
 def _span(excess: Excess) -> str:
@@ -281,57 +293,4 @@ def _span(excess: Excess) -> str:
 
 
 def _factor(value: float, ci95: tuple[float, float]) -> str:
-    return f'{value:.2f} ({ci95[0]:.2f}-{ci95[1]:.2f})'
-
-
-def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification]
-                        ) -> dict[str, Any]:
-    """Return the same as plain numbers, for JSON."""
-    axes: dict[str, Any] = {}
-    for name, one in against.items():
-        axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
-                      'walk_factor': one.walk_factor, 'walk_ci95': _finite(one.walk_ci95),
-                      'excess': [asdict(excess) for excess in one.excess]}
-        if name in found:
-            test = found[name]
-            axes[name] |= {'tested_s': test.tested_s, 'stops': test.stops,
-                           'tuned': asdict(test.tuned), 'full': asdict(test.full)}
-    return axes
-
-
-def _finite(ends: tuple[float, float]) -> list[float | None]:
-    return [end if np.isfinite(end) else None for end in ends]
-
-
-def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
-                    calibration_s: float = 60.0) -> dict[str, Any]:
-    """Return the same as plain numbers, for JSON."""
-    axes: dict[str, Any] = {}
-    for name, axis in _known(result).items():
-        forecast = predicted_drift(axis, _FORECAST_S, calibration_s)
-        axes[name] = {'choices': [_plain(choice) for choice in
-                                  choices(axis, aiding_s, coast_s, bias)],
-                      'forecast': {'calibration_s': forecast.calibration_s,
-                                   'horizons_s': list(forecast.horizons_s),
-                                   'integral': list(forecast.integral),
-                                   'integral_ci95': _lists(forecast.integral_ci95),
-                                   'position': forecast.position and list(forecast.position),
-                                   'position_ci95': forecast.position_ci95 and _lists(
-                                       forecast.position_ci95),
-                                   'known_to_s': forecast.known_to_s}}
-    return {'aiding_interval_s': aiding_s, 'coast_s': coast_s, 'bias': bias, 'axes': axes}
-
-
-def _lists(pairs: Iterable[tuple[float, float]]) -> list[list[float]]:
-    return [list(pair) for pair in pairs]
-
-
-def _plain(choice: Choice) -> dict[str, Any]:
-    line: dict[str, Any] = {'numbers': choice.name, 'nis': choice.nis,
-                            'coast_ratio': choice.coast_ratio, 'coast_sigma': choice.coast_sigma}
-    if choice.tuning is not None:
-        tuning = choice.tuning
-        line.update(noise_density=tuning.noise_density, random_walk=tuning.random_walk,
-                    sigma=tuning.sigma, correlation_time_s=tuning.correlation_time_s,
-                    consistency=[list(row) for row in tuning.consistency])
-    return line
+    return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'

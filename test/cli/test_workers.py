@@ -11,7 +11,7 @@ import sys
 import time
 
 from imu_allan.cli.main import main
-from imu_allan.cli.workers import characterize, executor, folder_names, Task
+from imu_allan.cli.workers import characterize, drawing_process, executor, folder_names, Task
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
@@ -120,9 +120,8 @@ def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_writte
 @SEVERAL
 def test_another_process_draws_the_same_picture(recording, tmp_path):
     result, _ = characterize(Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'here'))
-    with executor(1, None) as workers:
+    with drawing_process() as artist:
         task = Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'there')
-        artist = workers.artist
         assert characterize(task, None, artist) == (result, None)
         assert artist.submit(os.getpid).result() != os.getpid()
     names = sorted(path.name for path in (tmp_path / 'here').iterdir())
@@ -133,8 +132,7 @@ def test_another_process_draws_the_same_picture(recording, tmp_path):
 
 @SEVERAL
 def test_a_picture_is_drawn_here_where_the_other_process_is_killed(recording, tmp_path):
-    with executor(1, None) as workers:
-        artist = workers.artist
+    with drawing_process() as artist:
         process = artist.submit(os.getpid).result()
 
         def kill(*_):

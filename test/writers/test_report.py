@@ -6,6 +6,7 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 from hashlib import sha256
 from html.parser import HTMLParser
+import io
 import os
 from pathlib import Path
 import re
@@ -30,7 +31,9 @@ from imu_allan.wording import measured
 from imu_allan.writers.filters import export
 from imu_allan.writers.report import comparison_html, report_html
 from imu_allan.writers.svg import Scale
+from imu_allan.writers.table import print_result
 import pytest
+from rich.console import Console
 
 NASTY = '</script><script>window.evil=1</script><img src=x onerror="window.evil=2">&amp;{{7*7}}'
 
@@ -289,8 +292,12 @@ def test_nothing_overlaps_overflows_or_is_too_faint(filtered, tmp_path, browser,
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
 @pytest.mark.parametrize('name', ['adis16405_imu2', 'adis16405_imu5',
                                   'plotjuggler_v2_constant_imu/rosbag2_test'])
-def test_pages_of_real_sensors_can_be_read(tmp_path, browser, name):
-    page = written(tmp_path, report_html(analyze(Path(os.environ['IMU_ALLAN_DATA'], name))))
+def test_page_and_screen_of_real_sensors_can_be_read(tmp_path, browser, name):
+    result = analyze(Path(os.environ['IMU_ALLAN_DATA'], name))
+    screen = io.StringIO()
+    print_result(result, Console(file=screen, width=80))
+    assert len(screen.getvalue().splitlines()) <= 40
+    page = written(tmp_path, report_html(result))
     assert [faults for width in (400, 1400) for dark in (False, True)
             if (faults := faults_of(page, browser, width, dark))] == []
 

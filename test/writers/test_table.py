@@ -15,9 +15,9 @@ import pytest
 from rich.console import Console
 
 
-def printed(result, width=120, units='datasheet', **options):
+def printed(result, width=120, units='datasheet', verbose=False, **options):
     out = io.StringIO()
-    print_result(result, Console(file=out, width=width, **options), units=units)
+    print_result(result, Console(file=out, width=width, **options), units=units, verbose=verbose)
     return out.getvalue()
 
 
@@ -36,7 +36,7 @@ def test_a_result_looks_on_the_terminal_as_it_did(filtered, width):
 
 
 def test_an_ordinary_result_is_one_screen_of_eighty_columns(filtered):
-    assert len(printed(filtered, 80).splitlines()) <= 45
+    assert len(printed(filtered, 80).splitlines()) <= 40
 
 
 def test_values_stand_above_their_interval_in_the_unit_of_datasheets(result):
@@ -59,8 +59,9 @@ def test_si_units_hold_for_the_mean_too(result):
 def test_what_is_not_observable_shows_its_bound(result):
     text = printed(result, 200)
     assert lines_of(text, 'K rate random walk')[0].split()[-2:] == ['<', '23.5']
-    assert '|R| < ' in text
-    assert '"<": below this bound with 95 % confidence.' in text
+    assert '|R| < ' not in text
+    assert '|R| < ' in printed(result, verbose=True)
+    assert '"<": below it with 95 % confidence.' in text
 
 
 def test_the_answer_says_what_to_give_a_filter_and_how_far_off_the_sensor_is_alone(filtered):
@@ -98,6 +99,33 @@ def test_no_digit_is_lost_on_a_narrow_terminal(result, width):
     for part in ('2.406', '2.402', '2.411', '408', '119', '23.5'):
         assert part in text
     assert max(map(len, text.splitlines())) <= width
+
+
+def test_a_remark_is_a_line_on_a_terminal_and_whole_where_it_is_asked_for(result):
+    told = replace(result, axes={'gyro_x': result.axes['gyro_x']}, warnings=(
+        Remark('poor_fit', 'gyro_x: no sum of noise terms describes it (worst 12 %); the '
+               'intervals are widened accordingly'),
+        Remark('warm_up', 'gyro_x: short')))
+    assert printed(told, 80).splitlines()[-3:] == [
+        'poor fit: gyro x: no sum of noise terms describes it (worst 12 %) ...',
+        'warming up: gyro x: short', '... goes on: --verbose, or report.html of --output']
+    for text in (printed(told, 80, verbose=True), printed(told, 200)):
+        assert ' '.join(text.split()).endswith(
+            'poor fit: gyro x: no sum of noise terms describes it (worst 12 %); the intervals '
+            'are widened accordingly warming up: gyro x: short')
+    tall = [f'finding {i}: ' + 'word ' * 60 for i in range(8)]
+    text = printed(replace(result, warnings=tuple(Remark(t[:9], t) for t in tall)), 80)
+    assert len(text.splitlines()) <= 43
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_an_interval_is_of_one_axis(result):
+    told = replace(result, warnings=tuple(
+        Remark('temperature', f'{name}: it follows by {slope} (95 % interval {low} to {high})')
+        for name, slope, low, high in (('gyro_x', 2, 1, 3), ('gyro_y', 5, 4, 6))))
+    assert printed(told, 200).splitlines()[-3:-1] == [
+        'temperature: gyro x: it follows by 2 (95 % interval 1 to 3)',
+        'temperature: gyro y: it follows by 5 (95 % interval 4 to 6)']
 
 
 def test_remarks_of_one_kind_are_one_sentence(result):
@@ -140,16 +168,24 @@ def test_text_from_a_recording_is_neither_markup_nor_control_sequence(result):
     assert '\u202e' not in text
 
 
-def test_a_pipe_gets_plain_text_of_one_width(result, tmp_path):
-    (tmp_path / 'r.json').write_text(result.to_json())
+LONG = 'the noise of this axis is not what it was ' * 5
+
+
+@pytest.mark.parametrize('columns', [None, 60, 120])
+def test_a_pipe_gets_plain_text_unbroken_or_of_the_width_that_is_stated(result, tmp_path, columns):
+    told = replace(result, warnings=(Remark('poor_fit', LONG),))
+    (tmp_path / 'r.json').write_text(told.to_json())
     done = subprocess.run(
         [sys.executable, '-c', 'import sys; from imu_allan.writers.table import print_result; '
          'from imu_allan.writers.result_file import load_result; '
          'print_result(load_result(sys.argv[1]))',
          str(tmp_path / 'r.json')], capture_output=True, text=True, check=True,
-        env={'PATH': '', 'PYTHONUTF8': '1', 'COLUMNS': '20'})
+        env={'PATH': '', 'PYTHONUTF8': '1'} | ({'COLUMNS': str(columns)} if columns else {}))
     assert '\x1b' not in done.stdout
     assert '2.402 .. 2.411' in done.stdout
+    longest = max(map(len, done.stdout.splitlines()))
+    assert longest <= columns if columns else longest > len(LONG)
+    assert (LONG in done.stdout) == (columns is None)
 
 
 def test_what_recording_on_would_bring_is_told(result):

@@ -1,0 +1,65 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How wide what we write is: as wide as the terminal; in a pipe nothing is broken or cut.
+
+The variable COLUMNS holds for both, as it does for ``ls`` and ``ps``.
+"""
+
+import os
+import sys
+from typing import TextIO, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_UNBROKEN = 10_000
+"""Columns of a pipe: more than any line of ours has."""
+
+
+def console_of(to: TextIO | None = None) -> 'Console':
+    """
+    Return the console for a terminal, a pipe or a file.
+
+    Parameters
+    ----------
+    to : file, optional
+        Standard output by default.
+
+    """
+    from rich.console import Console
+
+    console = Console(file=to, highlight=False)
+    if not console.is_terminal and _stated() is None:
+        console.width = _UNBROKEN
+    return console
+
+
+def columns_of(to: TextIO | None = None) -> int | None:
+    """
+    Return where lines that are printed without a console have to end.
+
+    Parameters
+    ----------
+    to : file, optional
+        Standard output by default.
+
+    Returns
+    -------
+    int or None
+        None in a pipe, which gets its lines whole.
+
+    """
+    stated = _stated()
+    if stated is not None:
+        return stated
+    file = sys.stdout if to is None else to
+    try:
+        return os.get_terminal_size(file.fileno()).columns or None if file.isatty() else None
+    except (OSError, ValueError):
+        return None
+
+
+def _stated() -> int | None:
+    text = os.environ.get('COLUMNS', '')
+    return int(text) if text.isascii() and text.isdigit() and 0 < int(text) < _UNBROKEN else None
