@@ -84,7 +84,7 @@ def resumed(content: bytes) -> bool:
     """Go on with a state as the node does; False if it is refused."""
     try:
         run = resuming.unpack(checkpoint.decode_state(content), SETUP)
-        same_imu.Trial(same_imu.Signature.of(run.lanes[0].characterization.summary()))
+        same_imu.Probation(same_imu.Signature.of(run.lanes[0].characterization.summary()))
     except checkpoint.UnusableState as error:
         assert error.reason in ('damaged', 'foreign', 'newer', 'topic', 'settings')
         return False
