@@ -110,7 +110,7 @@ def told_once(found: Sequence[tuple[str | None, str]], *, listing: bool = False
     shapes: dict[tuple[str, ...], list[tuple[str | None, str]]] = {}
     for axis, text in found:
         # An interval is of one axis: what two of them reach over would be "a to b to c to d".
-        alone = axis is None or 'interval' in text
+        alone = axis is None or '% interval' in text
         shapes.setdefault((text,) if alone else tuple(_NUMBER.split(text)), []).append(
             (axis, text))
     return tuple(_sentence(shape, those, listing=listing) for shape, those in shapes.items())

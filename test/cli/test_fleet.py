@@ -53,7 +53,7 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(
     shown = capsys.readouterr()
     assert shown.err.count('\n') == 1
     assert 'sn11' in shown.err
-    assert 'sn10: gyro_y angle random walk 0.5' in shown.out
+    assert 'sn10: gyro y: angle random walk 0.5' in shown.out
     document = json.loads((output / 'fleet.json').read_text())
     assert document['schema'] == 'imu_allan.fleet/1'
     assert [unit['name'] for unit in document['units']] == [

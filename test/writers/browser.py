@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 import json
 from pathlib import Path
+import re
 import shutil
 import socket
 import subprocess
@@ -175,3 +176,10 @@ def _start_session(port: int, profile: str) -> str:
                 raise
             time.sleep(0.1)
     raise AssertionError('unreachable')
+
+
+def pages_in_print(page: Path, browser: Browser) -> int:
+    """Count the pages that a printer would get of a page that is looked at in the dark."""
+    browser.show(page, dark=True)
+    data = b64decode(browser.cdp('Page.printToPDF', preferCSSPageSize=True)['data'])
+    return len(re.findall(rb'/Type\s*/Page\b', data))

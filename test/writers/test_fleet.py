@@ -3,7 +3,7 @@
 from dataclasses import replace
 import json
 
-from browser import faults_of, needs_browser
+from browser import faults_of, needs_browser, pages_in_print
 from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
@@ -116,3 +116,5 @@ def test_a_page_of_forty_units_can_be_read(make_result, tmp_path, browser, dark)
     for width in (400, 1400):
         assert faults_of(page, browser, width, dark) == []
         assert 'SN1017' in browser.run('return document.body.innerText')
+    # The population, two pictures that are cut nowhere, the table of units.
+    assert pages_in_print(page, browser) == 4

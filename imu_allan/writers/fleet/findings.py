@@ -11,6 +11,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import listed, named, number
+from imu_allan.writers.grouped_remarks import told_once
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,15 @@ class Fleet:
     def reasons(self, unit: str) -> list[str]:
         """Return why a unit sticks out, a sentence for each oddity."""
         return [sentence(oddity) for oddity in self.population.oddities if oddity.unit == unit]
+
+    def grouped_reasons(self, unit: str) -> list[str]:
+        """Return the same, what differs in the axis and in numbers alone as one sentence."""
+        found: list[tuple[str | None, str]] = []
+        for reason in self.reasons(unit):
+            axis, _, text = reason.partition(' ')
+            # Of an axis that measures nothing there is no number to be told together.
+            found.append((None, reason) if text.startswith('is ') else (axis, text))
+        return list(told_once(found))
 
     @property
     def unseen(self) -> str:

@@ -16,7 +16,6 @@ from imu_allan.wording import bounded, duration, number
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
-from imu_allan.writers.grouped_remarks import told_once
 from imu_allan.writers.plot import render
 
 _COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
@@ -94,12 +93,7 @@ def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _reasons(fleet: Fleet, unit: str) -> list[str]:
-    found: list[tuple[str | None, str]] = []
-    for reason in fleet.reasons(unit):
-        axis, _, text = reason.partition(' ')
-        # Of an axis that measures nothing there is no number to be told together.
-        found.append((None, reason) if text.startswith('is ') else (axis, text))
-    return [typeset(sentence) for sentence in told_once(found)]
+    return [typeset(sentence) for sentence in fleet.grouped_reasons(unit)]
 
 
 def _unit(sensor: str, key: str) -> str:

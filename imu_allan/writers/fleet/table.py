@@ -14,8 +14,7 @@ from imu_allan.writers.fleet.findings import Fleet
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-HEADINGS = ('axis', 'term', 'unit', 'median', '5 .. 95 % of units', 'spread', 'measured to',
-            '95/95 limit', 'shown by')
+HEADINGS = ('axis', 'term', 'unit', 'median', '5 .. 95 %', 'spread', 'error', '95/95', 'shown by')
 
 
 def population_table(fleet: Fleet) -> 'RenderableType':
@@ -27,29 +26,27 @@ def population_table(fleet: Fleet) -> 'RenderableType':
     rich renderable
 
     """
-    from rich import box
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
     parts: list[RenderableType] = []
     if fleet.population.traits:
-        table = Table(title=f'{len(fleet.results)} units', title_justify='left', padding=0,
-                      title_style='bold', box=box.SIMPLE_HEAD, caption_justify='left',
-                      caption='spread: between units, measurement error apart, or its 95 % upper '
-                              'limit where none shows; 95/95 limit: 95 % of all such units keep '
-                              'it, with 95 % confidence')
+        table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
         for heading in HEADINGS:
             table.add_column(heading, overflow='fold', justify='left' if heading in (
                 'axis', 'term', 'unit') else 'right')
         for trait in fleet.population.traits:
             table.add_row(*cells(trait))
-        parts.append(table)
+        parts += [Text(f'{len(fleet.results)} units', 'bold'), table, Text(
+            '5 .. 95 %: where nine in ten units lie; spread: between units, measurement error '
+            'apart, or its 95 % upper limit where none shows; 95/95: 95 % of all such units keep '
+            'it, with 95 % confidence', 'dim')]
     if fleet.unseen:
         parts.append(Text(fleet.unseen, style='italic'))
     for unit in fleet.population.odd_units:
         text = Text(f'{printable(unit)}: ', style='bold yellow')
-        text.append('; '.join(fleet.reasons(unit)), style='not bold')
+        text.append('; '.join(fleet.grouped_reasons(unit)), style='not bold')
         parts.append(text)
     for failure in fleet.failures:
         text = Text(f'{printable(failure.unit)}: ', style='bold red')
