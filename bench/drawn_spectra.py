@@ -10,6 +10,7 @@ normal with the variance that the model gives it, the power of n blocks a chi-sq
 from collections.abc import Sequence
 from dataclasses import replace
 
+from imu_allan.noise.correlated import process_column
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.groups import bins_of
 from imu_allan.noise.periodogram import SpectrumPiece
@@ -31,7 +32,8 @@ def shape_of(samples: int) -> list[SpectrumPiece]:
 
 
 def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, records: int,
-         rng: np.random.Generator, courses: Sequence[Course] = ()) -> list[RecordSpectrum]:
+         rng: np.random.Generator, courses: Sequence[Course] = (),
+         process: tuple[float, float] | None = None) -> list[RecordSpectrum]:
     """
     Draw spectra.
 
@@ -49,13 +51,18 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         Source of the random numbers.
     courses : sequence of Course
         Their sum is added to the mean of every record.
+    process : (float, float), optional
+        Standard deviation and correlation time of a Gauss-Markov process besides.
 
     """
     drawn = []
     for piece in pieces:
         lines = np.arange(piece.first, piece.last)
         power = np.zeros((records, piece.length))
-        variance = bins_of([piece], dt).design @ np.asarray(theta)
+        bins = bins_of([piece], dt)
+        variance = bins.design @ np.asarray(theta)
+        if process is not None:
+            variance += process[0]**2 * process_column(bins, dt, process[1])
         if piece.coefficients is None:
             dof = piece.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof

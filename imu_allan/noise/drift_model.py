@@ -21,9 +21,9 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 
 from dataclasses import replace
 
+from imu_allan.noise.correlated import process_column
 from imu_allan.noise.groups import Groups, QUANTIZATION, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
@@ -196,12 +196,6 @@ def _most_walk(band: Groups, best: Solution) -> Solution:
             break
         low, high = (low, middle) if gone_too_far > 0 else (middle, high)
     return upper
-
-
-def process_column(groups: Groups, dt: float, time: float) -> Array:
-    """Power that a process of unit variance gives."""
-    nu = np.minimum(groups.frequency * dt, 0.5)
-    return np.asarray(groups.design[:, WHITE] * dt * gauss_markov(nu, dt, time))
 
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:

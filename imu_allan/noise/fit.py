@@ -18,6 +18,8 @@ from imu_allan.noise.band import effective_window, narrowed
 from imu_allan.noise.correlated import (
     levels_off,
     Process,
+    process_column,
+    promises_a_process,
     with_gauss_markov,
     with_process_column,
 )
@@ -30,7 +32,7 @@ from imu_allan.noise.intervals import (
     FEWEST_GROUPS,
 )
 from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.moving_mean import has_walk, moving_mean, MovingMean, Warming
+from imu_allan.noise.moving_mean import moving_mean, MovingMean, Warming
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.temperature import (
     asked_for,
@@ -41,6 +43,7 @@ from imu_allan.noise.temperature import (
 )
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import banded, fit_band, Trial
+from imu_allan.noise.unevenness import uneven_by
 import numpy as np
 
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
@@ -180,6 +183,11 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         every = _said_by_parts(trial, parts(), dt, process, _SLOW)
         said = {key: one for key, one in every.items() if one.disagrees}
         walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
+    if isinstance(record, RecordSpectrum) and walk.observable:
+        uneven = uneven_by(trial, record, mean.courses, None if process is None
+                           else process_column(record.bins, dt, process.correlation_time_s))
+        if uneven > _widening(said, 'rate_random_walk'):
+            walk = estimate(trial, WALK, uneven)
     unclear = walk.observable and not mean.walk
     if unclear:
         walk = replace(walk, observable=False)
@@ -242,9 +250,6 @@ def _chosen(groups: Groups, dt: float, start: Solution | None
 
 def _levelled_off(trial: Trial, dt: float) -> tuple[Trial, Process | None]:
     """Add a process where the slow end of the spectrum asks for one, or a walk may be one."""
-    found = None
-    if levels_off(trial):
-        found = with_gauss_markov(trial, dt)
-    elif trial.solution.theta[WALK] > 0 and has_walk(trial):
-        found = with_gauss_markov(trial, dt, slow=True)
-    return found or (trial, None)
+    if levels_off(trial) or promises_a_process(trial, dt):
+        return with_gauss_markov(trial, dt) or (trial, None)
+    return trial, None

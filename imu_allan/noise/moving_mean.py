@@ -106,6 +106,8 @@ class MovingMean:
     warming : Warming or None
     cycle_s : float or None
         Period of a slow cycle.
+    courses : tuple of Course
+        The regressors, without the ramp and those that the record has.
 
     """
 
@@ -113,6 +115,7 @@ class MovingMean:
     walk: bool
     warming: Warming | None = None
     cycle_s: float | None = None
+    courses: tuple[Course, ...] = ()
 
 
 def moving_mean(trial: Trial, record: Spectrum, walks: bool) -> MovingMean:
@@ -149,7 +152,8 @@ def moving_mean(trial: Trial, record: Spectrum, walks: bool) -> MovingMean:
         if likelihood_ratio(trial, warm) >= warms \
                 or (not beside and _instead(trial, warm) >= instead):
             walks = walks and beside and _walks(trial, record, [warming(time)])
-            return MovingMean(warm, walks, Warming(*amplitude_of(warm, -1), time))
+            return MovingMean(warm, walks, Warming(*amplitude_of(warm, -1), time),
+                              courses=(warming(time),))
     if not walks:
         return MovingMean(trial, walk=False)
     if not _walks(trial, record, []):
@@ -160,7 +164,7 @@ def moving_mean(trial: Trial, record: Spectrum, walks: bool) -> MovingMean:
         beside = has_walk(turning)
         ratio = likelihood_ratio(trial, turning)
         if ratio >= cycles:
-            return MovingMean(turning, beside, cycle_s=1 / frequency)
+            return MovingMean(turning, beside, cycle_s=1 / frequency, courses=cycle(frequency))
         if ratio >= doubtful:
             return MovingMean(trial, beside)
     return MovingMean(trial, walk=True)

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
-from imu_allan.noise.drift_model import capped, process_column
+from imu_allan.noise.correlated import process_column
+from imu_allan.noise.drift_model import capped
 from imu_allan.noise.groups import bins_of, grouped, Groups, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.periodogram import SHORTEST

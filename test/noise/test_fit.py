@@ -124,6 +124,22 @@ def test_walk_that_levels_off_is_a_gauss_markov_process():
                 assert 0.8 * low < axis.curve.model_adev[index] < 1.25 * high
 
 
+@pytest.mark.parametrize(('size', 'time_s'), [(2.0, 300.0), (1.0, 100.0)])
+def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, time_s):
+    sigma = size * SENSOR['bias_instability']
+    model = {**{key: SENSOR[key] for key in ('noise_density', 'bias_instability')},
+             'gauss_markov': {'sigma': sigma, 'correlation_time_s': time_s}}
+    found = [characterize(simulate(model, 43_200, 1.0, seed), 1.0).gauss_markov
+             for seed in range(12)]
+    some = [one for one in found if one]
+    # In 100 of 100 and 93 of 100 drawn records.
+    assert len(some) >= 10
+    # Of 12 intervals of 95 % four or more fail once in 450 times.
+    assert sum(not one.sigma_ci95[0] <= sigma <= one.sigma_ci95[1] for one in some) <= 3
+    assert sum(not one.correlation_time_ci95[0] <= time_s <= one.correlation_time_ci95[1]
+               for one in some) <= 3
+
+
 def test_walk_that_goes_on_is_no_gauss_markov_process():
     for model in ({'noise_density': 1e-3, 'rate_random_walk': 3e-4},
                   {**SENSOR, 'rate_random_walk': 5e-4 * DEGREE}):
