@@ -44,6 +44,9 @@ def register(verbs: Any) -> None:
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     parser.add_argument('--rate', metavar='HZ', type=positive_number,
                         help='sample rate of the other recording, instead of the one measured')
+    parser.add_argument('--plot', metavar='FILE',
+                        help='picture of the drift observed there, beside what was predicted '
+                             '(.png, .svg or .pdf); with --verify')
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run)
@@ -64,6 +67,10 @@ def run(args: argparse.Namespace) -> int:
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
                             's: a filter coasts for at least one interval')
+    if args.plot is not None:
+        if args.verify is None:
+            raise ImuAllanError('--plot shows what --verify OTHER_RECORDING finds: name one')
+        _format(args.plot)
     result = load_result(args.result)
     console = console_of()
     console.print(tuning_table(result, args.aiding, args.coast, args.bias))
@@ -115,19 +122,44 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
         raise ImuAllanError(f'{args.verify}: no axis has a drift model in both recordings')
     tested: dict[str, FieldTest] = {}
     for part in means:
-        tested |= field_test(axes, part, args.aiding, args.coast)
-    found = {name: verify(axis, other.axes[name], tune(axis, args.aiding, args.coast))
+        tested |= field_test(axes, part, args.aiding, args.coast, args.bias)
+    found = {name: verify(axis, other.axes[name], tune(axis, args.aiding, args.coast, args.bias))
              for name, axis in axes.items()}
     for name, one in tested.items():
         found[name] = replace(found[name], noise_factor=one.noise_factor,
                               noise_ci95=one.noise_ci95, walk_factor=one.walk_factor,
                               walk_ci95=one.walk_ci95)
     name = printable(args.verify)
-    tables: list[Any] = [verification_table(found, name, run=bool(tested))]
+    tables: list[Any] = [verification_table(found, name, args.bias, run=bool(tested))]
     if tested:
         tables.insert(0, field_test_table(tested, name, {key: axis.unit
                                                          for key, axis in axes.items()}))
-    return tables, field_test_document(tested, found)
+    if args.plot is not None:
+        _draw(args.plot, tested, name)
+    return tables, field_test_document(tested, found, args.bias)
+
+
+def _draw(path: str, tested: dict[str, 'FieldTest'], other: str) -> None:
+    """Write the picture of what the filters met."""
+    from imu_allan.writers.atomic import write_atomically
+    from imu_allan.writers.plot import render
+    from imu_allan.writers.verification_figure import verification_figure
+
+    if not tested:
+        raise ImuAllanError('--plot: a result holds no series to run filters over: name the '
+                            'recording itself behind --verify')
+    write_atomically(path, render(verification_figure(tested, other), _format(path)))
+
+
+def _format(path: str) -> str:
+    """Return the kind of picture that the ending of a file asks for."""
+    from imu_allan.writers.plot import FORMATS
+
+    ending = Path(path).suffix.lower().lstrip('.')
+    if ending not in FORMATS:
+        raise ImuAllanError(f'--plot {printable(path)}: write a file that ends in '
+                            f'{", ".join("." + one for one in FORMATS)}')
+    return ending
 
 
 def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:

@@ -21,11 +21,11 @@ from imu_allan.noise.groups import bins_of, grouped, Groups, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.periodogram import SHORTEST
 from imu_allan.noise.terms import AXES
-from imu_allan.result import AxisResult, Coast, DriftModel, Innovations, Interval
+from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
 from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stretches
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.processes import drift_model_of, line_power
-from imu_allan.tuning.tune import tune
+from imu_allan.tuning.tune import Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import spread_of_forecast
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,8 @@ class FieldTest:
     tuned, full : Outcome
         Of the tuned pair, and of the whole drift model.
     noise_factor, walk_factor : float
-        By which to multiply the tuned N and K, to be right there.
+        By which to multiply the tuned N and K, to be right there; for a filter with a
+        Gauss-Markov process N and its sigma, the correlation time as it is.
     noise_ci95, walk_ci95 : (float, float)
 
     """
@@ -89,7 +90,7 @@ class FieldTest:
 
 
 def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: float = 0.1,
-               coast_s: float = 60.0) -> dict[str, FieldTest]:
+               coast_s: float = 60.0, bias: Bias = 'random_walk') -> dict[str, FieldTest]:
     """
     Run filters with the numbers of some axes over another recording of the same sensor.
 
@@ -102,6 +103,8 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
         Of the other recording.
     aiding_interval_s, coast_s : float, optional
         As for `tune`.
+    bias : {'random_walk', 'gauss_markov'}, optional
+        What the filters take their bias for.
 
     Returns
     -------
@@ -124,9 +127,8 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     if not parts:
         raise ImuAllanError(f'nothing is at rest for {SHORTEST * means.cell_s:g} s in a row: too '
                             'short to run a filter over')
-    pairs = {name: tune(axis, aiding_interval_s, coast_s) for name, axis in kept.items()}
-    fed = [(model, tones) for name, axis in kept.items() for model, tones in (
-        (DriftModel(pairs[name].noise_density, pairs[name].random_walk or 0.0, (), 0.0, 0.0), ()),
+    fed = [(model, tones) for axis in kept.values() for model, tones in (
+        (_as_model(tune(axis, aiding_interval_s, coast_s, bias)), ()),
         (drift_model_of(axis), axis.tones))]
     # Long ones begin anew, too: what a filter keeps of every step is much.
     met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
@@ -138,8 +140,16 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
         found[name] = FieldTest(
             sum(part.shape[1] for part in parts) * means.cell_s, len(parts),
             _outcome(met, 2 * i, axis), _outcome(met, 2 * i + 1, axis),
-            *_factors(axis, _scales(axis, spectrum, means.cell_s), aiding_interval_s, coast_s))
+            *_factors(axis, _scales(axis, spectrum, means.cell_s), aiding_interval_s, coast_s,
+                      bias))
     return found
+
+
+def _as_model(tuning: FilterTuning) -> DriftModel:
+    """Return what a filter with these numbers takes the sensor for."""
+    process = () if tuning.sigma is None or tuning.correlation_time_s is None else (
+        GaussMarkov(tuning.sigma, tuning.correlation_time_s),)
+    return DriftModel(tuning.noise_density, tuning.random_walk or 0.0, process, 0.0, 0.0)
 
 
 def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
@@ -191,13 +201,16 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
 
 
 def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_s: float,
-             coast_s: float) -> tuple[float, float, Interval, Interval]:
-    """Tell what scaled noise and drift make of the tuned pair: best, and at both ends of each."""
+             coast_s: float, bias: Bias) -> tuple[float, float, Interval, Interval]:
+    """Tell what scaled noise and drift make of the numbers: best, and at both ends of each."""
     (noise, noises), (drift, drifts) = scales
+    time = tune(axis, aiding_s, coast_s, bias).correlation_time_s
 
     def pair(noise: float, drift: float) -> tuple[float, float]:
-        tuning = tune(_scaled(axis, noise, drift), aiding_s, coast_s)
-        return tuning.noise_density / own[0], (tuning.random_walk or 0.0) / own[1]
+        tuning = tune(_scaled(axis, noise, drift), aiding_s, coast_s, bias,
+                      correlation_time_s=time)
+        return (tuning.noise_density / own[0],
+                (tuning.sigma or tuning.random_walk or 0.0) / own[1])
 
     own = 1.0, 1.0
     own = pair(1.0, 1.0)

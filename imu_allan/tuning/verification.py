@@ -10,7 +10,6 @@ interval of the curve.
 
 from dataclasses import dataclass
 
-from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.result import AxisResult, Interval
 from imu_allan.tuning.processes import drift_model_of
@@ -52,7 +51,7 @@ class Verification:
     own : FilterTuning
         What would have been chosen there.
     noise_factor, walk_factor : float
-        By which to multiply N and K, to be right there.
+        By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process.
     noise_ci95, walk_ci95 : (float, float)
         Intervals of the factors, from that of the other's curve at the two ends.
     excess : tuple of Excess
@@ -70,7 +69,7 @@ class Verification:
 
 def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verification:
     """
-    Hold a tuning with a random walk against another recording of the same axis.
+    Hold a tuning against another recording of the same axis.
 
     Parameters
     ----------
@@ -79,7 +78,7 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
     other : AxisResult
         The same axis of the other recording.
     tuning : FilterTuning
-        That of `axis`, with a random walk.
+        That of `axis`.
 
     Returns
     -------
@@ -88,18 +87,23 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
     Raises
     ------
     ImuAllanError
-        If an axis has no drift model, or the tuning no random walk.
+        If an axis has no drift model.
 
     """
-    if tuning.random_walk is None:
-        raise ImuAllanError('only numbers for a random walk can be held against a recording')
     drift_model_of(axis)
     times = tuning.aiding_interval_s, tuning.coast_s
-    met = assess(other, tuning.noise_density, tuning.random_walk, *times)
-    own = tune(other, *times)
-    assert own.random_walk is not None
-    noise, walk = (own.noise_density / tuning.noise_density,
-                   own.random_walk / tuning.random_walk)
+    time = tuning.correlation_time_s
+    drive, mine = tuning.random_walk, tuning.random_walk
+    if time is not None and tuning.sigma is not None:
+        drive, mine = tuning.sigma * float(np.sqrt(2 / time)), tuning.sigma
+    assert drive is not None
+    assert mine is not None
+    met = assess(other, tuning.noise_density, drive, *times, correlation_time_s=time)
+    own = tune(other, *times, 'random_walk' if time is None else 'gauss_markov',
+               correlation_time_s=time)
+    theirs = own.random_walk if time is None else own.sigma
+    assert theirs is not None
+    noise, walk = own.noise_density / tuning.noise_density, theirs / mine
     return Verification(met, own, noise, walk, _scaled(noise, other, times[0]),
                         _scaled(walk, other, times[1]), _excess(axis, other))
 

@@ -49,13 +49,15 @@ def _lists(pairs: Iterable[tuple[float, float]]) -> list[list[float]]:
     return [list(pair) for pair in pairs]
 
 
-def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification]
-                        ) -> dict[str, Any]:
+def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification],
+                        bias: Bias = 'random_walk') -> dict[str, Any]:
     """Return what the tables show."""
     axes: dict[str, Any] = {}
+    second = 'walk' if bias == 'random_walk' else 'sigma'
     for name, one in against.items():
         axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
-                      'walk_factor': one.walk_factor, 'walk_ci95': _finite(one.walk_ci95),
+                      f'{second}_factor': one.walk_factor,
+                      f'{second}_ci95': _finite(one.walk_ci95),
                       'excess': [asdict(excess) for excess in one.excess]}
         if name in found:
             test = found[name]

@@ -254,8 +254,8 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
              'the sensor were as the first recording has it.', 'dim'))
 
 
-def verification_table(found: Mapping[str, Verification], other: str, *, run: bool = False
-                       ) -> Group:
+def verification_table(found: Mapping[str, Verification], other: str,
+                       bias: Bias = 'random_walk', *, run: bool = False) -> Group:
     """
     Return how numbers from one recording hold in another.
 
@@ -265,13 +265,16 @@ def verification_table(found: Mapping[str, Verification], other: str, *, run: bo
         By axis.
     other : str
         Name of the other recording.
+    bias : {'random_walk', 'gauss_markov'}, optional
+        What the filter takes its bias for.
     run : bool, optional
         Whether filters were run over it, so that what its model expects needs no column.
 
     """
     spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
-    table = _table('axis', *(() if run else ('NIS', 'error')), 'N times', 'K times', *spans,
-                   texts=1)
+    second = 'K' if bias == 'random_walk' else 'sigma'
+    table = _table('axis', *(() if run else ('NIS', 'error')), 'N times', f'{second} times',
+                   *spans, texts=1)
     for name, one in found.items():
         bands = {_span(e): f'{e.ratio:.2f}\n{e.ci95[0]:.2f}-{e.ci95[1]:.2f}' for e in one.excess}
         expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
@@ -280,9 +283,9 @@ def verification_table(found: Mapping[str, Verification], other: str, *, run: bo
                       *(bands.get(span, '') for span in spans))
     return Group(
         Text(f'The tuned numbers held against {other}:'), table,
-        Text('N times, K times: the factor that would make the numbers right there, with its 95 % '
-             'interval. Above 1 with motors or wheels running, it is what the motion adds: put it '
-             'into --inflate. By averaging time: Allan deviation there over the one predicted.'
+        Text(f'N times, {second} times: the factor that would make the numbers right there, with '
+             'its 95 % interval. Above 1 with motors or wheels running, it is what the motion '
+             'adds: put it into --inflate. By averaging time: Allan deviation there over the one predicted.'
              + ('' if run else ' The models are compared; name the recording itself to run '
                 'filters over it.'), 'dim'))
 

@@ -100,6 +100,42 @@ def test_what_filters_met_there_as_json(result_file, recording, tmp_path, capsys
         assert {'from_s', 'to_s', 'ratio', 'ci95'} == set(axis['excess'][0])
 
 
+def test_a_filter_with_a_process_stays_one_when_it_is_verified(result_file, recording, tmp_path,
+                                                               capsys):
+    path, picture = tmp_path / 'verified.json', tmp_path / 'drift.svg'
+    assert main(['tune', str(result_file), '--aiding', '1s', '--bias', 'gauss_markov', '--verify',
+                 str(recording), '--no-progress', '--json', str(path), '--plot',
+                 str(picture)]) == 0
+    out = ' '.join(capsys.readouterr().out.split())
+    assert 'sigma times' in out
+    assert 'K times' not in out
+    assert out.index('One minute without correction') < out.index('Filters with these numbers')
+    for axis in json.loads(path.read_text())['verification']['axes'].values():
+        assert axis['sigma_factor'] > 0
+        assert 'walk_factor' not in axis
+    drawn = picture.read_text()
+    for word in ('Drift observed in', 'Gyroscope', 'Accelerometer', 'x axis', '60 s'):
+        assert word in drawn, word
+
+
+@pytest.mark.parametrize(('options', 'told'), [
+    (['--plot', 'drift.png'], '--plot shows what --verify OTHER_RECORDING finds: name one'),
+    (['--verify', 'x', '--plot', 'drift.jpg'],
+     '--plot drift.jpg: write a file that ends in .png, .svg, .pdf')])
+def test_a_picture_that_cannot_be_is_told_before_anything_is_read(result_file, options, told,
+                                                                  capsys):
+    assert main(['tune', str(result_file), *options]) == 1
+    assert capsys.readouterr() == ('', f'imu_allan: {told}\n')
+
+
+def test_a_picture_of_models_alone_is_told(result_file, tmp_path, capsys):
+    assert main(['tune', str(result_file), '--verify', str(result_file), '--plot',
+                 str(tmp_path / 'drift.png')]) == 1
+    assert capsys.readouterr().err == (
+        'imu_allan: --plot: a result holds no series to run filters over: name the recording '
+        'itself behind --verify\n')
+
+
 def test_times_out_of_order_are_told(result_file, capsys):
     assert main(['tune', str(result_file), '--aiding', '10s', '--coast', '1s']) == 1
     assert capsys.readouterr().err == (

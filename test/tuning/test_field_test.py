@@ -8,6 +8,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
 from imu_allan.tuning.field_test import field_test
 from imu_allan.tuning.means import Means
+from imu_allan.tuning.tune import tune
 import numpy as np
 import pytest
 
@@ -68,6 +69,24 @@ def test_fourfold_drift_is_a_factor_of_the_walk_alone():
         assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
         assert one.walk_factor == pytest.approx(4, rel=0.3)
         assert one.walk_ci95[0] < 4 < one.walk_ci95[1]
+
+
+def test_a_filter_with_a_process_is_run_as_one():
+    axes = {'gyro_y': AXES['gyro_y']}
+    means = means_of(EvenBlock(rest(7200, drift=3.0), 0))
+    [process] = field_test(axes, means, 1.0, bias='gauss_markov').values()
+    [walk] = field_test(axes, means, 1.0).values()
+    assert process.full == walk.full
+    for bias, one in (('gauss_markov', process), ('random_walk', walk)):
+        horizon, _, claimed = tune(axes['gyro_y'], 1.0, 60.0, bias).consistency[-1]
+        [coast] = [coast for coast in one.tuned.coasts if coast.horizon_s == horizon]
+        assert coast.predicted_sigma == pytest.approx(claimed, rel=0.01)
+    own = tune(axes['gyro_y'], 1.0, bias='gauss_markov')
+    there = tune(axis_of(N, 3 * K, processes=((9e-4, 100.0),)), 1.0, bias='gauss_markov',
+                 correlation_time_s=own.correlation_time_s)
+    assert process.walk_ci95[0] < there.sigma / own.sigma < process.walk_ci95[1]
+    assert process.walk_factor > 1.8
+    assert process.noise_ci95[0] < 1 < process.noise_ci95[1]
 
 
 def test_another_posture_at_every_stop_is_no_drift():

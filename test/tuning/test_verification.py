@@ -3,7 +3,6 @@
 """Numbers of one recording in another that is noisier, or drifts more."""
 
 from drifting_axes import axis_of
-from imu_allan.errors import ImuAllanError
 from imu_allan.tuning.tune import tune
 from imu_allan.tuning.verification import verify
 import pytest
@@ -35,7 +34,13 @@ def test_more_drift_in_motion_is_a_factor_of_the_walk():
     assert found.excess[-1].ratio > 3
 
 
-def test_only_numbers_for_a_walk_are_held_against_a_recording():
-    with pytest.raises(ImuAllanError) as error:
-        verify(HERE, HERE, tune(HERE, 1.0, bias='gauss_markov'))
-    assert str(error.value) == 'only numbers for a random walk can be held against a recording'
+def test_a_filter_with_a_process_is_held_against_a_recording_as_one():
+    drifting = {'processes': ((1e-3, 100.0),)}
+    here, there = axis_of(1e-3, **drifting), axis_of(1e-3, processes=((3e-3, 100.0),))
+    tuning = tune(here, 1.0, bias='gauss_markov')
+    same, more = verify(here, here, tuning), verify(here, there, tuning)
+    assert (same.noise_factor, same.walk_factor) == pytest.approx((1, 1))
+    assert same.met.coast_ratio == pytest.approx(tuning.coast_ratio)
+    assert more.walk_factor == pytest.approx(3, rel=0.15)
+    assert more.own.correlation_time_s == tuning.correlation_time_s
+    assert more.met.coast_ratio > 5

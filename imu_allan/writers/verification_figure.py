@@ -1,0 +1,90 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Figure of a drift model held against another recording: predicted and observed drift."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from imu_allan.errors import ImuAllanError, shorten
+from imu_allan.noise.terms import AXES
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.tuning.field_test import FieldTest
+from imu_allan.wording import duration, SAMPLES, SENSORS
+from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style, Theme
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_APART = 1.06
+"""Factor between the points of two axes: side by side, and still at one horizon."""
+
+
+def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme = 'light'
+                        ) -> 'Figure':
+    """
+    Draw how far the mean was off after a time without correction, beside what was predicted.
+
+    Parameters
+    ----------
+    found : mapping of name to FieldTest
+        By axis.
+    other : str
+        Name of the recording that it was run over.
+    theme : 'light' or 'dark'
+        Dark ink on white paper, or the reverse.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each sensor: points are observed, dotted lines predicted by the whole drift
+        model, and 95 % of the points should lie in the bands.
+
+    Raises
+    ------
+    ImuAllanError
+        If nothing was at rest for long enough to be left without correction.
+
+    """
+    sensors = [sensor for sensor in SENSORS
+               if any(name.startswith(sensor) and one.full.coasts for name, one in found.items())]
+    if not sensors:
+        raise ImuAllanError('nothing is at rest for long enough to show a drift: no picture')
+    with plot_style(theme):
+        figure = empty_figure(5.4 * len(sensors), 4.4)
+        figure.text(0.02, 0.955, f'Drift observed in {shorten(other, 70)}', fontsize=12,
+                    fontweight='bold', parse_math=False)
+        figure.text(0.02, 0.905, 'points: observed;  dotted: predicted;  shaded: where 95 % of '
+                    'the points should lie', fontsize=8.5, color=COLOURS[theme]['soft'])
+        for column, sensor in enumerate(sensors):
+            panel = figure.add_axes(((column + 0.135) / len(sensors), 0.13,
+                                     0.84 / len(sensors), 0.68))
+            _draw(panel, sensor, {name: one for name, one in found.items()
+                                  if name.startswith(sensor) and one.full.coasts}, theme)
+    return figure
+
+
+def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest], theme: Theme) -> None:
+    factor, shown = engineering(1.0, AXES[next(iter(found))].unit)
+    horizons = sorted({row.horizon_s for one in found.values() for row in one.full.coasts})
+    for place, (name, one) in enumerate(found.items()):
+        colour, outcome = COLOURS[theme][name[-1]], one.full
+        h = np.array([row.horizon_s for row in outcome.coasts]) \
+            * _APART**(place - (len(found) - 1) / 2)
+        low, high = (np.array(ends) * factor for ends in zip(*outcome.bands, strict=True))
+        panel.fill_between(h, low, high, color=colour, alpha=0.08, linewidth=0)
+        # A single horizon is no area: its band is a bar.
+        panel.vlines(h, low, high, color=colour, alpha=0.35, linewidth=1.2)
+        panel.plot(h, [row.predicted_sigma * factor for row in outcome.coasts], ':', color=colour)
+        panel.plot(h, [row.observed_rms * factor for row in outcome.coasts], MARKERS[name[-1]],
+                   color=colour, markersize=6, label=f'{name[-1]} axis')
+    panel.set(xscale='log', yscale='log', xlabel='time without correction',
+              ylabel=f'error of the mean {SAMPLES[sensor]} over it [{typeset(shown)}]')
+    panel.set_xticks(horizons, [duration(h) for h in horizons])
+    panel.set_xticks([], minor=True)
+    for ticks in (panel.yaxis.set_major_formatter, panel.yaxis.set_minor_formatter):
+        ticks(lambda value, _: f'{value:g}' if f'{value:.0e}'[0] in '125' else '')
+    panel.set_title(SENSORS[sensor], loc='left')
+    panel.grid(visible=True, which='both')
+    panel.legend(frameon=False)
