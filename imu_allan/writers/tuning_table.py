@@ -285,7 +285,8 @@ def verification_table(found: Mapping[str, Verification], other: str,
         Text(f'The tuned numbers held against {other}:'), table,
         Text(f'N times, {second} times: the factor that would make the numbers right there, with '
              'its 95 % interval. Above 1 with motors or wheels running, it is what the motion '
-             'adds: put it into --inflate. By averaging time: Allan deviation there over the one predicted.'
+             'adds: put it into --inflate. By averaging time: Allan deviation there over the one '
+             'predicted.'
              + ('' if run else ' The models are compared; name the recording itself to run '
                 'filters over it.'), 'dim'))
 
