@@ -292,7 +292,7 @@ def show_drawn(name: str, records: int) -> None:
                           for one in estimates])
         print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {share}  coverage '
               f'{inside:.3f} +- {np.sqrt(inside * (1 - inside) / records):.3f}')
-    words = {'warm-up': [one.warming is not None for one in found],
+    words = {'warm-up': [bool(one.warmings) for one in found],
              'cycle': [one.cycle_s is not None for one in found],
              'trend or walk': [one.walk_unclear for one in found],
              'Gauss-Markov': [one.gauss_markov is not None for one in found],

@@ -13,8 +13,9 @@ from dataclasses import replace
 from imu_allan.noise.correlated import process_column
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.groups import bins_of
+from imu_allan.noise.leaks import Course, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
-from imu_allan.noise.trends import Course, RecordSpectrum
+from imu_allan.noise.trends import duration, RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -55,6 +56,9 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         Standard deviation and correlation time of a Gauss-Markov process besides.
 
     """
+    def mean(time: Array) -> Array:
+        return np.asarray(sum(course(time) for course in courses))
+
     drawn = []
     for piece in pieces:
         lines = np.arange(piece.first, piece.last)
@@ -66,6 +70,8 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         if piece.coefficients is None:
             dof = piece.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof
+            if courses:
+                power[:, lines] += leaks([piece], dt, duration(pieces, dt), mean)[0]
             drawn.append(replace(piece, power=power))
             continue
         signed = np.zeros((records, piece.length))

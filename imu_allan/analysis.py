@@ -145,15 +145,23 @@ def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
     """Analyze, and where the mean of an axis settles, again without the time that takes."""
     cold = analyze(path, topic, options=options, reading=reading, duration_s=duration_s,
                    progress=progress)
-    from imu_allan.characterization.findings import start_remark, steady_after_s
-    start_s = max(steady_after_s(axis) for axis in cold.axes.values())
+    from imu_allan.characterization.findings import (
+        is_worth_cutting,
+        start_remark,
+        steady_after_s,
+    )
     length = cold.timeline.duration_s
-    if start_s <= 0 or start_s > length / 2:
+    steady = [steady_after_s(axis) for axis in cold.axes.values()]
+    # What takes longer than half of the recording cannot be left out, the rest can.
+    longest_s = max(steady)
+    start_s = max((time for time in steady if time > 0 and is_worth_cutting(time, length)),
+                  default=longest_s)
+    if start_s <= 0 or not is_worth_cutting(start_s, length):
         return replace(cold, warnings=(start_remark(start_s, length), *cold.warnings))
     left = None if duration_s is None else max(duration_s - start_s, 0.0)
     warm = analyze(path, topic, options=options, reading=reading, start_s=start_s,
                    duration_s=left)
-    return replace(warm, warnings=(start_remark(start_s, length), *warm.warnings))
+    return replace(warm, warnings=(start_remark(start_s, length, longest_s), *warm.warnings))
 
 
 def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineOptions,

@@ -134,12 +134,19 @@ class WarmUp:
     time_constant_s : float
     ci95 : (float, float)
         95 % interval of the amplitude.
+    time_constant_ci95 : (float, float) or None
+        95 % interval of the time constant.
+    beside : WarmUp or None
+        A second, smaller exponential, where one does not describe the course: a die and its
+        housing, say.
 
     """
 
     amplitude: float
     time_constant_s: float
     ci95: Interval
+    time_constant_ci95: Interval | None = None
+    beside: 'WarmUp | None' = None
 
 
 @dataclass(frozen=True)

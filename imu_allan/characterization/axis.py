@@ -30,6 +30,7 @@ from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.noise.warm_up import Warming
 from imu_allan.result import (
     AxisResult,
     Coefficient,
@@ -172,7 +173,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                           [high_pass_remark(corner_hz)]))
             continue
         fitted, lines = fitted_axis.fit, fitted_axis.lines
-        remarks = [*fit_remarks(fitted, quantity),
+        remarks = [*fit_remarks(fitted, quantity, finished.samples * dt),
                    *step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)]
         parts = _stationarity(fitted_axis, axis, dt, finished)
         if parts is not None and fitted_axis.steadiness is not None:
@@ -256,15 +257,23 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
 
 def _trend(fitted: Fit) -> Trend:
     """Gather what moves the mean and is no noise."""
-    ramp, warm = fitted.estimates['rate_ramp'], fitted.warming
+    ramp = fitted.estimates['rate_ramp']
     heat = fitted.temperature
     return Trend(
         ramp=Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
-        warm_up=WarmUp(warm.amplitude, warm.time_constant_s, (warm.low, warm.high))
-        if warm is not None else None,
+        warm_up=_warm_up(fitted.warmings),
         temperature=TemperatureDependence(
             heat.per_kelvin, (heat.low, heat.high), heat.lowest_c, heat.highest_c,
             heat.per_kelvin_squared, heat.before) if heat is not None else None)
+
+
+def _warm_up(parts: Sequence[Warming]) -> WarmUp | None:
+    """Describe a warm-up, each part beside a larger one."""
+    if not parts:
+        return None
+    warm = parts[0]
+    return WarmUp(warm.amplitude, warm.time_constant_s, (warm.low, warm.high),
+                  (warm.shortest_s, warm.longest_s), _warm_up(parts[1:]))
 
 
 def _spectrum(groups: Groups) -> Spectrum:

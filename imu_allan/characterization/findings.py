@@ -3,14 +3,14 @@
 """What was found, in the words that the user reads; messages do not name the axis."""
 
 from collections.abc import Collection, Mapping, Sequence
-from math import inf, isinf
+from math import inf, isfinite, isinf
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.fit import Fit
-from imu_allan.noise.moving_mean import Warming
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
+from imu_allan.noise.warm_up import Warming
 from imu_allan.result import AxisResult, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import duration, listed, named
@@ -21,6 +21,8 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk'}
 
 _COARSE = 1 / 8
 """Share of the range that a step of the thermometer may be: the mean then follows it in jumps."""
+_FACTOR = 2.0
+"""From which on an error is no percentage."""
 _STEP_SHARE = 0.7
 """Share of the spread between segments from which it is told as one step."""
 
@@ -57,8 +59,8 @@ def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:
                    'the noise of one sample: what lies below the step is hidden')]
 
 
-def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
-    """Say what the fit of an axis found beside coefficients."""
+def fit_remarks(fitted: Fit, quantity: Quantity, length_s: float = inf) -> list[Remark]:
+    """Say what the fit of an axis found beside coefficients, in a record of some length."""
     remarks = []
     if fitted.window_s is not None and fitted.edge_hz is not None:
         remarks.append(Remark(
@@ -81,7 +83,8 @@ def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             'gauss_markov',
             f'a first-order Gauss-Markov process of {sigma:.3g} {quantity.unit} with a '
             f'correlation time of {time:.3g} s is part of the noise'))
-    return remarks + _temperature_remarks(fitted, quantity) + _mean_remarks(fitted, quantity)
+    return [*remarks, *_temperature_remarks(fitted, quantity),
+            *_mean_remarks(fitted, quantity, length_s)]
 
 
 def leaving_remark(tau_s: float) -> Remark:
@@ -118,23 +121,33 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
 
 def steady_after_s(axis: AxisResult) -> float:
     """Seconds after which a warm-up is over; 0 where there is none."""
-    if axis.trend is None or axis.trend.warm_up is None:
-        return 0.0
-    warm = axis.trend.warm_up
-    floor = FLICKER_FLOOR * (axis.coefficients['bias_instability'].value or 0.0)
-    return Warming(warm.amplitude, *warm.ci95, warm.time_constant_s).steady_after_s(floor)
+    flicker = axis.coefficients['bias_instability']
+    floor = FLICKER_FLOOR * (flicker.value or flicker.upper95 or 0.0)
+    warm, found = axis.trend.warm_up if axis.trend is not None else None, 0.0
+    while warm is not None:
+        part = Warming(warm.amplitude, *warm.ci95, warm.time_constant_s)
+        found, warm = max(found, part.steady_after_s(floor)), warm.beside
+    return found
 
 
-def start_remark(start_s: float, length_s: float) -> Remark:
-    """Say what choosing the start has come to."""
+def is_worth_cutting(start_s: float, length_s: float) -> bool:
+    """Tell whether a record is long enough to do without its beginning."""
+    return start_s <= length_s / 2
+
+
+def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Remark:
+    """Say what choosing the start has come to, where an axis takes as long as `longest_s`."""
     if start_s <= 0:
         return Remark('start_auto', 'no warm-up was found: the recording is used from its '
                       'beginning')
-    if start_s > length_s / 2:
+    if not is_worth_cutting(start_s, length_s):
         return Remark('start_auto', f'the warm-up takes {duration(start_s)}, more than half of '
-                      'the recording: all of it is used; record for longer')
+                      'the recording: nothing is left out, and the coefficients are given without '
+                      'the warm-up; record for longer, or switch on earlier')
+    rest = (f'; an axis that takes {duration(longest_s)} is given without its warm-up'
+            if longest_s > start_s else '')
     return Remark('start_auto', f'the first {duration(start_s)} were left out: the sensor warmed '
-                  'up')
+                  f'up{rest}')
 
 
 def thermometer_remarks(seen: Temperature) -> list[Remark]:
@@ -176,30 +189,47 @@ def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
         f'{heat.highest_c:.1f} degrees Celsius); the coefficients are given without it{instead}')]
 
 
-def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+def _mean_remarks(fitted: Fit, quantity: Quantity, length_s: float) -> list[Remark]:
     """Say what moves the mean, and what that means for the random walk."""
-    if fitted.warming is not None:
-        warm = fitted.warming
-        steady = duration(warm.steady_after_s(
-            FLICKER_FLOOR * fitted.estimates['bias_instability'].value))
-        return [Remark(
-            'warm_up',
-            f'the mean settles as after switching on: {warm.amplitude:.3g} {quantity.unit} at the '
-            f'beginning, with a time constant of {duration(warm.time_constant_s)}. The '
-            f'coefficients are given without it; it is steady after {steady}: leave that out '
-            'with --start auto')]
+    remarks = [Remark('warm_up', _warm_up(fitted, quantity, length_s))] if fitted.warmings else []
     if fitted.cycle_s is not None:
-        return [Remark(
+        remarks.append(Remark(
             'slow_cycle',
             f'the mean follows a slow cycle of about {duration(fitted.cycle_s)}, such as a '
-            "heater's; the coefficients are given without it")]
-    if fitted.walk_unclear:
-        return [Remark(
+            "heater's; the coefficients are given without it"))
+    elif fitted.walk_unclear:
+        remarks.append(Remark(
             'trend_or_walk',
             'the slowest part of the signal may be a random walk or a bent trend: the rate random '
             'walk is given as an upper bound. A longer recording of the warm sensor at one '
-            'temperature tells them apart')]
-    return []
+            'temperature tells them apart'))
+    return remarks
+
+
+def _within(part: Warming) -> str:
+    """Say how well a time constant is known."""
+    factor = part.longest_s / part.time_constant_s
+    return (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < _FACTOR
+            else f'within a factor of {factor:.0f}')
+
+
+def _warm_up(fitted: Fit, quantity: Quantity, length_s: float) -> str:
+    """Say how the mean settles, and when it has."""
+    flicker = fitted.estimates['bias_instability']
+    floor = FLICKER_FLOOR * (flicker.value if flicker.observable else
+                             flicker.upper if isfinite(flicker.upper) else 0.0)
+    steady_s = max(part.steady_after_s(floor) for part in fitted.warmings)
+    parts = [f'{part.amplitude:.3g} {quantity.unit} at the beginning, with a time constant of '
+             f'{duration(part.time_constant_s)} ({_within(part)})' for part in fitted.warmings]
+    several = fitted.trial is not None and fitted.trial.groups.record is not None
+    if several:
+        advice = f'leave that out with --start {steady_s / 60:.0f}min'
+    elif is_worth_cutting(steady_s, length_s):
+        advice = 'leave that out with --start auto'
+    else:
+        advice = 'this recording is too short to leave that out; let the sensor warm up first'
+    return (f'the mean settles as after switching on: {", and ".join(parts)}. The coefficients '
+            f'are given without it; it is steady after {duration(steady_s)}: {advice}')
 
 
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,

@@ -9,10 +9,12 @@ from itertools import pairwise
 
 from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import Fit, fit
+from imu_allan.noise.fit import Fit, fit, Spectra
 from imu_allan.noise.groups import bins_of, grouped, Groups
+from imu_allan.noise.leaks import Course, without_mean
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.parts import Part
+from imu_allan.noise.periodogram import Periodogram
 from imu_allan.noise.signal_over_time import stood_still
 from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness
 from imu_allan.noise.temperature import TemperatureCourse
@@ -83,7 +85,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         return [None] * finished.axes
     bins = bins_of(pieces, dt, finished.bridged / finished.samples)
     segments = segment_powers(finished.periodogram)
-    quarters = _quarters(finished, dt)
+    bridged_share = finished.bridged / finished.samples
+    quarters = _quarters(finished.periodogram, dt, bridged_share)
     found: list[AxisFit | None] = []
     for axis in range(finished.axes):
         if is_still(finished, axis):
@@ -97,8 +100,9 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         record = RecordSpectrum(pieces, bins, axis, dt, keep)
         groups = whole if keep.all() else record.groups()
         parts = partial(_spectra, quarters, axis, lines_hz)
-        fitted = fit(groups, dt, first, record, steady, parts, temperature)
-        found.append(AxisFit(fitted, lines, groups, whole, steady, segments))
+        fitted = fit(groups, dt, first, record, steady, parts, temperature,
+                     partial(_calmed, finished, axis, dt, lines_hz))
+        found.append(AxisFit(fitted, lines, groups, whole, fitted.steady, segments))
     return found
 
 
@@ -122,12 +126,22 @@ def still_stretch(finished: Estimator, axis: int) -> tuple[int, int] | None:
     return stood_still(finished.signal.columns(), axis)
 
 
-def _quarters(finished: Estimator, dt: float) -> list[Part]:
+def _quarters(periodogram: Periodogram, dt: float, bridged_share: float) -> list[Part]:
     """Quarters of a record."""
-    used = finished.periodogram.segments.used
+    used = periodogram.segments.used
     ends = [round(part * used / PARTS) for part in range(PARTS + 1)]
-    return [Part(finished.periodogram, dt, first, last, finished.bridged / finished.samples)
+    return [Part(periodogram, dt, first, last, bridged_share)
             for first, last in pairwise(ends) if last > first]
+
+
+def _calmed(finished: Estimator, axis: int, dt: float, lines_hz: Sequence[float], mean: Course
+            ) -> tuple[Steadiness | None, Spectra]:
+    """Ask the segments and the quarters of an axis without a mean that moves."""
+    calm = without_mean(finished.periodogram, axis, dt, mean)
+    segments = segment_powers(calm)
+    quarters = _quarters(calm, dt, finished.bridged / finished.samples)
+    return (steadiness(segments, 0, dt, lines_hz) if segments else None,
+            partial(_spectra, quarters, 0, lines_hz))
 
 
 def _spectra(parts: Sequence[Part], axis: int, lines_hz: Sequence[float]) -> list[Groups]:

@@ -12,6 +12,7 @@ markedly less likely; otherwise there is an upper bound.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from imu_allan.noise.agreement import Agreement, agreements
 from imu_allan.noise.band import effective_window, narrowed
@@ -31,8 +32,9 @@ from imu_allan.noise.intervals import (
     estimate_ramp,
     FEWEST_GROUPS,
 )
+from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.moving_mean import moving_mean, MovingMean, Warming
+from imu_allan.noise.moving_mean import moving_mean, MovingMean
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.temperature import (
     asked_for,
@@ -44,8 +46,11 @@ from imu_allan.noise.temperature import (
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import banded, fit_band, Trial
 from imu_allan.noise.unevenness import uneven_by
+from imu_allan.noise.warm_up import Warming
 import numpy as np
 
+Spectra = Callable[[], Sequence[Groups]]
+"""Gives the spectra of parts of a record, where they are asked for."""
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
            'bias_instability': FLICKER, 'rate_random_walk': WALK}
 
@@ -78,8 +83,8 @@ class Fit:
         An additional Gauss-Markov term.
     walk_unclear : bool
         Whether what looks like a random walk may as well be a course of the mean.
-    warming : Warming or None
-        A warm-up, which the coefficients are given without.
+    warmings : tuple of Warming
+        The parts of a warm-up, the largest first, which the coefficients are given without.
     cycle_s : float or None
         Period of a slow cycle, which the coefficients are given without.
     temperature : Dependence or None
@@ -91,6 +96,8 @@ class Fit:
         The model and the band that the estimates are of.
     plain : Trial or None
         The same before it was asked what moves the mean.
+    steady : Steadiness or None
+        What parts of the record say of each other, without a warm-up.
 
     """
 
@@ -102,25 +109,27 @@ class Fit:
     acceptable: bool
     gauss_markov: Process | None = None
     walk_unclear: bool = False
-    warming: Warming | None = None
+    warmings: tuple[Warming, ...] = ()
     cycle_s: float | None = None
     temperature: Dependence | None = None
     between: dict[str, float] = field(default_factory=dict)
     trial: Trial | None = None
     plain: Trial | None = None
+    steady: Steadiness | None = None
 
     @property
     def mean_moves(self) -> bool:
         """Whether the mean moves in a way that the noise terms leave out."""
         return (self.walk_unclear or self.temperature is not None
-                or self.warming is not None or self.cycle_s is not None
+                or bool(self.warmings) or self.cycle_s is not None
                 or self.estimates['rate_ramp'].observable)
 
 
 def fit(groups: Groups, dt: float, start: Solution | None = None,
         record: RecordSpectrum | JointSpectrum | None = None, steady: Steadiness | None = None,
-        parts: Callable[[], Sequence[Groups]] | None = None,
-        temperature: TemperatureCourse | JointTemperature | None = None) -> Fit:
+        parts: Spectra | None = None,
+        temperature: TemperatureCourse | JointTemperature | None = None,
+        calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None = None) -> Fit:
     """
     Fit one axis.
 
@@ -141,13 +150,15 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         Gives the spectra of parts of the record, for that case.
     temperature : TemperatureCourse or JointTemperature, optional
         Over the record. Where the mean depends on it, the coefficients are given without that.
+    calmed : callable, optional
+        Gives `steady` and `parts` anew, without a course of the mean that is no noise.
 
     Returns
     -------
     Fit
 
     """
-    found = _fit(groups, dt, start, record, steady, parts)
+    found = _fit(groups, dt, start, record, steady, parts, calmed)
     if record is None or temperature is None or found.plain is None:
         return found
     courses = asked_for(found.plain, record, temperature)
@@ -155,23 +166,28 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         return found
     before = {key: one.value for key, one in found.estimates.items() if one.observable}
     record = record.beside(courses)
-    warm = _fit(record.groups(), dt, start, record, steady, parts)
+    warm = _fit(record.groups(), dt, start, record, steady, parts, calmed)
     assert warm.trial is not None
     return replace(warm, temperature=dependence(warm.trial, temperature, len(courses), before))
 
 
 def _fit(groups: Groups, dt: float, start: Solution | None,
          record: RecordSpectrum | JointSpectrum | None, steady: Steadiness | None,
-         parts: Callable[[], Sequence[Groups]] | None) -> Fit:
+         parts: Spectra | None,
+         calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None) -> Fit:
     """Fit one axis with the regressors that its record has."""
-    plain, process = _chosen(groups, dt, start)
+    plain, process = _chosen(groups, start, dt)
     trial = plain
     walk = estimate(trial, WALK)
-    mean = MovingMean(trial, walk.observable)
+    walks = walk.observable
+    mean: MovingMean | None = None
     if record is not None:
-        mean = moving_mean(trial, record, walk.observable)
-    if mean.trial is not trial:
-        trial, walk = mean.trial, estimate(mean.trial, WALK)
+        mean = moving_mean(plain, process, record, walks, partial(_chosen, dt=dt))
+        trial, process, walks = mean.trial, mean.process, mean.walk
+        if trial is not plain:
+            walk = estimate(trial, WALK)
+        if mean.warmings and calmed is not None:
+            steady, parts = calmed(mean.course)
     said: dict[str, Agreement] = {}
     if steady is not None and not steady.steady:
         trial = _capped(trial, steady)
@@ -183,12 +199,12 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         every = _said_by_parts(trial, parts(), dt, process, _SLOW)
         said = {key: one for key, one in every.items() if one.disagrees}
         walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
-    if isinstance(record, RecordSpectrum) and walk.observable:
-        uneven = uneven_by(trial, record, mean.courses, None if process is None
-                           else process_column(record.bins, dt, process.correlation_time_s))
+    if mean is not None and isinstance(mean.record, RecordSpectrum) and walk.observable:
+        uneven = uneven_by(trial, mean.record, (), None if process is None
+                           else process_column(mean.record.bins, dt, process.correlation_time_s))
         if uneven > _widening(said, 'rate_random_walk'):
             walk = estimate(trial, WALK, uneven)
-    unclear = walk.observable and not mean.walk
+    unclear = walk.observable and not walks
     if unclear:
         walk = replace(walk, observable=False)
     estimates = {key: walk if column == WALK else estimate(trial, column, _widening(said, key))
@@ -203,9 +219,9 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     estimates['rate_ramp'] = estimate_ramp(trial)
     return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, process,
                walk_unclear=unclear,
-               warming=mean.warming, cycle_s=mean.cycle_s,
+               warmings=mean.warmings if mean else (), cycle_s=mean.cycle_s if mean else None,
                between={key: one.between for key, one in said.items()}, trial=trial,
-               plain=plain)
+               plain=plain, steady=steady)
 
 
 def _capped(trial: Trial, steady: Steadiness) -> Trial:
@@ -232,7 +248,7 @@ def _widening(said: dict[str, Agreement], key: str) -> float:
     return said[key].widening if key in said else 1.0
 
 
-def _chosen(groups: Groups, dt: float, start: Solution | None
+def _chosen(groups: Groups, start: Solution | None, dt: float
             ) -> tuple[Trial, Process | None]:
     """Choose the model: the terms over the whole band, over part of it, or with a process."""
     whole = fit_band(groups, None, start=start)

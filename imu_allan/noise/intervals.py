@@ -5,10 +5,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.groups import QUANTIZATION, WHITE
+from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.regression import about_blocks
 from imu_allan.noise.trial import OBSERVABLE, OBSERVABLE_RAMP, Trial
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 FEWEST_GROUPS = 24
 """Three octaves, the fewest that tell four terms from one another."""
@@ -243,19 +248,9 @@ def amplitude_of(trial: Trial, course: int, common: bool = False) -> tuple[float
         With its 95 % interval, which is that of a mean under the fitted noise.
 
     """
-    solution = trial.solution
-    assert solution.trend is not None
-    assert trial.groups.among is not None
-    groups = trial.groups
-    weight = groups.dof / np.maximum(groups.design @ solution.theta, 1e-300)
-    errors = []
-    for number in range(groups.records):
-        own = weight if groups.record is None else np.where(groups.record == number, weight, 0.0)
-        gram = np.tensordot(own, trial.groups.among, 1)
-        scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
-        inverse = np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True)
-        errors.append(np.sqrt(CI95 * inverse[course, course] * trial.dispersion) / scale[course])
-    amplitudes, half = np.atleast_2d(solution.trend)[:, course], np.array(errors)
+    assert trial.solution.trend is not None
+    half = np.sqrt(CI95) * errors_of_courses(trial)[:, course]
+    amplitudes = np.atleast_2d(trial.solution.trend)[:, course]
     if common:
         amplitude = float(np.average(amplitudes, weights=half**-2.0))
         error = float(np.sum(half**-2.0)**-0.5)
@@ -265,12 +260,50 @@ def amplitude_of(trial: Trial, course: int, common: bool = False) -> tuple[float
     return amplitude, amplitude - error, amplitude + error
 
 
+def errors_of_courses(trial: Trial) -> Array:
+    """Return the standard errors of the regressors of a fit, shape (records, regressors)."""
+    groups = trial.groups
+    assert groups.among is not None
+    weight = groups.dof / np.maximum(groups.design @ trial.solution.theta, 1e-300)
+    errors = []
+    for number in range(groups.records):
+        own = weight if groups.record is None else np.where(groups.record == number, weight, 0.0)
+        gram = np.tensordot(own, groups.among, 1)
+        scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        inverse = np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True)
+        errors.append(np.sqrt(np.maximum(np.diagonal(inverse), 0.0) * trial.dispersion) / scale)
+    return np.array(errors)
+
+
 def _ramp_beside(trial: Trial) -> Estimate:
-    """Estimate the ramp where other courses move the mean as well."""
+    """Estimate the ramp where other courses move the mean as well, whatever the noise may be."""
     value, low, high = amplitude_of(trial, 0)
-    if CI95 * (value / max(high - value, 1e-300))**2 < OBSERVABLE_RAMP:
-        return Estimate(False, 0.0, 0.0, 0.0, max(abs(low), abs(high)))
-    return Estimate(True, value, low, high, max(abs(low), abs(high)))
+    best = maximise(_at_slope(trial.groups, value), trial.solution, fixed=trial.fixed,
+                    trend='restricted', tolerance=1e-4)
+
+    def rise(slope: float) -> float:
+        held = maximise(_at_slope(trial.groups, slope), best, fixed=trial.fixed,
+                        trend='restricted', tolerance=1e-3)
+        return 2 * max(held.loss - best.loss, 0.0) / trial.dispersion
+
+    there = rise(0.0) >= OBSERVABLE_RAMP
+    scale = max((high - low) / (2 * NORMAL95), 1e-300)
+    low, high = (_two_sided(rise, value, side * scale, CI95) for side in (-1, 1))
+    bound = max(abs(low), abs(high))
+    return Estimate(True, value, low, high, bound) if there else Estimate(
+        False, 0.0, 0.0, 0.0, bound)
+
+
+def _at_slope(groups: Groups, slope: float) -> Groups:
+    """Return groups about a ramp that is held, with the other regressors alone."""
+    assert groups.along is not None
+    assert groups.among is not None
+    power = about_blocks(groups, slope) - 2 * slope * groups.along[:, 0] \
+        + slope**2 * groups.among[:, 0, 0]
+    return replace(groups, power=np.maximum(power, 1e-12 * groups.power),
+                   ramp=np.zeros(len(power)),
+                   along=groups.along[:, 1:] - slope * groups.among[:, 0, 1:],
+                   among=groups.among[:, 1:, 1:])
 
 
 def _two_sided(rise: Callable[[float], float], value: float, scale: float,

@@ -336,6 +336,11 @@ class Periodogram:
         series = self.series
         self.series = replace(series, sums=series.sums + values[:, None] * series.counts)
 
+    def shift_cells(self, values: Array) -> None:
+        """Add a value to each cell of the series of all axes, shape (cells,)."""
+        series = self.series
+        self.series = replace(series, sums=series.sums + values * series.counts)
+
     def merge(self, other: 'Periodogram', runs: int) -> None:
         """Add another finished record, whose runs are counted on from `runs`."""
         self.power.merge(other.power)

@@ -184,6 +184,36 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
     return np.asarray(factor)
 
 
+def end_dct(n: int, dt: float, index: NDArray[np.int64]) -> Array:
+    """
+    Size of the orthonormal DCT-II of a smooth course for a unit slope (1 per second) at one end.
+
+    The coefficient of a course is that of its last slope, of alternating sign, less that of its
+    first, to the leading order in the index: both ends of a ramp together make `ramp_dct`.
+
+    Parameters
+    ----------
+    n : int
+        Length of the record.
+    dt : float
+        Sample interval in seconds.
+    index : ndarray of int
+        From 1 to n - 1.
+
+    Returns
+    -------
+    ndarray, shape of `index`
+
+    Examples
+    --------
+    >>> bool(np.isclose(2 * end_dct(100, 1.0, np.array([3]))[0], -ramp_dct(100, 1.0)[2]))
+    True
+
+    """
+    half = np.pi * index / (2 * n)
+    return np.asarray(dt * np.sqrt(1 / (2 * n)) * np.cos(half) / (2 * np.sin(half) ** 2))
+
+
 def ramp_dct(n: int, dt: float) -> Array:
     """
     Orthonormal DCT-II of a unit ramp (1 per second) of `n` samples, coefficients 1 to n - 1.

@@ -11,9 +11,10 @@ walk resembles any slow course a little, and so much has to be exceeded.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from imu_allan.noise.courses import in_each, likelihood_ratio, with_courses
 from imu_allan.noise.intervals import amplitude_of
-from imu_allan.noise.moving_mean import in_each, likelihood_ratio, with_courses
-from imu_allan.noise.trends import Course, EachCourse, JointSpectrum, RecordSpectrum
+from imu_allan.noise.leaks import Course
+from imu_allan.noise.trends import EachCourse, JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import OBSERVABLE_RAMP, Trial
 import numpy as np
 from numpy.typing import NDArray

@@ -8,10 +8,11 @@ too. A course is given as a function of time; its cosine transform over the cell
 what the coefficients would be if it were all there is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups
+from imu_allan.noise.leaks import Course, is_little, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,6 @@ from scipy.fft import dct
 Array = NDArray[np.float64]
 _POINTS = 1024
 """Enough for a course of a few dozen cycles in the record."""
-Course = Callable[[Array], Array]
-"""Value at every time, in seconds from the beginning of the record."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +112,49 @@ class RecordSpectrum:
         return grouped(self.bins, self.axis, self.keep, columns)
 
     def beside(self, courses: Sequence[Course | EachCourse]) -> 'RecordSpectrum':
-        """Return the same spectrum with courses that stand in every fit."""
-        return replace(self, courses=tuple(_own(courses)))
+        """Return the same spectrum with further courses that stand in every fit."""
+        return replace(self, courses=(*self.courses, *_own(courses)))
+
+    def mean(self, trend: Array) -> Course:
+        """Return the mean of which a fit beside the courses found the sizes, the ramp's first."""
+        def ramp(time: Array) -> Array:
+            return time
+
+        return lambda time: np.asarray(sum(size * course(time) for size, course in zip(
+            trend.ravel(), (ramp, *self.courses), strict=True)))
+
+    def settled(self, courses: Sequence[Course | EachCourse], trend: Array, theta: Array
+                ) -> 'RecordSpectrum':
+        """
+        Take out of the blocks what a mean that moves leaks into them.
+
+        Regressors act on the coefficients of the whole record; a block is shorter, and knows no
+        sign. What it holds of the mean is a matter of its slope at both ends.
+
+        Parameters
+        ----------
+        courses : sequence of Course
+            That the mean follows beside those that stand in every fit.
+        trend : ndarray, shape (regressors,)
+            Sizes of the ramp and of all courses.
+        theta : ndarray, shape (columns,)
+            Squared coefficients of the noise, to which the leak is compared.
+
+        Returns
+        -------
+        RecordSpectrum
+            Of one axis. Where a leak is not known well enough beside the noise, bins are left out.
+
+        """
+        bins, own = self.bins, slice(self.axis, self.axis + 1)
+        leak, doubt = leaks(self.pieces, self.dt, self.duration_s,
+                            self.beside(courses).mean(trend))
+        keep = is_little(leak, doubt, bins.design @ theta[:bins.design.shape[1]])
+        keep = keep if self.keep is None else keep & self.keep
+        power = np.maximum(bins.power[own] - leak, 0.0)
+        one = replace(bins, power=power, cross=bins.cross[own], coefficient=bins.coefficient[own],
+                      ramp=np.maximum(bins.ramp, 0.0))
+        return replace(self, bins=one, axis=0, keep=keep)
 
     @property
     def records(self) -> 'tuple[RecordSpectrum, ...]':
@@ -137,6 +177,13 @@ class JointSpectrum:
 
     records: tuple[RecordSpectrum, ...]
 
+    def settled(self, courses: Sequence[Course | EachCourse], trend: Array, theta: Array
+                ) -> 'JointSpectrum':
+        """Take the mean's leak out of every record; `trend` is of shape (records, regressors)."""
+        return JointSpectrum(tuple(
+            record.settled(_own(courses, number), own, theta)
+            for number, (record, own) in enumerate(zip(self.records, trend, strict=True))))
+
     @property
     def duration_s(self) -> float:
         """Seconds of the longest record."""
@@ -148,7 +195,7 @@ class JointSpectrum:
                               for number, record in enumerate(self.records)])
 
     def beside(self, courses: Sequence[Course | EachCourse]) -> 'JointSpectrum':
-        """Return the same spectra with courses that stand in every fit."""
+        """Return the same spectra with further courses that stand in every fit."""
         return JointSpectrum(tuple(record.beside(_own(courses, number))
                                    for number, record in enumerate(self.records)))
 
@@ -240,6 +287,19 @@ def warming(time_constant_s: float) -> Course:
 
     """
     return lambda time: np.exp(-time / time_constant_s)
+
+
+def warming_slower(time_constant_s: float) -> Course:
+    """
+    Return the derivative of `warming` by the logarithm of its time constant.
+
+    Examples
+    --------
+    >>> warming_slower(100.0)(np.array([0.0, 100.0])).round(4)
+    array([0.    , 0.3679])
+
+    """
+    return lambda time: time / time_constant_s * np.exp(-time / time_constant_s)
 
 
 def cycle(frequency_hz: float) -> tuple[Course, Course]:

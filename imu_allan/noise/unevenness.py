@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.groups import WALK
-from imu_allan.noise.trends import Course, RecordSpectrum, regressors
+from imu_allan.noise.leaks import Course
+from imu_allan.noise.trends import RecordSpectrum, regressors
 from imu_allan.noise.trial import Trial
 import numpy as np
 from numpy.typing import NDArray

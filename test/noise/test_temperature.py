@@ -53,7 +53,8 @@ def test_a_mean_that_follows_the_temperature_is_no_random_walk():
         return 1e-3 * warm_up_and_cycle(seed)
 
     without, beside = fits(NOISE, None, mean), fits(NOISE, warm_up_and_cycle, mean)
-    assert share(one.estimates['rate_random_walk'].observable for one in without) > 0.5
+    # Without a thermometer it is a walk, or a mean that moves in some way.
+    assert all(one.estimates['rate_random_walk'].observable or one.mean_moves for one in without)
     assert share(one.estimates['rate_random_walk'].observable for one in beside) <= 0.1
     assert all(one.temperature is not None for one in beside)
     assert share(one.temperature.low < 1e-3 < one.temperature.high for one in beside) > 0.7

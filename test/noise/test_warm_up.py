@@ -1,0 +1,89 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A warm-up thousands of times the noise leaves the coefficients as they are."""
+
+from imu_allan.characterization.axis import axis_results
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import Quantity
+import numpy as np
+import pytest
+
+N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
+MODEL = {N: 1e-4, B: 2e-5}
+
+
+def warmed(mean, seed, rate=50.0, hours=1.0, model=MODEL):
+    """Characterize a sensor whose mean follows a function of time."""
+    count = round(hours * 3600 * rate)
+    estimator = Estimator()
+    estimator.update(simulate(model, count, rate, seed) + mean(np.arange(count) / rate))
+    axis, remarks = axis_results(estimator, rate, [Quantity.ANGULAR_VELOCITY])[0]
+    return axis, {remark.code: remark.message for remark in remarks}
+
+
+def covers(interval, value):
+    return interval[0] <= value <= interval[1]
+
+
+@pytest.mark.parametrize(('amplitude', 'time'), [(0.01, 1800.0), (0.1, 120.0), (0.1, 7200.0)])
+def test_no_ramp_walk_or_low_pass_is_made_of_a_strong_warm_up(amplitude, time):
+    axis, told = warmed(lambda t: amplitude * np.exp(-t / time), 1)
+    assert set(told) == {'warm_up'}
+    assert axis.coefficients[N].value == pytest.approx(1e-4, rel=0.01)
+    assert axis.trend.ramp is None
+    assert not axis.coefficients[K].observable
+    assert axis.band_edge_hz is None
+    warm = axis.trend.warm_up
+    assert covers(warm.ci95, amplitude)
+    assert covers(warm.time_constant_ci95, time)
+    assert warm.beside is None
+    assert axis.stationarity.steady
+    assert axis.tones == ()
+
+
+def test_a_die_and_its_housing_are_two_exponentials():
+    axis, told = warmed(lambda t: 0.01 * np.exp(-t / 120) + 0.005 * np.exp(-t / 1200), 2, hours=2)
+    warm = axis.trend.warm_up
+    assert covers(warm.time_constant_ci95, 120)
+    assert covers(warm.beside.time_constant_ci95, 1200)
+    assert axis.coefficients[B].value == pytest.approx(2e-5, rel=0.3)
+    assert not axis.coefficients[K].observable
+    assert ', and 0.00' in told['warm_up']
+
+
+def test_a_ramp_beside_a_warm_up_is_both():
+    axis, _ = warmed(lambda t: 0.01 * np.exp(-t / 300) + 1e-7 * t, 3, hours=2)
+    assert covers(axis.trend.ramp.ci95, 1e-7)
+    assert covers(axis.trend.warm_up.time_constant_ci95, 300)
+
+
+def test_the_advice_fits_the_length_of_the_record():
+    _, told = warmed(lambda t: 0.01 * np.exp(-t / 60), 4)
+    assert told['warm_up'].endswith(': leave that out with --start auto')
+    _, told = warmed(lambda t: 0.01 * np.exp(-t / 1800), 4)
+    assert told['warm_up'].endswith('too short to leave that out; let the sensor warm up first')
+
+
+@pytest.mark.slow
+def test_the_coefficients_beside_warm_ups_are_as_good_as_without():
+    inside = {N: [], B: [], K: [], 'amplitude': [], 'time': []}
+    wrong = []
+    for seed in range(60):
+        generator = np.random.default_rng(seed)
+        amplitude, time = np.exp(generator.uniform(np.log([1e-3, 120]), np.log([0.1, 7200])))
+        hours = generator.choice([1.0, 2.0, 4.0])
+        axis, told = warmed(lambda t, a=amplitude, c=time: a * np.exp(-t / c), seed, hours=hours)
+        wrong.append(bool(set(told) - {'warm_up', 'short_recording'}))
+        for key in (N, B):
+            found = axis.coefficients[key]
+            inside[key].append(covers(found.ci95, MODEL[key]) if found.observable
+                               else found.upper95 > MODEL[key])
+        inside[K].append(not axis.coefficients[K].observable)
+        warm = axis.trend.warm_up
+        if warm is not None:
+            inside['amplitude'].append(covers(warm.ci95, amplitude))
+            inside['time'].append(covers(warm.time_constant_ci95, time))
+    assert np.mean(wrong) <= 0.05
+    for key, each in inside.items():
+        assert np.mean(each) > 0.85, key
