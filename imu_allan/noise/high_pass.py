@@ -28,6 +28,8 @@ _CERTAIN = 1e-6
 """Chance at which white noise holds as little; of a thousand records with six axes each none."""
 _FALLEN = 0.25
 """Of the highest octave, in the lowest one, before anything is looked at: it is a 17th or less."""
+_ENOUGH = 12.0
+"""Degrees of freedom of an octave that is looked at: by chance 1 in 200 is as low."""
 _CLEAR = 3.0
 """Standard errors of the logarithm of a ratio."""
 _HIGHEST_HZ = 1.0
@@ -114,6 +116,10 @@ def _falls_somewhere(frequency: Array, density: Array, dof: Array) -> bool:
     octave = np.floor(np.log2(frequency)).astype(np.int64)
     octave -= octave.min()
     weight = np.bincount(octave, dof)
-    means = np.bincount(octave, dof * density)[weight > 0] / weight[weight > 0]
-    below = np.exp2(np.arange(len(means))) * 2 * frequency.min() <= 2 * _HIGHEST_HZ
-    return bool(below.any() and means[below].min() < _FALLEN * means.max())
+    known = weight >= _ENOUGH
+    means = np.bincount(octave, dof * density)[known] / weight[known]
+    if len(means) < 2:
+        return False
+    # The highest of those above each of them.
+    above = np.maximum.accumulate(means[::-1])[::-1][1:]
+    return bool((means[:-1] < _FALLEN * above).any())
