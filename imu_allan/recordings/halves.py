@@ -1,8 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sensors that come in halves: gyroscope and accelerometer with rates of their own.
+Sensors that come in halves, in one module because every way of uniting them leaves its marks.
 
+Gyroscope and accelerometer then have rates of their own.
 RealSense and OAK cameras publish them on two topics, the other half of each message being zero;
 PX4 logs them as two types. United into one topic, the slower half is either repeated until its
 next sample or interpolated between two.
@@ -31,6 +32,8 @@ _MOST_TOPICS = 16
 _REPEATED = 0.3
 """Share of messages that repeat a half: 400 Hz over 250 Hz, the closest pair of a RealSense,
 repeats 0.38 of them."""
+_IN_TURN = 0.9
+"""Share of messages with news of one half alone: all, unless one is lost or both come at once."""
 _STRAIGHT = 0.2
 """Share of bends that are none: 400 Hz over 100 Hz leaves half of them straight. Three samples
 span two steps, so of two rates closer than 2 : 1 none is."""
@@ -197,6 +200,12 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
     samples = np.concatenate([block.samples for block in blocks])
     stamps = np.concatenate([block.header_ns for block in blocks])
     repeated = {half: _is_repeated(samples[:, columns]) for half, columns in _COLUMNS.items()}
+    if all(repeated.values()) and _come_in_turn(samples):
+        recording.remark(
+            'repeated_half',
+            f'each message of topic {printable(topic)} repeats one of its halves; each sensor is '
+            'analyzed at its own rate')
+        return [Stream(topic, half, only_new=True) for half in _OTHER]
     for half, other in _OTHER.items():
         if repeated[half] and not repeated[other]:
             streams = [Stream(topic, half, only_new=True), Stream(topic, other)]
@@ -214,6 +223,17 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
                 "fewer: their white noise is two thirds of the sensor's and coloured at short "
                 'times; record without uniting (RealSense: unite_imu_method 0)')
     return [Stream(topic)]
+
+
+def _come_in_turn(samples: NDArray[np.float64]) -> bool:
+    """
+    Whether a message has news of one half alone, as realsense2_camera united them until 2019.
+
+    Where both halves repeat at once, the sensor is polled faster than it samples.
+    """
+    new = [(samples[1:, columns] != samples[:-1, columns]).any(axis=1)
+           for columns in _COLUMNS.values()]
+    return bool((new[0] != new[1]).mean() > _IN_TURN)
 
 
 def _name(half: Half) -> str:

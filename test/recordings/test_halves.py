@@ -71,6 +71,28 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
         '/camera/accel/sample at 250 Hz; rate, gaps and faults are those of the gyroscope')
 
 
+def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
+    gyro, accel = block(200, 6_000, True, False), block(250, 7_500, False, True)
+    stamps = np.concatenate([gyro.header_ns, accel.header_ns + 1_100_000])
+    order = np.argsort(stamps, kind='stable')
+    sources = np.repeat([0, 1], [6_000, 7_500])[order]
+    samples = np.zeros((len(order), 6))
+    for sensor, half, columns in ((0, gyro, slice(0, 3)), (1, accel, slice(3, 6))):
+        latest = np.maximum(np.cumsum(sources == sensor) - 1, 0)
+        samples[:, columns] = half.samples[latest, columns]
+    united = ImuBlock(stamps[order], stamps[order] + 1000, samples,
+                      np.zeros((len(order), 2), np.bool_), 'imu')
+    result = analyze(write(tmp_path / 'a.mcap', {'/camera/imu': united}))
+    for name, axis in result.axes.items():
+        rate = 200 if name[0] == 'g' else 250
+        assert axis.sample_rate_hz == pytest.approx(rate, rel=1e-4)
+        assert axis.coefficients['noise_density'].value == pytest.approx(
+            (0.01 if name[0] == 'g' else 0.1) / np.sqrt(rate), rel=0.1)
+    assert [remark.message for remark in result.warnings if remark.code == 'repeated_half'] == [
+        f'{tmp_path / "a.mcap"}: each message of topic /camera/imu repeats one of its halves; '
+        'each sensor is analyzed at its own rate']
+
+
 @pytest.mark.parametrize(('limit', 'status'), [(0.15, 0), (0.07, 3)])
 def test_a_live_check_decides_on_both_halves_of_an_imu(tmp_path, capsys, limit, status):
     path = write(tmp_path / 'a.mcap', {
