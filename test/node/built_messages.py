@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message packages built as a workspace builds them, with the generators of ROS and a compiler."""
 
+from collections.abc import Mapping
 import ctypes
 import os
 from pathlib import Path
@@ -30,23 +31,24 @@ for kind, name in (('rosidl_generator_c', 'GenerateC'), ('rosidl_generator_py', 
 """
 
 
-def build(folder: Path, definition: str, kind: str) -> dict[str, str]:
+def build(folder: Path, package: str, definitions: Mapping[str, str]) -> dict[str, str]:
     """
-    Build the package of a message type; return the environment in which it is sourced.
+    Build a package of message types; return the environment in which it is sourced.
 
-    `definition` is the text of the type, and behind lines of ``=`` those of other types, each with
+    A definition is the text of a type, and behind lines of ``=`` those of other types, each with
     ``MSG: package/Name`` above it. Types of installed packages are taken from there.
     """
     if shutil.which('g++') is None or not (_PREFIX / 'share' / 'rosidl_generator_py').is_dir():
         pytest.skip('no compiler, or no generators of messages')
-    package, _, base = kind.split('/')
-    first, *others = re.split(r'\n?={10,}\n', definition)
-    texts = {base: first}
-    for text in others:
-        head, _, body = text.partition('\n')
-        owner, _, name = head.removeprefix('MSG: ').replace('/msg/', '/').partition('/')
-        if owner == package:
-            texts[name] = body
+    texts = {}
+    for kind, definition in definitions.items():
+        first, *others = re.split(r'\n?={10,}\n', definition)
+        texts[kind.split('/')[2]] = first
+        for text in others:
+            head, _, body = text.partition('\n')
+            owner, _, name = head.removeprefix('MSG: ').replace('/msg/', '/').partition('/')
+            if owner == package:
+                texts[name] = body
     source = folder / package
     (source / 'msg').mkdir(parents=True)
     for name, text in texts.items():

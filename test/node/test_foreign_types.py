@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real nodes that listen to the messages of other packages, built and sourced."""
 
+from collections.abc import Callable
+from functools import cache
 import importlib
 import json
 from pathlib import Path
@@ -16,27 +18,46 @@ import pytest
 from rclpy.qos import QoSProfile
 from ros_harness import Ros
 from std_srvs.srv import Trigger
-from test_accepted_sources import COUNT, SOURCES
+from test_accepted_sources import COUNT, Source, SOURCES
 
 FOREIGN = ('px4 combined', 'px4 vehicle', 'vectornav', 'vectornav common', 'sbg', 'sbg short',
            'adi', 'leo', 'unitree', 'depthai', 'flat', 'nested', 'named fields')
 
 
+@pytest.fixture(scope='module')
+def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Source]:
+    """Write a recording of every type."""
+    return {name: SOURCES[name](tmp_path_factory.mktemp('source')) for name in FOREIGN}
+
+
+@pytest.fixture(scope='module')
+def sourced(sources: dict[str, Source], tmp_path_factory: pytest.TempPathFactory
+            ) -> Callable[[str], dict[str, str]]:
+    """Build a package with all its types at its first use: a process loads it once."""
+    @cache
+    def workspace(package: str) -> dict[str, str]:
+        found = build(tmp_path_factory.mktemp('workspace'), package, {
+            kind: text for source in sources.values() for kind, text in source.kinds.items()
+            if kind.startswith(f'{package}/')})
+        sys.path.insert(0, found['PYTHONPATH'].split(':')[0])
+        return found
+
+    return workspace
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('name', FOREIGN)
 def test_a_node_reads_every_type_that_is_known_like_its_recording(
-        ros: Ros, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    source = SOURCES[name](ros.folder)
-    [(kind, definition)] = source.kinds.items()
+        ros: Ros, name: str, sources: dict[str, Source],
+        sourced: Callable[[str], dict[str, str]]) -> None:
+    source = sources[name]
+    [kind] = source.kinds
     package, _, base = kind.split('/')
-    sourced = build(ros.folder / 'workspace', definition, kind)
-    monkeypatch.syspath_prepend(sourced['PYTHONPATH'].split(':')[0])
-    for module in [module for module in sys.modules if module.partition('.')[0] == package]:
-        monkeypatch.delitem(sys.modules, module)
+    environment = sourced(package)
     message_class = getattr(importlib.import_module(f'{package}.msg'), base)
     node = ros.start('imu_allan_node', {
         'imu_type': kind, 'publish_period': 0.5,
-        **{f'{key}_field': value for key, value in source.options.items()}}, env=sourced)
+        **{f'{key}_field': value for key, value in source.options.items()}}, env=environment)
     publisher = ros.node.create_publisher(message_class, ros.name('imu/data_raw'),
                                           QoSProfile(depth=COUNT))
     ros.until(lambda: publisher.get_subscription_count() == 1)
