@@ -286,7 +286,7 @@ def test_the_digits_are_those_of_the_interval_unless_they_hide_the_verdict(
 def test_the_table_shows_every_number_in_the_unit_of_the_specification(result, tmp_path):
     specification = parse_model('gyro: {x: {noise_density: 0.03 deg/s/sqrt(Hz)}}')
     with (tmp_path / 'out').open('w') as file:
-        Console(file=file, width=120).print(verdict_table(check(result, specification), 'Gyro'))
+        Console(file=file, width=80).print(verdict_table(check(result, specification), 'Gyro'))
     shown = (tmp_path / 'out').read_text()
     row = next(line for line in shown.splitlines() if 'gyro_x' in line)
     assert row.split() == ['gyro_x', 'N', '0.04011', '0.04003', '..', '0.04019', '0.03',

@@ -34,12 +34,11 @@ def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
     rich.table.Table
 
     """
-    from rich import box
     from rich.table import Table
     from rich.text import Text
 
     table = Table(title=Text(printable(title), style='bold') if title else None,
-                  title_justify='left', box=box.SIMPLE_HEAD, padding=0)
+                  title_justify='left', box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for heading in ('axis', 'term', 'measured', '95 % interval', 'limit', 'unit', 'ratio',
                     'verdict'):
         table.add_column(heading, overflow='fold', justify='right' if heading in (
