@@ -98,8 +98,8 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
     """
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.
 
-    The Allan deviation stands with its 68 % and 95 % intervals, the fitted model, the model's
-    terms with their slopes, and a ring where each coefficient is read off.
+    The Allan deviation stands with the fitted model and where 95 % of its points should fall, the
+    model's terms with their slopes, and a ring where each coefficient is read off.
 
     Parameters
     ----------

@@ -18,7 +18,9 @@ from importlib.resources import files
 import re
 from typing import Any, TYPE_CHECKING
 
+from imu_allan.characterization.mean import error_of_mean
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Span
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
@@ -286,15 +288,19 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
     rows = []
     for name, stationarity in known.items():
         for place, segment in enumerate(stationarity.segments):
-            density, interval = '', ''
+            density, interval, spread = '', '', ''
+            mean = number(convert(segment.mean, axis.unit, mean_unit), 5)
             if segment.noise_density is not None and segment.ci95 is not None:
                 density, *bounds = measured(*(engineering(v, n_unit)[0] for v in (
                     segment.noise_density, *segment.ci95)))
                 interval = ' – '.join(bounds)
+                half = NORMAL95 * error_of_mean(axes[name], segment.duration_s)
+                mean, *bounds = measured(*(convert(v, axis.unit, mean_unit) for v in (
+                    segment.mean, segment.mean - half, segment.mean + half)))
+                spread = ' – '.join(bounds)
             rows.append({
                 'axis': spoken(name) if not place else '', 'start': duration(segment.start_s),
-                'mean': number(convert(segment.mean, axis.unit, mean_unit), 5),
-                'density': density, 'interval': interval,
+                'mean': mean, 'spread': spread, 'density': density, 'interval': interval,
                 'drift': '' if segment.drift_sigma is None else
                 number(engineering(segment.drift_sigma, axis.unit)[0], 3)})
     # Without the p-value: in a long record a change far too small to matter is significant.

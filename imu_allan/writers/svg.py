@@ -232,7 +232,7 @@ class Panel:
                 f'<title>{escape(title)}</title></path>')
 
     def label(self, x: float, y: float, lines: Sequence[str], avoid: Array, kind: str,
-              taken: list[Box]) -> str:
+              taken: list[Box], *, ring: bool = True) -> str:
         """
         Return a text near a point, where it covers least, and a ring and a line to the point.
 
@@ -248,6 +248,8 @@ class Panel:
             Class of the text.
         taken : list of Box
             Where labels stand; the new one is added.
+        ring : bool, optional
+            Whether a ring marks the point.
 
         """
         px, py = float(self.x(x)), float(self.y(y))
@@ -262,8 +264,8 @@ class Panel:
         rows = ''.join(_text(left + 4, top + FONT * (1.1 + 1.25 * row), text, kind, 'start')
                        for row, text in enumerate(lines))
         return (f'<path class="leader" d="M{px:.1f} {py:.1f}L{end_x:.1f} {top + height / 2:.1f}"/>'
-                f'<circle class="ring" cx="{px:.1f}" cy="{py:.1f}" r="5.5"/>'
-                f'<rect class="plate" x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" '
+                + (f'<circle class="ring" cx="{px:.1f}" cy="{py:.1f}" r="5.5"/>' if ring else '')
+                + f'<rect class="plate" x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" '
                 f'height="{height:.1f}"/>{rows}')
 
     def pixels(self, x: ArrayLike, y: ArrayLike) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from hashlib import sha256
 from html.parser import HTMLParser
 import io
+from math import degrees
 import os
 from pathlib import Path
 import re
@@ -14,8 +15,10 @@ import time
 
 from browser import faults_of, needs_browser, pages_in_print
 from imu_allan import analyze
+from imu_allan.characterization.mean import error_of_mean
 from imu_allan.result import (
     Curve,
+    GaussMarkov,
     GoodnessOfFit,
     Inspection,
     Remark,
@@ -344,6 +347,24 @@ def test_a_result_of_nothing_gives_a_page(result, tmp_path, browser):
     browser.show(written(tmp_path, report_html(empty)))
     assert 'No gap and no motion' in browser.run('return document.body.innerText')
     assert browser.console() == []
+
+
+def test_every_part_has_its_mean_with_an_interval(filtered):
+    text = Outline(report_html(filtered)).text
+    axis = filtered.axes['gyro_x']
+    part = axis.stationarity.segments[1]
+    half = 1.96 * error_of_mean(axis, part.duration_s)
+    mean, low, high = measured(*(degrees(v) for v in (part.mean, part.mean - half,
+                                                      part.mean + half)))
+    assert f' 22 min 30 s {mean} {low} – {high} ' in text
+
+
+def test_a_correlated_process_is_named_in_the_picture(filtered):
+    axis = replace(filtered.axes['gyro_x'], gauss_markov=GaussMarkov(2e-3, 300.0))
+    page = report_html(replace(filtered, axes={'gyro_x': axis}))
+    assert 'Gauss-Markov, 413 °/h' in page
+    assert 'correlated over 5 min' in page
+    assert page.count('class="ring"') == 2 * 3
 
 
 def test_the_report_names_the_unit_and_who_measured_it_where(result):

@@ -10,10 +10,10 @@ shown for one of them at a time, the worst one until the reader chooses another.
 from collections.abc import Mapping
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import measured, SAMPLES, SENSORS, spoken
+from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of, worst_axis
 from imu_allan.writers.curves import (
     beyond,
@@ -117,7 +117,7 @@ def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, l
 
 def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeline, *,
                  brief: bool) -> list[str]:
-    """Return each term's own line, a ring where its coefficient is read, and its value."""
+    """Return the line of each term and process, a ring where it is read, and its value."""
     parts: list[str] = []
     taken: list[Box] = []
     tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
@@ -135,6 +135,15 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeli
                  name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
         height = float(term.adev(value, at)) * factor
         parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
+    if (process := axis.gauss_markov) is not None:
+        line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau)) * factor
+        top = int(np.argmax(line))
+        parts.append(panel.line(tau, line, 'term'))
+        sigma, unit = engineering(process.sigma, axis.unit)
+        lines = [f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
+                 f'correlated over {duration(process.correlation_time_s)}']
+        parts.append(panel.label(tau[top], line[top], lines[:1] if brief else lines, avoid,
+                                 'name', taken, ring=False))
     return parts
 
 
