@@ -112,8 +112,6 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
         None where no process makes the data markedly more likely.
 
     """
-    from scipy.optimize import minimize_scalar  # seldom needed, and slow to import
-
     groups = base.groups
     shortest, longest = _range(groups, dt)
     if longest < 2 * shortest:
@@ -136,6 +134,8 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
     best = int(np.argmin(losses))
     if 2 * (base.solution.loss - losses[best]) < _OBSERVABLE_PROCESS / 2:
         return None
+    from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
+
     around = (times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)])
     log_time = float(minimize_scalar(attempt, bounds=around, method='bounded',
                                      options={'xatol': 0.01}).x)
