@@ -16,7 +16,13 @@ from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.parts import Part
 from imu_allan.noise.periodogram import Periodogram
 from imu_allan.noise.signal_over_time import stood_still
-from imu_allan.noise.stationarity import segment_powers, SegmentPowers, Steadiness, steadiness
+from imu_allan.noise.stationarity import (
+    segment_powers,
+    SegmentPowers,
+    short_powers,
+    Steadiness,
+    steadiness,
+)
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.noise.trends import RecordSpectrum
@@ -26,7 +32,8 @@ from numpy.typing import NDArray
 SHORTEST_RECORD = 64
 """Samples below which no coefficient is estimated."""
 _COARSE_STEP = 2.0
-"""In noise of a sample: with coarser steps a mean between two borders often gives one value."""
+"""In noise of a sample: with coarser steps a mean between two borders often gives one value, and
+the noise changes with the place of the mean between them."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         return [None] * finished.axes
     bins = bins_of(pieces, dt, finished.bridged / finished.samples)
     segments = segment_powers(finished.periodogram)
+    brief = short_powers(finished.periodogram) if segments is None else None
+    noise = sample_noise(finished)
     bridged_share = finished.bridged / finished.samples
     quarters = _quarters(finished.periodogram, dt, bridged_share)
     found: list[AxisFit | None] = []
@@ -97,12 +106,19 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         lines, keep = find_lines(pieces, bins, axis, dt, first)
         lines_hz = [line.frequency_hz for line in lines]
         steady = steadiness(segments, axis, dt, lines_hz) if segments else None
+        own = segments
+        if brief is not None and finished.step[axis] <= _COARSE_STEP * noise[axis]:
+            # All that a short record can say of its parts is that their noise is not the same.
+            said = steadiness(brief, axis, dt, lines_hz, white_alone=True)
+            own, steady = (None, None) if said.steady else (brief, said)
         record = RecordSpectrum(pieces, bins, axis, dt, keep)
         groups = whole if keep.all() else record.groups()
-        parts = partial(_spectra, quarters, axis, lines_hz)
-        fitted = fit(groups, dt, first, record, steady, parts, temperature,
-                     partial(_calmed, finished, axis, dt, lines_hz))
-        found.append(AxisFit(fitted, lines, groups, whole, fitted.steady, segments))
+        parts, calmed = None, None
+        if brief is None:
+            parts = partial(_spectra, quarters, axis, lines_hz)
+            calmed = partial(_calmed, finished, axis, dt, lines_hz)
+        fitted = fit(groups, dt, first, record, steady, parts, temperature, calmed)
+        found.append(AxisFit(fitted, lines, groups, whole, fitted.steady, own))
     return found
 
 

@@ -16,12 +16,13 @@ R. T. Birge, Phys. Rev. 40 (1932): intervals of measurements that disagree.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.cells import end_to_end
+from imu_allan.noise.cells import Cells, end_to_end
 from imu_allan.noise.groups import Groups
 from imu_allan.noise.parts import part_cells
-from imu_allan.noise.periodogram import Periodogram, unbroken
+from imu_allan.noise.periodogram import Periodogram, SHORTEST, unbroken
 from imu_allan.noise.segments import OCTAVES, PER_OCTAVE
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 
 _SMALLEST_P = 1e-3
 """Of equal noise; 1 steady record in 1000 goes on to the question of size."""
+_SHORT_P = 1e-4
+"""The same in a short record: with 1e-3 a deep low-pass, which leaks, alarms in 2 of 100."""
 _LEAST_SPREAD = 0.05
 """Relative spread of the power between segments that a user cares about, beyond sampling error."""
 _SPLITS_HZ = (0.03, 0.3, 3.0)
@@ -47,6 +50,12 @@ _LEAST_RATIO = 1e-3
 """30 dB less than the mean are as steady as nothing at all, whose logarithm would be endless."""
 _SMOOTH = 0.7
 """Octaves over which the spread is averaged: neighbouring half-octaves change together."""
+_SHORT_PARTS, _SHORT_CELLS = 8, 64
+"""Parts of a short record, and their shortest: its power is known to a fifth, a doubling to 4."""
+_HIGHEST_OF_MEANS = 0.25
+"""Of their own rate: means fold what is faster, the more the nearer to half of it."""
+_WHITE_RATIO = 2.0
+"""Over the fastest octave: beyond, drift and its bends are in a part of a short record."""
 _WHITE_SHARE = 0.8
 """Share of the white noise in a band from which the band speaks for its density."""
 
@@ -183,27 +192,85 @@ def _slow_part(periodogram: Periodogram, number: int, power: Array, dof: Array
     cell = periodogram.cell
     cells = part_cells(periodogram, number, number + 1)
     for points, _, _ in unbroken(cells, cell):
-        length = points.shape[1]
-        index = np.arange(_FIRST_INDEX, length)
-        nu = index / (2 * length * cell)
-        index = index[nu < min(0.25 / cell, 2.0**-OCTAVES)]
-        band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * cell)) + _DEPTH))
-        squares = dct(points, norm='ortho')[:, index]**2
-        for axis, row in enumerate(squares):
-            power[axis] += np.bincount(band.astype(np.int64), row, len(dof))
-        dof += np.bincount(band.astype(np.int64), minlength=len(dof))
+        index = np.arange(_FIRST_INDEX, points.shape[1])
+        _add(power, dof, points, index, cell, min(_HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
     before = part_cells(periodogram, 0, number + 1).keys
     start = float(end_to_end(before)[len(before) - len(cells)] * cell) if len(cells) else 0.0
+    return (start, *_part_means(cells))
+
+
+def _add(power: Array, dof: Array, points: Array, index: NDArray[np.int64], cell: int,
+         highest: float) -> None:
+    """Add the coefficients of points, means of `cell` samples, up to a frequency per sample."""
+    length = points.shape[1]
+    index = index[index / (2 * length * cell) < highest]
+    band = np.floor(PER_OCTAVE * (np.log2(index / (2 * length * cell)) + _DEPTH))
+    squares = dct(points, norm='ortho')[:, index]**2
+    for axis, row in enumerate(squares):
+        power[axis] += np.bincount(band.astype(np.int64), row, len(dof))
+    dof += np.bincount(band.astype(np.int64), minlength=len(dof))
+
+
+def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
+    """Return samples, mean and drift of a part, and the samples of each of its 16 means."""
     count = max(float(cells.counts.sum()), 1.0)
     parts = np.array_split(np.arange(len(cells)), min(16, max(len(cells), 1)))
     sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
     counts = np.array([max(cells.counts[part].sum(), 1) for part in parts])
-    return (start, count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),
+    return (count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),
             count / len(parts))
 
 
+def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
+    """
+    Gather the power of the parts of a record too short for segments.
+
+    Parameters
+    ----------
+    periodogram : Periodogram
+        Finished.
+
+    Returns
+    -------
+    SegmentPowers or None
+        Up to a quarter of the rate of the cells of the whole-record series, in up to
+        `_SHORT_PARTS` parts of it; None where they are fewer than three.
+
+    """
+    series, cell = periodogram.series, periodogram.cell
+    parts = min(_SHORT_PARTS, len(series) // _SHORT_CELLS)
+    if parts < 3:
+        return None
+    ends = np.linspace(0, len(series), parts + 1).astype(np.int64)
+    bands = _DEPTH * PER_OCTAVE
+    power, dof = np.zeros((len(series.sums), parts, bands)), np.zeros((parts, bands))
+    highest = 0.5 if cell == 1 else _HIGHEST_OF_MEANS / cell
+    for number, (first, last) in enumerate(pairwise(ends.tolist())):
+        cells = series.take(slice(first, last))
+        # A line over a gap is no noise, and parts have more or fewer of them.
+        whole = cells.counts == cell
+        breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
+        for points in np.split(cells.means, breaks, axis=1):
+            length = points.shape[1]
+            if length >= SHORTEST:
+                index = np.arange(_FIRST_INDEX, length)
+                _add(power[:, number], dof[number], points, index, cell, highest)
+    seen = np.flatnonzero(dof.sum(axis=0))
+    if not len(seen):
+        return None
+    frequency = 2.0 ** ((seen + 0.5) / PER_OCTAVE - _DEPTH)
+    dof = dof[:, seen]
+    starts = (end_to_end(series.keys)[ends[:-1]] * cell).astype(np.float64)
+    about = [_part_means(series.take(slice(first, last))) for first, last in pairwise(ends)]
+    count, mean, drift, drift_samples = (list(x) for x in zip(*about, strict=True))
+    return SegmentPowers(frequency, power[:, :, seen] / np.maximum(dof, 1), dof,
+                         np.array(count), starts,
+                         np.stack(mean, axis=1), np.stack(drift, axis=1),
+                         np.array(drift_samples))
+
+
 def steadiness(powers: SegmentPowers, axis: int, dt: float,
-               lines_hz: Sequence[float] = ()) -> Steadiness:
+               lines_hz: Sequence[float] = (), white_alone: bool = False) -> Steadiness:
     """
     Compare the segments of one axis.
 
@@ -217,6 +284,8 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         Sample interval in seconds.
     lines_hz : sequence of float, optional
         Lines, whose bands are left out.
+    white_alone : bool, optional
+        Leave out what is slower than white noise, as in the parts of a short record.
 
     Returns
     -------
@@ -230,6 +299,10 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     power, dof = powers.power[axis], powers.dof
     level = np.average(power, axis=0, weights=np.maximum(dof, 1e-9))
     if keep.any():
+        if white_alone:
+            fastest = keep & (frequency > frequency[keep][-1] / 2)
+            keep &= level < _WHITE_RATIO * np.average(level[fastest],
+                                                      weights=dof.sum(axis=0)[fastest])
         keep &= level > _WEAKEST * np.median(level[keep])
     ratio = power / np.maximum(level, 1e-300)
     half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
@@ -237,7 +310,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         nothing = np.array([1.0])
         return Steadiness(True, 1.0, (), nothing, np.zeros(1), nothing)
     at, middle, count = half
-    p_value = _bartlett(at, count)
+    p_value, least = _bartlett(at, count), _SHORT_P if white_alone else _SMALLEST_P
     spread = _spread(at, count)
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (_SMOOTH / 2))**2) \
         * count.mean(axis=0)
@@ -250,12 +323,12 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     changes = []
     for place in np.argsort(-wide):
         only = slice(place, place + 1)
-        if wide[place] <= _LEAST_SPREAD or _bartlett(at[:, only], count[:, only]) >= _SMALLEST_P:
+        if wide[place] <= _LEAST_SPREAD or _bartlett(at[:, only], count[:, only]) >= least:
             continue
         band = int(np.digitize(centre[place], _SPLITS_HZ))
         changes.append(Change(edges[band], edges[band + 1], float(wide[place]) / 2,
                               np.sqrt(at[:, place])))
-    steady = p_value >= _SMALLEST_P or not changes
+    steady = p_value >= least or not changes
     return Steadiness(steady, p_value, () if steady else tuple(changes), middle, smooth,
                       count.sum(axis=0))
 

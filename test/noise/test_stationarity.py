@@ -8,7 +8,7 @@ from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.stationarity import segment_powers, steadiness
+from imu_allan.noise.stationarity import segment_powers, short_powers, steadiness
 from imu_allan.noise.terms import Quantity
 import numpy as np
 import pytest
@@ -94,6 +94,70 @@ def test_segments_follow_one_another_and_know_their_means():
         assert segment.mean == pytest.approx(part.mean(), abs=1e-9)
         low, high = segment.ci95
         assert low < segment.noise_density < high
+
+
+@pytest.mark.parametrize(('samples', 'from_', 'ratio'), [
+    (1000, 0.5, 2.0), (2000, 0.9, 2.0), (6000, 0.7, 0.5), (12_000, 0.3, 1.3), (30_000, 0.5, 1.3)])
+def test_a_short_record_says_that_its_noise_changes(samples, from_, ratio):
+    record = simulate(SENSOR, samples, RATE, 1)
+    even = characterize(record, RATE)
+    at = round(from_ * samples)
+    record[at:] *= ratio
+    estimator = Estimator()
+    estimator.update(record)
+    axis, remarks = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
+    assert 'not_steady' in {remark.code for remark in remarks}
+    assert not axis.stationarity.steady
+    first, last = axis.stationarity.segments[0], axis.stationarity.segments[-1]
+    assert last.noise_density / first.noise_density == pytest.approx(ratio, rel=0.3)
+    assert last.start_s + last.duration_s == pytest.approx(samples / RATE)
+    low, high = axis.coefficients['noise_density'].ci95
+    narrow = even.coefficients['noise_density'].ci95
+    assert high / low > narrow[1] / narrow[0]
+
+
+SHORT = {
+    'white': {'noise_density': 1e-3},
+    'flicker': {'noise_density': 1e-3, 'bias_instability': 5e-3},
+    'walk': {'noise_density': 1e-3, 'rate_random_walk': 5e-3},
+    'quantization': {'noise_density': 1e-3, 'quantization_noise': 1e-4},
+    'warm-up': {'noise_density': 1e-3},
+    'coarse': {'noise_density': 1e-3},
+    'low-pass': {'noise_density': 1e-3},
+}
+
+
+def short_record(kind, samples, seed):
+    record = simulate(SHORT[kind], samples + 31, RATE, seed)
+    if kind == 'warm-up':
+        record += 0.5 * np.exp(-5 * np.arange(len(record)) / samples)
+    if kind == 'coarse':
+        record = np.rint(record / 0.02) * 0.02
+    if kind == 'low-pass':
+        record = np.convolve(record, np.ones(32) / 32, 'valid')
+    return record[:samples]
+
+
+def alarms(kind, samples, seeds):
+    told = 0
+    for seed in seeds:
+        estimator = Estimator()
+        estimator.update(short_record(kind, samples, seed))
+        powers = short_powers(estimator.finished().periodogram)
+        told += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady
+    return told
+
+
+@pytest.mark.parametrize('kind', SHORT)
+def test_a_short_record_whose_noise_stays_the_same_says_nothing(kind):
+    assert alarms(kind, 1000, range(15)) + alarms(kind, 9000, range(15)) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', SHORT)
+def test_fewer_than_one_short_record_in_a_hundred_alarms(kind):
+    assert sum(alarms(kind, samples, range(100, 400))
+               for samples in (300, 1000, 9000, 30_000)) < 12
 
 
 @pytest.mark.parametrize('samples', [100, 20_000])

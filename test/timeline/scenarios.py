@@ -402,6 +402,30 @@ def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return _lose(m, truth, keep)
 
 
+def noise_changes(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let the noise of all axes double or halve for good."""
+    truth.told |= {'not_steady', 'noise_level_changed', 'motion', 'rest_within_motion'}
+    if len(m.place) < _LONG_S * truth.rate_hz:
+        # It takes a minute to tell a louder sensor from an engine.
+        truth.told.add('refused')
+    at = int(len(m.place) * rng.uniform(0.15, 0.85))
+    level = m.samples.mean(axis=0)
+    m.samples[at:] = level + (m.samples[at:] - level) * rng.choice([0.5, 2.0])
+    return m
+
+
+def axis_wakes_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let an axis, or all of a sensor, give one value first; or again later."""
+    axes = [slice(0, 3), slice(3, 6), slice(2, 3)][int(rng.integers(3))]
+    n = len(m.place)
+    m.samples[:int(n * rng.uniform(0.02, 0.7)), axes] = 0.0
+    if rng.random() < 0.3:
+        at = int(n * rng.uniform(0.75, 0.8))
+        m.samples[at:at + n // 10, axes] = m.samples[at, axes]
+    truth.exact = False
+    return m
+
+
 def infinite(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let single values be infinite or absurd."""
     hit = rng.integers(0, len(m.place), max(len(m.place) // 1000, 1))
@@ -444,8 +468,9 @@ LOSSES: tuple[Fault, ...] = (
 SAMPLES: tuple[Fault, ...] = (
     frozen, not_a_number, knock, coarse_output, constant_axis, accel_declared_absent_later,
     two_publishers, rate_change, polled_twice, spikes, infinite, axes_nan_for_a_while,
-    gyro_declared_absent_first, tilt)
+    gyro_declared_absent_first, tilt, noise_changes, axis_wakes_late)
 _SHORT_S = 6.0
+_LONG_S = 150.0
 DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
 
