@@ -88,7 +88,12 @@ def spikes(samples: Floats, before: Floats | None) -> Bools:
     known = np.clip(np.nan_to_num(samples), -_LARGEST, _LARGEST)
     known = np.concatenate([known[:1] if before is None else before[None], known])
     steps = np.abs(np.diff(known, axis=0))
-    sigma = 1.4826 / np.sqrt(2) * np.median(steps, axis=0)
+    usual = np.median(steps, axis=0)
+    for axis, woke in enumerate(np.argmax(steps > 0, axis=0).tolist()):
+        if woke > _ISOLATED:
+            # Of an axis that comes to life only what follows is noise.
+            usual[axis] = np.median(steps[woke:, axis])
+    sigma = 1.4826 / np.sqrt(2) * usual
     if not np.any(steps > 0.7 * _SPIKE_SIGMAS * sigma):
         return np.zeros(len(samples), dtype=bool)
     padded = np.pad(known, ((1, 2), (0, 0)), mode='edge')
