@@ -151,6 +151,17 @@ def test_messages_dropped_in_turn_are_missed(pattern):
     assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
 
 
+@pytest.mark.parametrize('pattern', ['1100', '11100', '111100'])
+def test_messages_dropped_in_turn_are_missed_by_one_clock_alone(pattern):
+    messages, truth, _ = rest(5.0, 1200)
+    messages.receive = messages.header.copy()
+    there = np.resize([kept == '1' for kept in pattern], len(messages.place))
+    result = characterized(keep(messages, there))
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert codes(result) >= {'many_missing'}
+    assert 'uneven_stamps' not in codes(result)
+
+
 @pytest.mark.parametrize('lost', [0.3, 0.4, 0.5, 0.6, '110', '1100', '11000', '111000'])
 def test_many_missing_samples_bound_the_error_of_the_noise_density(lost):
     messages, truth, rng = rest()
