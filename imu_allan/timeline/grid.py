@@ -239,7 +239,8 @@ def _runs_at_a_rate(places: Floats, counting: bool, other_rate: bool, block: int
                     ) -> list[tuple[int, bool]]:
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
-    off = [not _on_rate(places[first:last], 0.1 if counting else 0.02)
+    off = [not (_on_rate(places[first:last], 0.1 if counting else 0.02)
+                or (counting and _on_average(places[first:last])))
            for first, last in zip(starts, ends, strict=True)]
     runs: list[tuple[int, bool]] = []
     state = other_rate
@@ -270,6 +271,11 @@ def _on_rate(places: Floats, tolerance: float) -> bool:
     return len(places) < 2 or bool(np.mean(np.abs(steps - whole) < EVEN_JITTER) > 0.9
                                    and len(one) > 0.3 * len(steps)
                                    and abs(float(one.mean()) - 1) < tolerance)
+
+
+def _on_average(places: Floats) -> bool:
+    """Whether as many intervals pass as messages come: batches with losses have no median."""
+    return abs(float(places[-1] - places[0]) / max(len(places) - 1, 1) - 1) < 0.1
 
 
 def _change_point(places: Floats, near: int, to_other: bool) -> int:

@@ -389,7 +389,10 @@ class Intake:
             return pace, count
         ratio = second.interval_ns / pace.interval_ns
         if pace.counting:
-            if abs(ratio - 1) > _SAME_RATE:
+            # Where as much time passes on both, they tell of the same samples, and the even one
+            # shows which of them are missing.
+            speed = float(other[-1] - other[0]) / max(float(own[-1] - own[0]), 1.0)
+            if abs(ratio - 1) > _SAME_RATE < abs(speed - 1):
                 return pace, count
         elif not (_OTHER_GRID < abs(ratio - 1) < _OTHER_RATE
                   and spread_about(other, pace.interval_ns)

@@ -54,8 +54,8 @@ _FEW_LOSSES = 8
 _STRAIGHT = 0.75
 """Intervals from a line within which a tick or a dropping counter keeps every message."""
 _WIDER_THAN_TICK = 0.99
-"""Stamps that a tick rounds lie within less than one of it, of 16 in a row about .94; where two are
-kept and two dropped in turn they lie within 1, of three kept and two dropped within 1.33."""
+"""Stamps that a tick rounds lie within less than one of it, of 16 in a row about .94; where two
+are kept and two dropped in turn they lie within 1, of three kept and two dropped within 1.33."""
 _SAME_PACE = 0.2
 """Share of the losses by which two paces may differ and still be the same."""
 _GROUP = 16
@@ -74,6 +74,12 @@ _LONGEST_OF_BATCHES = 20
 """Messages: a FIFO is read more often."""
 _MOST_HIDDEN = 0.9
 """Share of the samples: of a stream that loses more than nine of ten a bound says nothing."""
+_LEAST_SPEED = 0.5
+"""Of two clocks that tell of the same messages. A judgment."""
+_FEWEST_ON = 0.3
+"""Share of the batches that have to follow each other without an outage. A judgment."""
+_SOME_HIDDEN = 0.005
+"""Share of the samples from which on it is told."""
 _PART = 128
 """Messages of which a rate is measured: long beside a batch, short beside a recording."""
 _CLEARLY_LESS, _AT_LEAST_LESS = 0.9, 0.005
@@ -198,9 +204,13 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     if len(first) < _FEW_LOSSES:
         return None
     size, lasts = np.diff(first), np.diff(time[first])
-    usual = float(np.median(lasts / size))
-    on = np.abs(lasts - usual * size) < 0.5 * usual * size
-    if usual <= 0 or np.mean(on) < 0.5:
+    # With an outage behind every second batch, the shorter distances are those of batches.
+    for percent, share in ((50, 0.5), (_SHORT_PERCENT, _FEWEST_ON)):
+        usual = float(np.percentile(lasts / size, percent))
+        on = np.abs(lasts - usual * size) < 0.5 * usual * size
+        if usual > 0 and np.mean(on) >= share:
+            break
+    else:
         return None
     interval = float(lasts[on].sum() / size[on].sum())
     sizes = np.diff(np.append(first, len(time)))
@@ -210,6 +220,11 @@ def _in_batches(time: Floats, begins: Bools) -> Pace | None:
     wander = (time[first] / interval - first)[1:] - np.cumsum(np.where(leaps < _LEAP, 0.0, leaps))
     # Beginnings have no sawtooth, so that shorter distances tell, and those more surely.
     hidden = _hidden(np.repeat(wander, sizes[1:]), _HIDDEN_LAGS // 2)
+    if hidden > _SOME_HIDDEN:
+        # Something is lost. Of equal batches the sizes are binomial then, and say it more surely.
+        single = size[size < 1.5 * np.median(size)]
+        share = float(single.var() / single.mean()) * (1 + 2 * sqrt(2 / len(single)))
+        hidden = min(max(hidden, share), _MOST_HIDDEN)
     return Pace(interval, float(residual.std()), counting=True, hidden=hidden)
 
 
@@ -240,6 +255,9 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
 def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> float | None:
     """How many intervals pass by the other clock where the grid misses one; None if unknown."""
     passed = np.diff(other).astype(np.float64)
+    if not _LEAST_SPEED < float(passed.sum()) / float(own.sum()) < 1 / _LEAST_SPEED:
+        # A clock that stands still, or jumps, is none either.
+        return None
     if np.max(np.abs(passed - own)) < 0.02 * interval:
         # One clock written down twice is no witness.
         return None

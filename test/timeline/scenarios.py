@@ -537,10 +537,12 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     told = bool(codes & (truth.told | {'counted_samples'}))
     rate = result.timeline.sample_rate_hz
     off = _bound(result, r'(?:averaging times|its rate) may be up to ([\d.]+)% off')
-    high = _bound(result, r'noise density (?:then|may) be up to ([\d.]+)% too high')
+    too_high = _bound(result, r'noise density (?:then|may) be up to ([\d.]+)% too high')
+    hidden = _bound(result, r'up to ([\d.]+)% of the samples may be missing unseen')
+    may = max(off, RATE_TOLERANCE)
     if not result.axes and not codes:
         wrong.append('no axes and no word')
-    if (rate is None or abs(rate / truth.rate_hz - 1) > max(off, RATE_TOLERANCE)) and not told:
+    if (rate is None or not -may - hidden < rate / truth.rate_hz - 1 < may) and not told:
         wrong.append(f'rate {rate}')
     false_terms = 0
     for name, axis in result.axes.items():
@@ -550,12 +552,13 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
         if density.observable and density.value is not None and density.ci95 is not None:
             low, high = (density.value + 3 * (end - density.value) for end in density.ci95)
             least = DENSITY_TOLERANCE + off / 2
-            near = -least < density.value / truth.density - 1 < least + high
+            near = -least < density.value / truth.density - 1 < least + too_high
             if not (near or low <= truth.density <= high) and not told:
                 wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')
         false_terms += any(axis.coefficients[key].observable
                            for key in ('bias_instability', 'rate_random_walk'))
-    if truth.exact and not told and 'uneven_stamps' not in codes and result.timeline.missing != truth.missing:
+    exact = truth.exact and not told and 'uneven_stamps' not in codes
+    if exact and result.timeline.missing != truth.missing:
         wrong.append(f'missing {result.timeline.missing} of {truth.missing}')
     return wrong, false_terms, len(result.axes)
 

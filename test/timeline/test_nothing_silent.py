@@ -209,6 +209,42 @@ def test_random_losses_within_batches_bound_the_error_and_batches_alone_are_no_l
     assert found is None or lost < float(found[1]) / 100 < 2 * lost
 
 
+@pytest.mark.parametrize('lost', ['random', 'long gaps'])
+def test_receive_stamps_that_stand_still_are_no_witness_against_losses(lost):
+    messages, truth, rng = rest(200.0, 60)
+    messages.receive = np.full(len(messages.place), messages.receive[-1])
+    there = (rng.random(len(messages.place)) > 0.05 if lost == 'random'
+             else messages.place % 60 >= 9)
+    kept = keep(messages, there)
+    result = characterized(kept)
+    assert_right(result, truth)
+    assert result.timeline.missing == kept.place[-1] - kept.place[0] + 1 - len(kept.place)
+
+
+def test_headers_in_batches_with_outages_leave_the_rate_to_even_receive_stamps():
+    messages, truth, _ = rest(duration_s=600)
+    messages.header = ((messages.place // 20 + 1) * 20 / truth.rate_hz
+                       + messages.place % 20 * 2e-6)
+    kept = keep(messages, messages.place / truth.rate_hz % 12 < 0.7)
+    assert_right(characterized(kept), truth)
+
+
+@pytest.mark.parametrize('size', [4, 10, 20])
+@pytest.mark.parametrize('lost', [0.2, 0.3])
+def test_many_losses_within_batches_bound_the_noise_density(size, lost):
+    for seed in (0, 3):
+        messages, truth, rng = rest(seed=seed)
+        messages.samples[:, 1:] = np.nan
+        messages.header = ((messages.place // size + 1) * size / truth.rate_hz
+                           + messages.place % size * 2e-5)
+        messages.receive = messages.header + 1e-3
+        result = characterized(keep(messages, rng.random(len(messages.place)) >= lost))
+        found = re.search(r'noise density then be up to ([\d.]+)% too high',
+                          told(result, 'uneven_stamps'))
+        value = result.axes['gyro_x'].coefficients['noise_density'].value
+        assert 0.97 < value / truth.density < 1.02 + float(found[1]) / 100
+
+
 def test_axes_that_are_absent_for_most_of_the_first_messages_make_no_topic_unusable():
     messages, truth, _ = rest()
     messages.absent[:, 0] = True
