@@ -119,14 +119,17 @@ class Content(Record):
             return False
         # The liveliest axis says it for most sensors, two for outputs of 16 bits: looking at all
         # takes many times as long.
-        alive = [axis for axis in sorted(range(6), key=lambda axis: -self.changed[axis])
-                 if self.changed[axis]]
         same: Bools = np.ones(len(samples) - 1, dtype=bool)
-        for axis in alive:
+        begins_anew = False
+        for axis in sorted(range(6), key=lambda axis: -self.changed[axis]):
             values = samples[:, axis]
+            # What never changed, and NaN, which is unlike itself, tell nothing.
+            if not self.changed[axis] or np.isnan(values).any():
+                continue
             same &= values[1:] == values[:-1]
-            if np.count_nonzero(same) < FROZEN_RUN and not same[-1:].any():
-                return any(samples[0, axis] != self.last[axis] for axis in alive)
+            begins_anew |= bool(values[0] != self.last[axis])
+            if begins_anew and np.count_nonzero(same) < FROZEN_RUN and not same[-1:].any():
+                return True
         return False
 
     def look(self, samples: Floats, consumed: int) -> Repeats:

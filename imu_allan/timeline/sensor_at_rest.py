@@ -143,19 +143,24 @@ def settle(loudness: Floats, wander: Floats, resolution: Floats) -> tuple[Baseli
 
 def baseline_of(loudness: Floats, wander: Floats, resolution: Floats) -> Baseline:
     """Describe windows at rest; the arguments are those of `settle`."""
-    centre = np.median(loudness, axis=0)
+    centre, spread, wide = _typical(loudness, wander)
+    dead = _dead(loudness, resolution)
+    for axis in [] if dead is None else np.flatnonzero(dead.any(axis=0)).tolist():
+        assert dead is not None
+        alive, own = ~dead[:, axis], slice(axis, None, 6)
+        centre[own], spread[own], wide[axis:axis + 1] = _typical(
+            loudness[alive, own], wander[alive, axis:axis + 1])
+    return Baseline(centre, spread, wide, resolution)
+
+
+def _typical(loudness: Floats, wander: Floats) -> tuple[Floats, Floats, Floats]:
+    """Medians of loudness, of its spread and of the wander, which NaN is unknown of."""
+    centre: Floats = np.median(loudness, axis=0)
     spread = 1.4826 * np.median(np.abs(loudness - centre), axis=0)
     known = wander[~np.isnan(wander[:, 0])]
     wide = (1.4826 * np.median(np.abs(known), axis=0) if len(known) >= 4
-            else np.full(6, np.inf))
-    dead = _dead(loudness, resolution)
-    if dead is not None:
-        for axis in np.flatnonzero(dead.any(axis=0)).tolist():
-            one = baseline_of(loudness[~dead[:, axis]], wander[~dead[:, axis]],
-                              np.zeros(6))
-            centre[axis::6], spread[axis::6] = one.loudness[axis::6], one.spread[axis::6]
-            wide[axis] = one.wander[axis]
-    return Baseline(centre, spread, wide, resolution)
+            else np.full(wander.shape[1], np.inf))
+    return centre, spread, wide
 
 
 def _dead(loudness: Floats, resolution: Floats) -> Bools | None:

@@ -4,9 +4,11 @@
 
 from dataclasses import replace
 import re
+from time import process_time
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
+from imu_allan.timeline.sensor_at_rest import baseline_of
 from imu_messages import run
 import numpy as np
 import pytest
@@ -700,3 +702,28 @@ def test_of_twenty_thousand_scenarios_hardly_any_leaves_a_number_silently_wrong(
         print(one)
     assert len(wrong) <= 0.02 * len(verdicts)
     assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
+
+
+def test_a_frozen_accelerometer_is_seen_where_the_gyroscope_is_gone():
+    messages, truth, _ = rest(100.0, 300)
+    messages.samples[5000:, :3] = np.nan
+    messages.samples[12_000:16_000, 3:] = messages.samples[12_000, 3:]
+    result = characterized(messages)
+    assert 'frozen' in codes(result)
+    assert 'motion' not in codes(result)
+    assert result.axes['accel_x'].coefficients['noise_density'].value == pytest.approx(
+        truth.density, rel=0.03)
+
+
+def test_axes_that_stand_still_in_turn_cost_no_more_than_one():
+    rng = np.random.default_rng(0)
+    loudness, wander = abs(rng.normal(1, 0.1, (512, 12))), rng.normal(size=(512, 6))
+    for axis in range(6):
+        loudness[rng.random(512) < 0.1, axis::6] = 0
+    begin = process_time()
+    baseline = baseline_of(loudness, wander, np.full(6, 0.1))
+    # Described anew for each order of the axes, it took 1.4 s.
+    assert process_time() - begin < 0.2
+    alive = loudness[:, 2] > 0
+    assert baseline.loudness[2] == np.median(loudness[alive, 2])
+    assert baseline.wander[2] == 1.4826 * np.median(abs(wander[alive, 2]))
