@@ -31,7 +31,8 @@ class RecordingOptions:
     gyro_topic, accel_topic : str or None
         The two topics of an IMU that comes in halves.
     columns : tuple of (str, str)
-        Pairs of axis (or ``time``) and name of the column of a CSV file.
+        Pairs of axis (or ``time``) and name of the column of a CSV file, or its number from 1,
+        with the unit behind it if it has another one: ``('gyro_x', '2 deg/s')``.
     accel_rate_hz : float or None
         Sample rate in Hz of an accelerometer on a topic of its own.
     temperature : str or None
