@@ -26,7 +26,8 @@ def generate_launch_description() -> LaunchDescription:
         Node(
             package='imu_allan', executable='imu_simulator', namespace=NAMESPACE,
             output='screen', parameters=[{
-                'model': LaunchConfiguration('model'),
+                # A path is no YAML: all that follows ' #' would be a comment.
+                'model': ParameterValue(LaunchConfiguration('model'), value_type=str),
                 **{name: ParameterValue(LaunchConfiguration(name), value_type=float)
                    for name in ('rate', 'speed', 'duration')}}]),
         Node(

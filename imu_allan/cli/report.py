@@ -42,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
         save_report,
     )
     from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.turn import turn_in
 
     results = [load_result(path) for path in args.results]
     pictures = tuple(name for name in args.format if name != 'latex')
@@ -50,17 +51,19 @@ def run(args: argparse.Namespace) -> int:
     if len(results) > 1 and args.width is not None:
         raise ImuAllanError('--width takes one result')
     if len(results) == 1:
-        paths = save_report(results[0], args.output, pictures)
-        if pictures != args.format:
-            paths += save_latex(results[0], args.output)
-        if args.width is not None:
-            paths += save_paper(results[0], args.output, args.width, pictures)
+        with turn_in(args.output):
+            paths = save_report(results[0], args.output, pictures)
+            if pictures != args.format:
+                paths += save_latex(results[0], args.output)
+            if args.width is not None:
+                paths += save_paper(results[0], args.output, args.width, pictures)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of
         from imu_allan.writers.terminal import console_of
 
         names = names_of([Path(path) for path in args.results])
-        paths = save_comparison(dict(zip(names, results, strict=True)), args.output, pictures)
+        with turn_in(args.output):
+            paths = save_comparison(dict(zip(names, results, strict=True)), args.output, pictures)
         console = console_of()
         named = dict(zip(names, results, strict=True))
         if len(named) > MOST_COMPARED:

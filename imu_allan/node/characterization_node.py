@@ -95,7 +95,8 @@ class CharacterizationNode(Node):
             subscribed[0], TimelineOptions(clock=values['clock'],
                                            gap_tolerance=values['gap_tolerance'],
                                            motion=values['motion']),
-            ' '.join(filter(None, [values['imu_type'], *_fields(values), *_units(values)])),
+            ' '.join(filter(None, [values['imu_type'], *_fields(values), *_units(values),
+                                   values['accel_type']])),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
         thermometer = values['temperature_topic']
@@ -103,7 +104,7 @@ class CharacterizationNode(Node):
                              if thermometer else None)
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(
-            self, values['imu_type'],
+            self, [_type(values, half)[1] for _, half in topics],
             [f'-p {half}_topic' if half else f'-r {TOPIC}' for _, half in topics],
             self._receptions, self._publications, self._announcements, self._log)
         self._run = self._storage.first_run()
@@ -159,14 +160,14 @@ class CharacterizationNode(Node):
     def _reception(self, topic: str, half: Half | None, values: Mapping[str, Any]) -> Reception:
         expected = 0.0 if half == 'accel' else values['expected_rate']
         queue, (gyro_unit, accel_unit) = queue_messages(expected), _units(values)
+        parameter, kind = _type(values, half)
         try:
-            decode = decoder(values['imu_type'], *_fields(values), gyro_unit=gyro_unit,
+            decode = decoder(kind, *_fields(values, half), gyro_unit=gyro_unit,
                              accel_unit=accel_unit)
         except ImuAllanError as error:
-            raise ImuAllanError(f'parameter imu_type: {error}') from error
+            raise ImuAllanError(f'parameter {parameter}: {error}') from error
         try:
-            subscription = DrainedSubscription(self, message_class(values['imu_type']), topic,
-                                               queue)
+            subscription = DrainedSubscription(self, message_class(kind), topic, queue)
         except NameValidationException as error:
             raise ImuAllanError(f'parameter {half}_topic: {" ".join(str(error).split())}'
                                 ) from error
@@ -378,6 +379,9 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
     """Give the topics to subscribe to, with the sensor that comes on it if it is one alone."""
     gyro, accel = values['gyro_topic'], values['accel_topic']
     if not gyro and not accel:
+        if values['accel_type']:
+            raise ImuAllanError('parameter accel_type: needs gyro_topic and accel_topic; '
+                                'imu_type is the type of one topic')
         return [(TOPIC, None)]
     if not (gyro and accel):
         named, other = ('gyro', 'accel') if gyro else ('accel', 'gyro')
@@ -386,8 +390,16 @@ def _topics(values: Mapping[str, Any]) -> list[tuple[str, Half | None]]:
     return [(gyro, 'gyro'), (accel, 'accel')]
 
 
-def _fields(values: Mapping[str, Any]) -> list[str]:
-    return [values[f'{part}_field'] for part in ('gyro', 'accel', 'stamp')]
+def _type(values: Mapping[str, Any], half: Half | None) -> tuple[str, str]:
+    """Give the type of the messages on a topic, after the parameter that says it."""
+    name = 'accel_type' if half == 'accel' and values['accel_type'] else 'imu_type'
+    return name, values[name]
+
+
+def _fields(values: Mapping[str, Any], half: Half | None = None) -> list[str]:
+    """Give the fields that are named for the messages on a topic; the others are empty."""
+    return ['' if half is not None and part not in (half, 'stamp') else values[f'{part}_field']
+            for part in ('gyro', 'accel', 'stamp')]
 
 
 def _units(values: Mapping[str, Any]) -> list[str]:

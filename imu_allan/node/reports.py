@@ -31,8 +31,8 @@ class Reports:
     ----------
     node : rclpy.node.Node
         Asked who else is there.
-    type_name : str
-        Of the messages.
+    type_names : sequence of str
+        Of the messages on each topic.
     remedies : sequence of str
         How each topic can be chosen.
     receptions : sequence of Reception
@@ -44,11 +44,11 @@ class Reports:
 
     """
 
-    def __init__(self, node: Node, type_name: str, remedies: Sequence[str],
+    def __init__(self, node: Node, type_names: Sequence[str], remedies: Sequence[str],
                  receptions: Sequence[Reception], publications: Publications,
                  announcements: Sequence[Announcements], log: Log) -> None:
         self._node = node
-        self._type_name = type_name
+        self._type_names = type_names
         self._remedies = remedies
         self._receptions = receptions
         self._publications = publications
@@ -58,10 +58,6 @@ class Reports:
         self._last_complaint = [self._last - 6 * SILENCE_S] * len(receptions)
         self._last_cpu = time.process_time()
         self._last_received = [0] * len(receptions)
-
-    @property
-    def _kind(self) -> str:
-        return self._type_name.rpartition('/')[2]
 
     def due(self, now: float) -> bool:
         """Whether it is time for the next report."""
@@ -109,7 +105,7 @@ class Reports:
         self._announcements[number].see_reception(facts, names)
         if facts.silent_s > SILENCE_S and now - self._last_complaint[number] > 6 * SILENCE_S:
             self._last_complaint[number] = now
-            self._complain_of_silence(facts, self._remedies[number])
+            self._complain_of_silence(facts, self._type_names[number], self._remedies[number])
 
     def _look(self, now: float, lane: Lane, facts: Facts, announcements: Announcements
               ) -> TimelineSummary:
@@ -128,10 +124,10 @@ class Reports:
         announcements.see_timeline(now, facts, summary)
         return summary
 
-    def _complain_of_silence(self, facts: Facts, remedy: str) -> None:
-        topic = facts.topic
+    def _complain_of_silence(self, facts: Facts, type_name: str, remedy: str) -> None:
+        topic, kind = facts.topic, type_name.rpartition('/')[2]
         others = [name for name, types in self._node.get_topic_names_and_types()
-                  if self._type_name in types and name != topic
+                  if type_name in types and name != topic
                   and self._node.count_publishers(name)]
         text = f'no message on {topic} for {facts.silent_s:.0f} s'
         if facts.publishers:
@@ -139,8 +135,8 @@ class Reports:
         elif facts.refused:
             text += f'; {"; ".join(facts.refused)}'
         elif others:
-            text += (f'; {self._kind} topics here: {", ".join(sorted(others))}; choose one with '
+            text += (f'; {kind} topics here: {", ".join(sorted(others))}; choose one with '
                      f'--ros-args {remedy}:=TOPIC')
         else:
-            text += f'; no node publishes {self._kind} messages'
+            text += f'; no node publishes {kind} messages'
         self._log.warning(text)

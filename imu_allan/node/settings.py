@@ -120,6 +120,9 @@ SETTINGS = (
             'both sensors from imu/data_raw', read_only=True),
     Setting('accel_topic', '', 'Topic of the accelerometer, where the IMU comes on two',
             read_only=True),
+    Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
+            'px4_msgs/msg/SensorAccel, where it is another than imu_type; empty is imu_type',
+            read_only=True),
     Setting('spec_file', '', 'Datasheet (YAML) that the IMU is held against all the time; empty '
             'is none', read_only=True),
     Setting('reference', '', 'Result file of the same IMU from before; a departure from it is '

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from pathlib import Path
 import re
 import secrets
 import stat
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.writers.output_path import followed
+from imu_allan.writers.output_path import followed, open_folder
 
 _STANDARD = {'/dev/stdout': 1, '/dev/stderr': 2}
 _OPEN_ALREADY = re.compile(r'/(?:dev|proc/self)/fd/(\d{1,4})')
@@ -49,11 +48,16 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
             _write_through(path, data)
             return
         target = followed(path)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if target.is_dir():
-            raise IsADirectoryError(None, 'is a directory')
-        _replace(target, data, private)
-        _sync_folder(target.parent)
+        if os.name == 'posix':
+            folder = open_folder(target.parent)
+            try:
+                _replace(target.name, data, private, folder)
+                _sync(folder)
+            finally:
+                os.close(folder)
+        else:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            _replace(str(target), data, private)
     except OSError as error:
         raise ImuAllanError(
             f'{path}: cannot be written ({error.strerror or error}); '
@@ -93,30 +97,41 @@ def _write_through(path: str | os.PathLike[str], data: bytes) -> None:
         stream.write(data)
 
 
-def _replace(target: Path, data: bytes, private: bool) -> None:
-    temporary = target.with_name(f'.{target.name[:100]}.{secrets.token_hex(4)}')
+def _replace(target: str, data: bytes, private: bool, folder: int | None = None) -> None:
+    """Put `data` in the place of a file, whose name is one in `folder` if that is given."""
+    before = _mode(target, folder)
+    if before is not None and stat.S_ISDIR(before):
+        raise IsADirectoryError(None, 'is a directory')
+    head, name = os.path.split(target)
+    temporary = os.path.join(head, f'.{name[:100]}.{secrets.token_hex(4)}')  # noqa: PTH118
     # The system applies the umask, which a process cannot even ask for without changing it.
-    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL,
-                     0o600 if private else 0o666)
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if private else 0o666,
+                     dir_fd=folder)
     try:
         with os.fdopen(handle, 'wb') as file:
-            if not private:
-                with contextlib.suppress(FileNotFoundError):
-                    os.fchmod(handle, target.stat().st_mode & 0o777)
+            if not private and before is not None and stat.S_ISREG(before):
+                os.fchmod(handle, before & 0o777)
             file.write(data)
             file.flush()
             os.fsync(handle)
-        temporary.replace(target)
+        os.replace(temporary, target, src_dir_fd=folder, dst_dir_fd=folder)
     except BaseException:
         with contextlib.suppress(FileNotFoundError):
-            temporary.unlink()
+            os.unlink(temporary, dir_fd=folder)
         raise
 
 
-def _sync_folder(folder: Path) -> None:
-    # Windows cannot open a folder, and some network file systems cannot sync one.
+def _mode(name: str, folder: int | None) -> int | None:
+    try:
+        return os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode
+    except FileNotFoundError:
+        return None
+
+
+def _sync(folder: int) -> None:
+    # Some network file systems cannot sync a folder, and one that is open by O_PATH cannot be.
     with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
+        handle = os.open('.', os.O_RDONLY, dir_fd=folder)
         try:
             os.fsync(handle)
         finally:

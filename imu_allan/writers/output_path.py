@@ -5,11 +5,14 @@ Where an output really goes.
 
 In a folder that everybody may write to, such as /tmp, somebody else may have put a symbolic link
 where an output is expected, and the output would go wherever the link leads. Linux refuses to
-follow such links where fs.protected_symlinks is set; here they are refused everywhere.
+follow such links where fs.protected_symlinks is set; here they are refused everywhere, and so are
+those of others in folders that others made there. Links that come between looking and writing are
+not followed either: the folder is opened step by step, and the file is made in what is open.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 from pathlib import Path
@@ -19,6 +22,9 @@ from imu_allan.errors import ImuAllanError, printable
 
 _MOST_LINKS = 40
 """As many as Linux follows."""
+_STEP = os.O_RDONLY | getattr(os, 'O_DIRECTORY', 0) | getattr(os, 'O_NOFOLLOW', 0)
+_ONLY_PASSED = getattr(os, 'O_PATH', 0)
+"""Folders on the way may be ones that one may pass through and not list."""
 
 
 def followed(path: str | os.PathLike[str]) -> Path:
@@ -28,15 +34,15 @@ def followed(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     OSError
-        If a link on the way was put into a folder that everybody may write to by another user than
-        this one or the owner of that folder.
+        If a link on the way lies in a folder that everybody may write to, or below one, and is
+        neither of this user nor of root.
 
     """
     if os.name != 'posix':
         return Path(os.path.realpath(path))
     pending = os.path.join(Path.cwd(), path).split('/')[::-1]  # noqa: PTH118
     current = '/'
-    links = 0
+    links, shared = 0, False
     while pending:
         part = pending.pop()
         if part in ('', '.'):
@@ -45,15 +51,19 @@ def followed(path: str | os.PathLike[str]) -> Path:
             current = str(Path(current).parent)
             continue
         step = os.path.join(current, part)  # noqa: PTH118
+        shared = shared or _is_everybodys(current)
         if not Path(step).is_symlink():
             current = step
             continue
         links += 1
         if links > _MOST_LINKS:
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
-        _require_own(step)
+        if shared:
+            _require_own(step)
         target = str(Path(step).readlink())
-        current = '/' if target.startswith('/') else current
+        if target.startswith('/'):
+            # Whoever owns the link vouches for where it leads.
+            current, shared = '/', False
         pending += target.split('/')[::-1]
     return Path(current)
 
@@ -85,9 +95,61 @@ def require_writable(folder: str | os.PathLike[str]) -> None:
                             f'{reason}); choose a folder that may be written to')
 
 
+def open_folder(path: Path) -> int:
+    """
+    Open a folder, made where it is missing, without following a link at any step.
+
+    Parameters
+    ----------
+    path : Path
+        What `followed` gave: absolute, without links.
+
+    Returns
+    -------
+    int
+        Descriptor, for ``dir_fd``.
+
+    Raises
+    ------
+    OSError
+        If a step is none, may not be made or passed, or has become a link since.
+
+    """
+    handle = os.open('/', _STEP | _ONLY_PASSED)
+    try:
+        for part in path.parts[1:]:
+            with contextlib.suppress(FileExistsError):
+                if not _is_there(part, handle):
+                    os.mkdir(part, dir_fd=handle)
+            try:
+                step = os.open(part, _STEP | _ONLY_PASSED, dir_fd=handle)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(path)) from error
+            os.close(handle)
+            handle = step
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
+
+
+def _is_there(name: str, folder: int) -> bool:
+    try:
+        os.stat(name, dir_fd=folder, follow_symlinks=False)
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _is_everybodys(folder: str) -> bool:
+    try:
+        return bool(os.stat(folder).st_mode & stat.S_IWOTH)  # noqa: PTH116
+    except OSError:
+        # What is not there holds no links.
+        return False
+
+
 def _require_own(link: str) -> None:
-    folder = Path(link).parent.stat()
-    everybodys = folder.st_mode & stat.S_ISVTX and folder.st_mode & stat.S_IWOTH
-    if everybodys and os.lstat(link).st_uid not in (os.geteuid(), folder.st_uid):
+    if os.lstat(link).st_uid not in (os.geteuid(), 0):
         raise OSError(None, f'{link} is a link that another user put into a folder that everybody '
                       'may write to', link)

@@ -9,6 +9,7 @@ import signal
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped, Vector3Stamped
 from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
@@ -16,10 +17,11 @@ from imu_allan.recordings import RecordingOptions
 import numpy as np
 import pytest
 from rclpy.publisher import Publisher
-from ros_harness import Driver, recorded, Ros, start_repeatedly
+from rclpy.qos import QoSProfile
+from ros_harness import Driver, Process, recorded, Ros, start_repeatedly
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 START_NS = 1_700_000_000 * 10**9
 RATES_HZ = {'gyro': 200.0, 'accel': 125.0}
@@ -75,6 +77,12 @@ class Camera:
 
         self._reports = self.ros.listen(DiagnosticArray, '/diagnostics', 10)
         return dict(self.ros.until(written))
+
+    def received(self, samples: int, accel_samples: int) -> None:
+        """Wait until so many have come, used or not."""
+        self._reports = self.ros.listen(DiagnosticArray, '/diagnostics', 10)
+        self.ros.until(lambda: self._received('gyro') >= samples
+                       and self._received('accel') >= accel_samples)
 
     def _received(self, name: str) -> int:
         found = [int(entry.value) for array in self._reports for status in array.status
@@ -172,7 +180,7 @@ def test_a_half_that_is_silent_costs_the_other_nothing_and_is_told(ros: Ros) -> 
     assert levels['timeline accel'].hardware_id == camera.drivers['accel'].topic
 
 
-def test_a_half_that_changes_its_rate_for_good_begins_a_new_run(ros: Ros) -> None:
+def test_a_half_that_changes_rate_or_frame_for_good_begins_a_new_run(ros: Ros) -> None:
     camera = Camera(ros)
     results = ros.listen(String, 'imu_allan/result')
     for name in RATES_HZ:
@@ -190,18 +198,115 @@ def test_a_half_that_changes_its_rate_for_good_begins_a_new_run(ros: Ros) -> Non
         return len(axes) == 6 and abs(rate / 250.0 - 1) < 1e-3
 
     ros.until(both_new)
+    camera.publish('gyro', half('gyro', 15.0, start_s=60.0, frame_id='other'))
+    ros.until(lambda: camera.node.log.count('a new run begins') == 2)
+    # What came of the accelerometer before belongs to the run before.
+    camera.publish('accel', half('accel', 10.0, start_s=80.0, rate_hz=250.0))
+    document = camera.saved(3000, 1500 + 5000 + 5000 + 2500)
+    assert document['source']['frame_id'].startswith('other')
+    assert len(document['axes']) == 6
+    # The two runs before, and this one.
+    assert len(list((ros.folder / 'output').iterdir())) == 3
 
 
 def test_reset_and_pause_mean_both_halves(ros: Ros) -> None:
     camera = Camera(ros)
     for name in RATES_HZ:
-        camera.publish(name, half(name, 10.0))
-    camera.saved(2000, 1250)
+        camera.publish(name, half(name, 5.0))
+    camera.saved(1000, 625)
     assert ros.call(Trigger, 'imu_allan/reset').success
     for name in RATES_HZ:
         camera.publish(name, half(name, 5.0, start_s=10.0))
-    document = camera.saved(1000, 1250 + 625)
+    document = camera.saved(1000, 625 + 625)
     assert len(document['axes']) == 6
+    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True)).success
+    for name in RATES_HZ:
+        camera.publish(name, half(name, 5.0, start_s=15.0))
+    camera.received(3000, 1875)
+    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=False)).success
+    for name in RATES_HZ:
+        camera.publish(name, half(name, 5.0, start_s=20.0))
+    document = camera.saved(2000, 2500)
+    # The pause is a gap of both, bridged by neither.
+    assert [round(gap['duration_s'], 1) for gap in document['timeline']['gaps']] == [5.0]
+
+
+@pytest.mark.slow
+def test_the_driver_of_a_half_that_is_killed_leaves_a_gap_in_its_own_half(ros: Ros) -> None:
+    gyro, accel = (ros.name(f'camera/{name}/sample') for name in RATES_HZ)
+    node = ros.start('imu_allan_node', {'publish_period': 0.5, 'gyro_topic': gyro,
+                                        'accel_topic': accel}, best_effort=True)
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    results = ros.listen(String, 'imu_allan/result')
+
+    def driver(topic: str) -> Process:
+        return ros.start('imu_simulator', {'rate': 200.0, 'wait_for_subscriptions': 1},
+                         remaps={'imu/data_raw': topic})
+
+    def latest() -> dict[str, Any]:
+        return dict(json.loads(results[-1].data)) if results else {'axes': {}}
+
+    killed, _ = driver(gyro), driver(accel)
+    ros.until(lambda: len(latest()['axes']) == 6)
+    killed.popen.send_signal(signal.SIGKILL)
+    killed.wait()
+    reports.clear()
+
+    def silent() -> set[str]:
+        return {status.name.rpartition(' ')[2] for array in reports[-1:]
+                for status in array.status
+                if ': reception' in status.name and status.level == b'\2'}
+
+    ros.until(silent)
+    assert silent() == {'gyro'}
+    driver(gyro)
+    ros.until(lambda: latest()['timeline']['gaps'])
+    assert len(latest()['axes']) == 6
+    assert 'a new run begins' not in node.log
+    assert node.stop() == 0
+
+
+def test_each_half_may_have_a_type_of_its_own(ros: Ros) -> None:
+    topics = {name: ros.name(f'driver/{name}') for name in RATES_HZ}
+    parameters = {
+        'publish_period': 0.5, 'gyro_topic': topics['gyro'], 'accel_topic': topics['accel'],
+        'imu_type': 'geometry_msgs/msg/Vector3Stamped', 'gyro_field': 'vector deg/s',
+        'accel_type': 'geometry_msgs/msg/AccelStamped', 'accel_field': 'accel.linear'}
+    for topic in topics.values():
+        parameters |= {f'qos_overrides.{topic}.subscription.reliability': 'reliable',
+                       f'qos_overrides.{topic}.subscription.history': 'keep_all'}
+    node = ros.start('imu_allan_node', parameters, best_effort=True)
+    publishers = {name: ros.node.create_publisher(kind, topics[name], QoSProfile(depth=10_000))
+                  for name, kind in (('gyro', Vector3Stamped), ('accel', AccelStamped))}
+    ros.until(lambda: all(each.get_subscription_count() == 1 for each in publishers.values()))
+    blocks = {name: half(name, 20.0) for name in RATES_HZ}
+    for name, block in blocks.items():
+        for stamp, sample in zip(block.header_ns.tolist(), block.samples.tolist(), strict=True):
+            message = Vector3Stamped() if name == 'gyro' else AccelStamped()
+            message.header.frame_id = block.frame_id
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            vector = message.vector if name == 'gyro' else message.accel.linear
+            factor = 180 / np.pi if name == 'gyro' else 1.0
+            vector.x, vector.y, vector.z = (
+                factor * value for value in (sample[:3] if name == 'gyro' else sample[3:]))
+            publishers[name].publish(message)
+
+    def whole() -> Any:
+        response = ros.call(Trigger, 'imu_allan/save')
+        if not response.success:
+            return None
+        document = json.loads(Path(response.message.splitlines()[0]).read_text())
+        return document if len(document['axes']) == 6 and (
+            document['timeline']['samples'] == len(blocks['gyro'])) else None
+
+    axes = ros.until(whole)['axes']
+    assert axes['accel_y']['sample_rate_hz'] == pytest.approx(125.0, rel=1e-6)
+    for number, name in enumerate(('gyro_x', 'gyro_y', 'gyro_z')):
+        assert axes[name]['mean'] == pytest.approx(
+            blocks['gyro'].samples[:, number].mean(), rel=1e-6, abs=1e-12)
+        assert axes[name]['coefficients']['noise_density']['value'] == pytest.approx(
+            0.01 / 200**0.5, rel=0.1)
+    assert node.stop() == 0
 
 
 def test_half_a_pair_of_topics_is_refused(ros: Ros) -> None:
@@ -213,7 +318,11 @@ def test_half_a_pair_of_topics_is_refused(ros: Ros) -> None:
         (('gyro_topic:=/a', 'accel_topic:=/a'),
          'parameters gyro_topic and accel_topic: both are /a'),
         (('gyro_topic:=/a', "accel_topic:='/a b'"), 'parameter accel_topic: Invalid topic name'),
-        (('accel_unit:=deg/s',), 'parameter imu_type: accel_unit deg/s: ')]
+        (('accel_unit:=deg/s',), 'parameter imu_type: accel_unit deg/s: '),
+        (('accel_type:=sensor_msgs/msg/Imu',),
+         'parameter accel_type: needs gyro_topic and accel_topic; imu_type is the type of one'),
+        (('gyro_topic:=/g', 'accel_topic:=/a', 'accel_type:=sensor_msgs/msg/Joy'),
+         'parameter accel_type: type sensor_msgs/msg/Joy holds no samples of an IMU')]
     results = start_repeatedly(ros, [
         [word for part in parts for word in ('-p', part)] for parts, _ in cases])
     for (status, text), (_, line) in zip(results, cases, strict=True):

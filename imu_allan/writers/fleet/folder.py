@@ -9,6 +9,7 @@ from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
 from imu_allan.writers.fleet.findings import Fleet
 from imu_allan.writers.fleet.page import fleet_html
+from imu_allan.writers.turn import turn_in
 
 
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
@@ -34,6 +35,7 @@ def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
 
     """
     paths = [Path(folder) / name for name in ('fleet.json', 'fleet.csv', 'fleet.html')]
-    for path, writer in zip(paths, (fleet_json, fleet_csv, fleet_html), strict=True):
-        write_atomically(path, writer(fleet).encode())
+    with turn_in(folder):
+        for path, writer in zip(paths, (fleet_json, fleet_csv, fleet_html), strict=True):
+            write_atomically(path, writer(fleet).encode())
     return paths

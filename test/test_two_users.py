@@ -1,0 +1,140 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Two processes, or two users, that write to the same place at the same time."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import threading
+import time
+
+from imu_allan.cli.workers import characterize, Task
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings.write import write_recording
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers import turn
+from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.turn import turn_in
+import pytest
+
+MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}\n'
+SOMEBODY_ELSE = 12345
+SWAP = """
+import os, random, sys, time
+os.setuid(int(sys.argv[1]))
+link, target = sys.argv[2:]
+print('ready', flush=True)
+while True:
+    try:
+        os.symlink(target, link)
+        time.sleep(random.random() * 0.003)
+        os.unlink(link)
+        time.sleep(random.random() * 0.003)
+    except OSError:
+        pass
+"""
+
+
+def shared_folder(folder: Path) -> Path:
+    """Make a folder like /tmp: everybody may write to it, nobody may remove what is not theirs."""
+    if os.name != 'posix' or os.geteuid() != 0:
+        pytest.skip('acting as another user needs root')
+    folder.mkdir()
+    folder.chmod(0o1777)
+    # The other user has to get there.
+    for above in folder.parents:
+        above.chmod(above.stat().st_mode | 0o111)
+    return folder
+
+
+@contextmanager
+def links_come_and_go(link: Path, target: Path) -> Iterator[None]:
+    """Let another user put a link there and take it away again, all the time."""
+    process = subprocess.Popen(
+        [sys.executable, '-I', '-c', SWAP, str(SOMEBODY_ELSE), str(link), str(target)],
+        stdout=subprocess.PIPE)
+    with process:
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            yield
+        finally:
+            process.kill()
+
+
+def test_a_link_that_comes_between_looking_and_writing_is_not_followed(tmp_path):
+    # 3 in 1000 writes went to the other folder before.
+    shared, precious = shared_folder(tmp_path / 'shared'), tmp_path / 'precious'
+    precious.mkdir()
+    (precious / 'result.json').write_text('mine')
+    written = refused = 0
+    with links_come_and_go(shared / 'out', precious):
+        end = time.monotonic() + 2.0
+        while time.monotonic() < end:
+            try:
+                write_atomically(shared / 'out' / 'result.json', b'x')
+            except ImuAllanError as error:
+                assert str(error).startswith(f'{shared}/out/result.json: cannot be written (')
+                refused += 1
+            else:
+                written += 1
+                shutil.rmtree(shared / 'out', ignore_errors=True)
+            assert [path.name for path in precious.iterdir()] == ['result.json']
+            assert (precious / 'result.json').read_text() == 'mine'
+    assert written > 10
+    assert refused > 10
+
+
+def test_a_link_in_a_folder_that_another_user_made_in_a_shared_one_is_not_followed(tmp_path):
+    theirs = shared_folder(tmp_path / 'shared') / 'theirs'
+    theirs.mkdir()
+    (tmp_path / 'precious').write_text('mine')
+    (theirs / 'result.json').symlink_to(tmp_path / 'precious')
+    for path in (theirs, theirs / 'result.json'):
+        os.lchown(path, SOMEBODY_ELSE, SOMEBODY_ELSE)
+    with pytest.raises(ImuAllanError, match='is a link that another user put into a folder that'):
+        write_atomically(theirs / 'result.json', b'x')
+    assert (tmp_path / 'precious').read_text() == 'mine'
+
+
+def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, monkeypatch):
+    path = write_recording(tmp_path / 'a', simulated_blocks(
+        parse_model(MODEL), 100.0, 3000, start_ns=10**18))
+    monkeypatch.setattr(turn, 'PATIENCE_S', 0.1)
+    with turn_in(tmp_path / 'out'):
+        result, error = characterize(Task(
+            str(path), None, {}, 0.0, None, size_bytes=1, folder=tmp_path / 'out'))
+    assert result.axes
+    assert 'another process writes to it' in str(error)
+    assert not list((tmp_path / 'out').iterdir())
+
+
+def test_a_folder_is_written_to_by_one_after_the_other(tmp_path):
+    took = []
+
+    def second() -> None:
+        with turn_in(tmp_path / 'out'):
+            took.append('second')
+
+    with turn_in(tmp_path / 'out'):
+        thread = threading.Thread(target=second)
+        thread.start()
+        time.sleep(0.2)
+        took.append('first')
+    thread.join(60)
+    assert took == ['first', 'second']
+
+
+def test_a_folder_that_another_keeps_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(turn, 'PATIENCE_S', 0.1)
+    with turn_in(tmp_path / 'out'), pytest.raises(ImuAllanError) as error, \
+            turn_in(tmp_path / 'out'):
+        pass
+    assert str(error.value) == (
+        f'{tmp_path / "out"}: cannot be written (another process writes to it); choose another '
+        'folder, or wait until it has ended')
