@@ -11,6 +11,7 @@ import subprocess
 from typing import Any
 from xml.etree import ElementTree
 
+from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.node.settings import SETTINGS, SIMULATOR_SETTINGS
 import pytest
 from ros_harness import Driver, Ros
@@ -91,13 +92,37 @@ def test_the_list_of_several_imus_is_read_or_refused_with_a_reason() -> None:
         assert str(caught.value) == reason
 
 
+ANALYZER = {'type': str, 'path': str, 'contains': list, 'startswith': list, 'name': list,
+            'expected': list, 'regex': list, 'remove_prefix': list,
+            'find_and_remove_prefix': list, 'timeout': float, 'num_items': int,
+            'discard_stale': bool}
+"""Parameters of diagnostic_aggregator/GenericAnalyzer in ROS 2, each of one type only."""
+STATUSES = ('reception', 'timeline', 'estimation', 'storage', 'specification', 'reference')
+
+
 def test_the_analyzers_take_in_every_status_of_the_node() -> None:
     document = yaml.safe_load((ROOT / 'config' / 'imu_allan_diagnostics.yaml').read_text())
-    [analyzer] = [value for value in document['/**']['ros__parameters'].values()
-                  if isinstance(value, dict)]
+    parameters = document['/**']['ros__parameters']
+    assert isinstance(parameters['path'], str)
+    [analyzer] = [value for value in parameters.values() if isinstance(value, dict)]
     assert analyzer['type'] == 'diagnostic_aggregator/GenericAnalyzer'
-    parts = ('reception', 'timeline', 'estimation', 'storage', 'specification', 'reference')
-    assert analyzer['contains'] == [f': {part}' for part in parts]
+    for name, value in analyzer.items():
+        # The aggregator asks for a parameter of this type and ends where it has another.
+        assert type(value) is ANALYZER[name], name
+        assert name in ('type', 'path', 'timeout') or {type(item) for item in value} == {str}
+    assert analyzer['contains'] == [f': {part}' for part in STATUSES]
+
+
+def test_no_status_of_a_node_is_left_to_others(ros: Ros) -> None:
+    document = yaml.safe_load((ROOT / 'config' / 'imu_allan_diagnostics.yaml').read_text())
+    contains = document['/**']['ros__parameters']['imu_noise']['contains']
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    ros.start('imu_allan_node', {'gyro_topic': 'a', 'accel_topic': 'b',
+                                 'state_file': str(ros.folder / 'state')}, best_effort=True)
+    names = ros.until(lambda: {status.name for array in reports for status in array.status
+                               if status.name.startswith(ros.namespace)})
+    assert len(names) > 4
+    assert not [name for name in names if not any(part in name for part in contains)]
 
 
 def test_the_parameter_file_has_every_parameter_at_its_default() -> None:
@@ -167,3 +192,22 @@ def test_the_security_policy_allows_what_the_node_uses_and_no_more(running: Ros)
                    if group.get(right) == 'ALLOW' for entry in group}
         names = without_namespace(running, {name for name, _ in endpoints})
         assert names == allowed, (kind, right)
+
+
+def test_the_topics_that_parameters_name_stand_in_the_policy_as_a_comment(ros: Ros) -> None:
+    text = (ROOT / 'config' / 'imu_allan.policy.xml').read_text()
+    [comment] = [part for part in re.findall(r'<!--(.*?)-->', text, re.DOTALL)
+                 if '<topic>' in part]
+    named = re.findall(r'<topic>(.*)</topic>', comment)
+    gyro, accel, temperature = map(ros.name, named)
+    node = ros.start('imu_allan_node', {
+        'use_sim_time': True, 'gyro_topic': gyro, 'accel_topic': accel,
+        'temperature_topic': temperature}, best_effort=True)
+    ros.until(lambda: 'characterizing the IMU' in node.log)
+
+    def subscribed() -> set[str]:
+        found = ros.node.get_subscriber_names_and_types_by_node('imu_allan', ros.namespace)
+        return without_namespace(ros, {name for name, _ in found})
+
+    ros.until(lambda: ('imu_allan', ros.namespace) in ros.node.get_node_names_and_namespaces())
+    ros.until(lambda: subscribed() == {*named, '/clock'})

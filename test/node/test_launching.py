@@ -17,7 +17,7 @@ from ros_harness import Ros
 
 LAUNCH = ROOT / 'launch'
 PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
-SPECIFICATION = 'gyro:\n  noise_density: {max: 1 deg/sqrt(h)}\n'
+SPECIFICATION = 'gyro: {noise_density: 1 deg/sqrt(h)}\n'
 
 
 @pytest.mark.parametrize('file', sorted(LAUNCH.glob('*.launch.py')), ids=lambda file: file.name)
@@ -49,6 +49,9 @@ def test_every_argument_reaches_the_node(ros: Ros, reference: Path) -> None:
             [sys.executable, '-c', start, *node.command(ros.folder)], stdout=output,
             stderr=subprocess.STDOUT, env=dict(os.environ))
     try:
+        ros.until(lambda: 'characterizing the IMU' in log.read_text()
+                  or process.poll() is not None)
+        assert process.poll() is None, log.read_text()
         names = ['publish_period', 'coast', 'gyro_topic', 'accel_topic', 'state_file',
                  'output_dir', 'spec_file', 'reference', 'use_sim_time']
         values = ros.call(GetParameters, 'front/noise/get_parameters',
