@@ -22,6 +22,8 @@ NO_TOPIC = 'csv'
 """What stands for the topic of a table, which has none."""
 
 _LETTERS = 'xyz'
+_MOST_LISTED = 1000
+"""`LISTED_GAPS` and `LISTED_SPANS` of `imu_allan.timeline`, which this floor knows nothing of."""
 _FEWEST, _MOST = 2, 6
 """Significant digits of a value, however wide or narrow its interval is."""
 _PLAIN = (-4, 6)
@@ -247,5 +249,7 @@ def faults_of(timeline: Timeline) -> list[str]:
                              (timeline.motion, 'stretch of motion', 'stretches of motion')):
         if spans:
             total = sum(span.duration_s for span in spans)
-            faults.append(f'{counted(len(spans), one, many)} ({duration(total)})')
+            # No more are listed: a remark has the number of all.
+            first = 'the first ' if len(spans) >= _MOST_LISTED else ''
+            faults.append(f'{first}{counted(len(spans), one, many)} ({duration(total)})')
     return faults

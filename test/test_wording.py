@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from hypothesis import given, strategies as st
 from imu_allan.result import Span, Timeline
+from imu_allan.timeline.counts import LISTED_GAPS
+from imu_allan.timeline.motion import LISTED_SPANS
 from imu_allan.wording import amount_of, bounded, duration, faults_of, measured, number
 import pytest
 
@@ -60,3 +62,13 @@ def test_a_recording_is_summed_up_in_one_line():
     assert faults_of(timeline) == ['1,200 missing', '1 duplicate', '2 gaps (6 s)',
                                    '1 stretch of motion (5 min)']
     assert amount_of(Timeline(None, 1, 0.0)) == '1 sample, 0 s'
+
+
+def test_where_not_all_gaps_are_listed_the_line_does_not_say_how_many_there_are():
+    # 10,000 gaps were told as '1,000 gaps (3 min 20 s)'.
+    listed = tuple(Span(float(number), 0.2) for number in range(LISTED_GAPS))
+    assert LISTED_GAPS == LISTED_SPANS
+    assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed, motion=listed)) == [
+        'the first 1,000 gaps (3 min 20 s)', 'the first 1,000 stretches of motion (3 min 20 s)']
+    assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed[1:])) == [
+        '999 gaps (3 min 20 s)']
