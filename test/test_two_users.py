@@ -14,6 +14,7 @@ import time
 
 from imu_allan.cli.workers import characterize, Task
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.run_folder import claimed
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -138,3 +139,12 @@ def test_a_folder_that_another_keeps_is_told(tmp_path, monkeypatch):
     assert str(error.value) == (
         f'{tmp_path / "out"}: cannot be written (another process writes to it); choose another '
         'folder, or wait until it has ended')
+
+
+def test_the_folder_of_a_running_node_is_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(turn, 'PATIENCE_S', 0.1)
+    pytest.importorskip('fcntl')
+    assert claimed(tmp_path / 'run') == tmp_path / 'run'
+    with pytest.raises(ImuAllanError, match='another process writes to it'), \
+            turn_in(tmp_path / 'run'):
+        pass

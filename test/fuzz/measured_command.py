@@ -19,12 +19,12 @@ with open(sys.argv[1], 'w') as file:
 """
 
 
-def run(*arguments: object) -> tuple[int, str, str, float, int]:
+def run(*arguments: object, patience_s: float = 120.0) -> tuple[int, str, str, float, int]:
     """Run the command; returns status, stdout, stderr, CPU time in s and largest memory in kB."""
     with tempfile.TemporaryDirectory() as folder:
         measured = Path(folder, 'measured')
         done = subprocess.run(
             [sys.executable, '-c', METER, str(measured), sys.executable, '-m', 'imu_allan',
-             *map(str, arguments)], capture_output=True, text=True, timeout=120, check=True)
+             *map(str, arguments)], capture_output=True, text=True, timeout=patience_s, check=True)
         status, seconds, kilobytes = json.loads(measured.read_text())
     return status, done.stdout, done.stderr, seconds, kilobytes
