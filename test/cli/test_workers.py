@@ -112,7 +112,7 @@ def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_writte
     assert main(['analyze', str(recording), str(recording), '--output', str(output)]) == 1
     complaint = capsys.readouterr().err
     assert complaint == (
-        f'imu_allan: {output / "at_rest" / "result.json"}: cannot be written (File exists); '
+        f'imu_allan: {output / "at_rest" / "result.json"}: cannot be written (Not a directory); '
         'choose a folder that exists on a disk with room and may be written to\n')
     assert (output / 'at_rest-2' / 'report.html').exists()
 
