@@ -81,8 +81,8 @@ def with_files(folder: Path, count: int) -> Path:
 def test_a_recording_of_many_parts_costs_the_process_time_in_proportion(
         tmp_path: Path, written: Callable[[Path, int], Path], count: int, each_s: float) -> None:
     path = written(tmp_path, count)
-    _, out, error, seconds, kilobytes = run('analyze', path, '--no-progress',
-                                         patience_s=3600.0)
+    _, out, error, seconds, kilobytes = run(
+        'analyze', path, '--no-progress', patience_s=3600.0)
     assert 'Traceback' not in error
     print(f'{written.__name__} {count}: {seconds:.1f} s of CPU, {kilobytes / 1000:.0f} MB')
     assert seconds < START_S + each_s * count
