@@ -268,8 +268,9 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     if len(more) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
         return None
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
-    if float(one.std()) > _STRAIGHT * interval:
-        # Nor is one that is read in batches: what a batch hands over tells little of the moment.
+    if float(one.std()) > _STRAIGHT * interval or abs(float(one.mean()) / interval - 1) > 0.5:
+        # Nor is one that is read in batches, or in whole seconds: what a batch hands over tells
+        # little of the moment.
         return None
     error = sqrt(float(one.var()) / len(one) + float(more.var()) / len(more)) / interval
     return None if error > 0.2 else float(more.mean() - one.mean()) / interval / missed

@@ -223,6 +223,16 @@ def test_receive_stamps_that_stand_still_are_no_witness_against_losses(lost):
     assert result.timeline.missing == kept.place[-1] - kept.place[0] + 1 - len(kept.place)
 
 
+def test_headers_in_whole_seconds_are_no_witness_against_losses():
+    messages, truth, _ = rest(119.0, 60)
+    messages.header = np.floor(messages.header)
+    result = characterized(keep(messages, messages.place % 9 != 0))
+    found = re.search(r'up to ([\d.]+)% of the samples may be missing unseen',
+                      told(result, 'uneven_stamps'))
+    assert found is not None
+    assert float(found[1]) == pytest.approx(100 / 9, abs=0.1)
+
+
 def test_headers_in_batches_with_outages_leave_the_rate_to_even_receive_stamps():
     messages, truth, _ = rest(duration_s=600)
     messages.header = ((messages.place // 20 + 1) * 20 / truth.rate_hz
