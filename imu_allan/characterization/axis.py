@@ -213,6 +213,17 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     return found
 
 
+def bounded(axis: AxisResult) -> AxisResult:
+    """Return an axis whose slow terms are upper bounds: something else may have made them."""
+    coefficients = dict(axis.coefficients)
+    for key in ('bias_instability', 'rate_random_walk'):
+        found = coefficients[key]
+        if found.observable and found.ci95 is not None:
+            coefficients[key] = Coefficient(found.symbol, found.unit, False, None, None,
+                                            found.ci95[1])
+    return replace(axis, coefficients=coefficients)
+
+
 def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
     nothing = {key: Coefficient(term.symbol, term.unit(quantity), False, None, None, None)
                for key, term in TERMS.items()}

@@ -15,7 +15,7 @@ import json
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
-from imu_allan.characterization.axis import axis_results
+from imu_allan.characterization.axis import axis_results, bounded
 from imu_allan.characterization.findings import (
     length_remarks,
     MEAN_MOVES,
@@ -272,7 +272,9 @@ class Characterization:
         unclear: set[str] = set()
         for group in self._groups:
             axes |= self._fitted(group, rate, remarks, unclear, tested)
-        axes = {name: axes[name] for name in AXES if name in axes}
+        axes = {name: bounded(axes[name]) if name in summary.turned else axes[name]
+                for name in AXES if name in axes}
+        unclear.update(summary.turned)
         return axes, remarks + length_remarks(axes, summary, unclear)
 
     def _fitted(self, group: Group, rate: float, remarks: list[Remark], unclear: set[str],

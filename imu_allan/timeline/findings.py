@@ -287,8 +287,8 @@ def _slow_turns(excursions: Sequence[Sequence[float]]) -> tuple[Remark, ...]:
         for start, lasts, axis, size in excursions[:_NAMED_RESTS])
     return (Remark('slow_motion', (
         f'a mean goes away and comes back, as in a slow turn or tilt: {listed}; bias instability '
-        'and random walk of that axis may be nothing else: take the upper end of their intervals '
-        'for a bound, or analyze the rest alone with --start and --duration')),)
+        'and random walk of that axis may be nothing else: they are given as upper bounds; '
+        'analyze the rest alone with --start and --duration')),)
 
 
 def _motion_remarks(motion: MotionSummary) -> dict[str, str]:

@@ -14,7 +14,7 @@ from imu_allan.result import Remark, Span, Timeline
 from imu_allan.timeline.clock import iso_time, SECOND
 from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import Clock, Decision
+from imu_allan.timeline.decision import AXIS_NAMES, Clock, Decision
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import mostly_motion, remarks_of
 from imu_allan.timeline.options import TimelineOptions
@@ -79,6 +79,8 @@ class TimelineSummary:
         is no recording at rest.
     noise_changes : tuple of (float, float)
         Time and ratio of lasting changes of the noise, with motion excluded.
+    turned : tuple of str
+        Axes whose mean went away and came back, as in a slow turn.
 
     """
 
@@ -108,6 +110,7 @@ class TimelineSummary:
     rests: tuple[Span, ...] = ()
     mostly_motion: bool = False
     noise_changes: tuple[tuple[float, float], ...] = ()
+    turned: tuple[str, ...] = ()
 
 
 def summarize(counts: Counts, decision: Decision, content: Content, presence: Presence,
@@ -176,7 +179,8 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         clock_jumps=counts.clock_jumps, at_other_rate=counts.at_other_rate,
         motions=motion.count, excluded_s=motion.excluded_s, moving=motion.moving,
         rests=tuple(Span(*span) for span in motion.rests) if motion.count else (),
-        mostly_motion=mostly_motion(motion), noise_changes=motion.changes)
+        mostly_motion=mostly_motion(motion), noise_changes=motion.changes,
+        turned=tuple(AXIS_NAMES[axis] for axis in sorted({int(found[2]) for found in excursions})))
 
 
 def _measured_rate(counts: Counts, decision: Decision) -> float | None:

@@ -224,7 +224,7 @@ def test_receive_stamps_that_stand_still_are_no_witness_against_losses(lost):
 
 
 def test_headers_in_whole_seconds_are_no_witness_against_losses():
-    messages, truth, _ = rest(119.0, 60)
+    messages, _, _ = rest(119.0, 60)
     messages.header = np.floor(messages.header)
     result = characterized(keep(messages, messages.place % 9 != 0))
     found = re.search(r'up to ([\d.]+)% of the samples may be missing unseen',
@@ -657,10 +657,12 @@ def test_a_slow_turn_is_told(rise_s):
     turn = np.clip(np.minimum(messages.header - 60, 90 - messages.header) / rise_s, 0, 1)
     messages.samples[:, 2] += 0.01 * turn
     result = characterized(messages)
-    assert result.axes['gyro_z'].coefficients['rate_random_walk'].observable
+    turned = result.axes['gyro_z'].coefficients
+    assert not any(turned[key].observable for key in SLOW)
+    assert turned['rate_random_walk'].upper95 > 0
     assert re.search(
         r'gyro_z by 0\.01\d* rad/s for 2\d s from 6\d s on; bias instability and random walk of '
-        'that axis may be nothing else: take the upper end of their intervals for a bound',
+        'that axis may be nothing else: they are given as upper bounds; analyze the rest alone',
         told(result, 'slow_motion'))
 
 
@@ -710,7 +712,7 @@ def test_of_twenty_thousand_scenarios_hardly_any_leaves_a_number_silently_wrong(
     wrong = [one for one in verdicts if one.violations]
     for one in wrong:
         print(one)
-    assert len(wrong) <= 0.02 * len(verdicts)
+    assert len(wrong) <= 0.005 * len(verdicts)
     assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
 
 
