@@ -120,6 +120,7 @@ bench-filter: $(STAMP)
 
 bench-accuracy: $(STAMP)
 	$(RUN)/python bench/bench_accuracy.py
+	$(RUN)/python bench/bench_accuracy.py --drawn
 	$(RUN)/python bench/bench_quarters.py
 	$(RUN)/python bench/bench_processes.py
 

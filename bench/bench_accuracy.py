@@ -256,6 +256,13 @@ def drawn_cases() -> dict[str, tuple[float, float, dict[str, float], list[Callab
         'N + B + K + ramp of 3 standard errors': (100, 1, _WALKING, [ramp(steep)]),
         'warm-up 10 B exp(-t/600 s)': (
             100, 2, still, [lambda time: 10 * flicker * np.exp(-time / 600)]),
+        'warm-up 1000 B exp(-t/1800 s)': (
+            100, 2, still, [lambda time: 1000 * flicker * np.exp(-time / 1800)]),
+        'warm-up 100 B exp(-t/120 s) + 50 B exp(-t/1800 s)': (
+            100, 2, still, [lambda time: 100 * flicker * np.exp(-time / 120)
+                            + 50 * flicker * np.exp(-time / 1800)]),
+        'warm-up 100 B exp(-t/600 s) beside the weak K of case A': (
+            100, 2, _CONSUMER, [lambda time: 100 * flicker * np.exp(-time / 600)]),
         'sine of 20 min, 2 B, 1 h': (
             100, 1, still, [lambda time: 2 * flicker * np.sin(2 * np.pi * time / 1200)]),
         'sine of 20 min, 2 B, 2 h': (
@@ -292,7 +299,9 @@ def show_drawn(name: str, records: int) -> None:
                           for one in estimates])
         print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {share}  coverage '
               f'{inside:.3f} +- {np.sqrt(inside * (1 - inside) / records):.3f}')
-    words = {'warm-up': [bool(one.warmings) for one in found],
+    words = {'two exponentials': [len(one.warmings) > 1 for one in found],
+             'low-pass': [one.window_s is not None for one in found],
+             'warm-up': [bool(one.warmings) for one in found],
              'cycle': [one.cycle_s is not None for one in found],
              'trend or walk': [one.walk_unclear for one in found],
              'Gauss-Markov': [one.gauss_markov is not None for one in found],

@@ -192,7 +192,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                          between=fitted.between.get(key))
             for key, estimate in fitted.estimates.items()}
         curve = _curve(points, axis, dt, _described(fitted_axis, drift), values)
-        leaves_at = None if fitted.mean_moves else _leaves_at(points, axis, curve)
+        leaves_at = None if fitted.mean_moves else _leaves_at(
+            points, axis, curve, _described(fitted_axis, None), dt)
         if leaves_at is not None and fitted.acceptable:
             remarks.append(leaving_remark(leaves_at))
         found.append((replace(
@@ -371,17 +372,20 @@ def _curve(points: Octaves, axis: int, dt: float, model: FittedModel,
                  tuple(np.sqrt(model.allan_variance(points.size, dt)).tolist()))
 
 
-def _leaves_at(points: Octaves, axis: int, curve: Curve) -> float | None:
+def _leaves_at(points: Octaves, axis: int, curve: Curve, terms: FittedModel, dt: float
+               ) -> float | None:
     """
     Averaging time from which the measured curve lies outside the model's own band, if it does.
 
     The residuals of the spectrum do not show it: the slow end has only a few of them. The fast
-    end is theirs.
+    end is theirs. The curve is drawn with the drift model, which in a short record knows little
+    of the fast noise; only where the fitted terms, too, lie outside is it no description.
     """
-    dof, model = np.array(curve.edf), np.array(curve.model_adev)
+    dof = np.array(curve.edf)
     low, high = interval(points.avar[:, axis], dof, _CERTAIN)
-    outside = (model < low * (1 - _SLIGHT)) | (model > high * (1 + _SLIGHT))
-    outside &= dof < _FEW
+    outside = dof < _FEW
+    for model in (np.array(curve.model_adev), np.sqrt(terms.allan_variance(points.size, dt))):
+        outside &= (model < low * (1 - _SLIGHT)) | (model > high * (1 + _SLIGHT))
     return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 

@@ -27,10 +27,11 @@ Likelihood ratio above which a term is observable (1 %): its interval then lies 
 Flicker has a few correlated slow coefficients that can pass for a random walk; at 3.84, which
 would do for white noise, one record in ten of flicker would show one.
 """
-OBSERVABLE_RAMP = 10.83
+OBSERVABLE_RAMP = OBSERVABLE
 """
-The same for the ramp (0.1 %). It rests on the few slowest coefficients, as the random walk does,
-so the evidence has to be strong.
+The same for the ramp. It rests on the few slowest coefficients, as the random walk does: where a
+weak walk hides, up to 3 records in 100 show a ramp. Five standard errors of a ramp, as they would
+be if there could be no walk, are passed by 9 in 100.
 """
 SMALLEST_P = 0.01
 """Chi-square probability of the residuals above which they are chance."""

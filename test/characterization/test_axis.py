@@ -199,3 +199,10 @@ def test_coarse_steps_do_not_stand_still():
             samples = rng.normal(size=60_000) + drift * np.cumsum(rng.normal(size=60_000))
             axis = characterize(step * np.round(samples / step), RATE)
             assert axis.stood_still is None, (step, drift)
+
+
+def test_the_model_describes_records_of_a_hundred_samples():
+    misfits = [characterize(simulate({'noise_density': 1e-3, 'bias_instability': 1e-4}, 100, 100.0,
+                                     seed), 100.0).goodness_of_fit.acceptable is False
+               for seed in range(60)]
+    assert np.mean(misfits) <= 0.05

@@ -321,7 +321,7 @@ def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_
 
 @pytest.mark.parametrize(('key', 'level'), [
     ('quantization_noise', 6.635), ('bias_instability', 6.635), ('rate_random_walk', 6.635),
-    ('rate_ramp', 10.83)])
+    ('rate_ramp', 6.635)])
 def test_a_term_is_observable_from_its_likelihood_ratio_on(key, level):
     def ratio(coefficient):
         groups = spectrum_without_chance(50_000, noise_density=1e-3, **{key: coefficient})
