@@ -136,9 +136,6 @@ class WarmUp:
         95 % interval of the amplitude.
     time_constant_ci95 : (float, float) or None
         95 % interval of the time constant.
-    beside : WarmUp or None
-        A second, smaller exponential, where one does not describe the course: a die and its
-        housing, say.
 
     """
 
@@ -146,7 +143,6 @@ class WarmUp:
     time_constant_s: float
     ci95: Interval
     time_constant_ci95: Interval | None = None
-    beside: 'WarmUp | None' = None
 
 
 @dataclass(frozen=True)
@@ -179,11 +175,24 @@ class TemperatureDependence:
 
 @dataclass(frozen=True)
 class Trend:
-    """What moves the mean and is no noise; None for each that the data does not show."""
+    """
+    What moves the mean and is no noise; None for each that the data does not show.
+
+    Attributes
+    ----------
+    ramp : Ramp or None
+    warm_up : WarmUp or None
+    temperature : TemperatureDependence or None
+    second_warm_up : WarmUp or None
+        A smaller exponential beside the first, where one does not describe the course: a die and
+        its housing, say.
+
+    """
 
     ramp: Ramp | None = None
     warm_up: WarmUp | None = None
     temperature: TemperatureDependence | None = None
+    second_warm_up: WarmUp | None = None
 
 
 @dataclass(frozen=True)

@@ -271,21 +271,20 @@ def _trend(fitted: Fit) -> Trend:
     """Gather what moves the mean and is no noise."""
     ramp = fitted.estimates['rate_ramp']
     heat = fitted.temperature
+    parts = [_warm_up(part) for part in fitted.warmings]
     return Trend(
         ramp=Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
-        warm_up=_warm_up(fitted.warmings),
+        warm_up=parts[0] if parts else None,
         temperature=TemperatureDependence(
             heat.per_kelvin, (heat.low, heat.high), heat.lowest_c, heat.highest_c,
-            heat.per_kelvin_squared, heat.before) if heat is not None else None)
+            heat.per_kelvin_squared, heat.before) if heat is not None else None,
+        second_warm_up=parts[1] if len(parts) > 1 else None)
 
 
-def _warm_up(parts: Sequence[Warming]) -> WarmUp | None:
-    """Describe a warm-up, each part beside a larger one."""
-    if not parts:
-        return None
-    warm = parts[0]
-    return WarmUp(warm.amplitude, warm.time_constant_s, (warm.low, warm.high),
-                  (warm.shortest_s, warm.longest_s), _warm_up(parts[1:]))
+def _warm_up(part: Warming) -> WarmUp:
+    """Describe a part of a warm-up."""
+    return WarmUp(part.amplitude, part.time_constant_s, (part.low, part.high),
+                  (part.shortest_s, part.longest_s))
 
 
 def _spectrum(groups: Groups) -> Spectrum:

@@ -123,11 +123,9 @@ def steady_after_s(axis: AxisResult) -> float:
     """Seconds after which a warm-up is over; 0 where there is none."""
     flicker = axis.coefficients['bias_instability']
     floor = FLICKER_FLOOR * (flicker.value or flicker.upper95 or 0.0)
-    warm, found = axis.trend.warm_up if axis.trend is not None else None, 0.0
-    while warm is not None:
-        part = Warming(warm.amplitude, *warm.ci95, warm.time_constant_s)
-        found, warm = max(found, part.steady_after_s(floor)), warm.beside
-    return found
+    parts = (axis.trend.warm_up, axis.trend.second_warm_up) if axis.trend is not None else ()
+    return max((Warming(part.amplitude, *part.ci95, part.time_constant_s).steady_after_s(floor)
+                for part in parts if part is not None), default=0.0)
 
 
 def is_worth_cutting(start_s: float, length_s: float) -> bool:

@@ -37,7 +37,7 @@ def test_no_ramp_walk_or_low_pass_is_made_of_a_strong_warm_up(amplitude, time):
     warm = axis.trend.warm_up
     assert covers(warm.ci95, amplitude)
     assert covers(warm.time_constant_ci95, time)
-    assert warm.beside is None
+    assert axis.trend.second_warm_up is None
     assert axis.stationarity.steady
     assert axis.tones == ()
 
@@ -46,7 +46,7 @@ def test_a_die_and_its_housing_are_two_exponentials():
     axis, told = warmed(lambda t: 0.01 * np.exp(-t / 120) + 0.005 * np.exp(-t / 1200), 2, hours=2)
     warm = axis.trend.warm_up
     assert covers(warm.time_constant_ci95, 120)
-    assert covers(warm.beside.time_constant_ci95, 1200)
+    assert covers(axis.trend.second_warm_up.time_constant_ci95, 1200)
     assert axis.coefficients[B].value == pytest.approx(2e-5, rel=0.3)
     assert not axis.coefficients[K].observable
     assert ', and 0.00' in told['warm_up']
