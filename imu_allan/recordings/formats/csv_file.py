@@ -7,7 +7,8 @@ Comments may stand before it, and where it is missing the user says what the col
 names are understood stands in `imu_allan.recordings.formats.csv_header`.
 """
 
-from collections.abc import Iterable, Iterator
+from codecs import BOM_UTF8
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -38,6 +39,8 @@ _LONGEST_HEADER = 1 << 20
 """30,000 columns with names of 30 characters: all topics of a robot in one export."""
 _NAMED_COLUMNS = 10
 """Of those left out: more take more than a line or two."""
+_LOOKED_AT = 1 << 16
+"""Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _QUOTES = ' \t\r"'
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
@@ -149,17 +152,20 @@ class CsvRecording(FileRecording):
                 self._data_at, self._first_line = file.tell(), number
                 line = file.readline(_LONGEST_HEADER)
                 if len(line) == _LONGEST_HEADER and not line.endswith(b'\n'):
-                    raise ImuAllanError(f'{printable(self.path)}: its first line is longer than '
+                    raise ImuAllanError(f'{printable(self.path)}: line {number} is longer than '
                                         '1 MiB: it is no table of samples')
                 header = line.decode('utf-8-sig', 'replace')
-                if not is_remark(header):
+                if not is_remark(header, self.options):
                     break
-            behind, after = file.tell(), file.readline(_LONGEST_HEADER)
+            behind, after = file.tell(), file.read(_LOOKED_AT)
         columns = echoed_imu(header) or self._read_header(header)
         if not columns.headless:
             self._data_at, self._first_line = behind, self._first_line + 1
-        self._decimal_comma = columns.delimiter != ',' and _DECIMAL_COMMA.search(
-            after.decode('utf-8', 'replace')) is not None
+        elif line.startswith(BOM_UTF8):
+            self._data_at += len(BOM_UTF8)
+        samples = header * columns.headless + after.decode('utf-8', 'replace')
+        self._decimal_comma = (columns.delimiter != ','
+                               and _DECIMAL_COMMA.search(samples) is not None)
         return columns
 
     def _read_header(self, header: str) -> Columns:
@@ -168,18 +174,23 @@ class CsvRecording(FileRecording):
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
         if columns.lookalikes:
-            shown = ', '.join(printable(cell[:40]) for cell in columns.lookalikes[:_NAMED_COLUMNS])
-            self.remark('ignored_columns',
-                        f'columns that may be axes were not understood: {shown}; --columns '
+            self.remark('ignored_columns', 'columns that may be axes were not understood: '
+                        f'{_listed(columns.lookalikes)}; --columns '
                         'gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what')
-        others = [cell for cell in columns.ignored if cell not in columns.lookalikes]
+        alike = {*columns.lookalikes}
+        others = [cell for cell in columns.ignored if cell not in alike]
         if others:
-            shown_others = [printable(cell[:40]) for cell in others[:_NAMED_COLUMNS]]
-            if len(others) > _NAMED_COLUMNS:
-                shown_others.append(f'and {len(others) - _NAMED_COLUMNS:,} more')
             self.remark('ignored_columns',
-                        f'columns that are no axes were left out: {", ".join(shown_others)}')
+                        f'columns that are no axes were left out: {_listed(others)}')
         return columns
+
+
+def _listed(cells: Sequence[str]) -> str:
+    """Name the first of some columns, and count the others."""
+    shown = [printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]]
+    if len(cells) > _NAMED_COLUMNS:
+        shown.append(f'and {len(cells) - _NAMED_COLUMNS:,} more')
+    return ', '.join(shown)
 
 
 def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,

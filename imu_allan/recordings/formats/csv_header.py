@@ -27,6 +27,8 @@ _WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
 _COMMENT = ('#', '%', '//')
 MOST_COMMENTS = 100
 """Lines before the header line; loggers write some five about device and settings."""
+_LOOKED_AT = 1 << 14
+"""Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
 _SHOWN = 80
 """Characters of a line that no name was found in."""
 _LONGEST_CELL = 200
@@ -130,10 +132,9 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
                 raise ImuAllanError(f'two columns named {meaning}')
             axes[meaning] = column, list(AXES).index(meaning), _factor(
                 name, unit, meaning, options)
-        elif name and (options.temperature in (
-                name, cell.strip(' "'), str(column + 1) if headless else name) or (
-                options.temperature is None and temperature is None
-                and _TEMPERATURE.fullmatch(name.lower()))):
+        elif name and _is_temperature(
+                [str(column + 1)] if headless else [name, names[column]], options.temperature,
+                temperature is not None):
             temperature = column
         else:
             ignored.append(cell.strip())
@@ -151,19 +152,26 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
                    lookalikes=tuple(_lookalikes(ignored)) if missing and not chosen else ())
 
 
-def is_remark(line: str) -> bool:
-    """Whether a line before the header is a comment, and not a header that begins like one."""
+def is_remark(line: str, options: RecordingOptions) -> bool:
+    """Whether a line is empty or a comment, and not a header that begins like one."""
     if not line.lstrip().startswith(_COMMENT):
-        return False
-    return not any(meaning_of(_name_and_unit(cell)[0]) in AXES for cell in _cells(line)[1])
+        return line.isspace()
+    cells = _cells(line[:_LOOKED_AT])[1]
+    names = [cell.strip(' "') for cell in cells]
+    return not (any(meaning_of(_name_and_unit(cell)[0]) in AXES for cell in cells)
+                or any(_with_name(name, names) for _, text in options.columns
+                       for name in (text, text.rpartition(' ')[0])))
 
 
 def _cells(header: str) -> tuple[str | None, list[str]]:
     """Tell what stands between the cells of a line, and take them apart."""
-    plain = header.strip('\r\n').lstrip('# ')
-    delimiter = next((mark for mark in (',', ';', '\t') if mark in plain), None)
-    if delimiter is not None:
-        return delimiter, plain.split(delimiter)
+    plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
+    marks = [mark for mark in (',', ';', '\t') if mark in plain]
+    if len(marks) > 1 and all(map(_is_number, filter(str.strip, plain.split(marks[1])))):
+        # Numbers with decimal commas.
+        del marks[0]
+    if marks:
+        return marks[0], plain.split(marks[0])
     words = _WORD.findall(plain)
     return (None, words) if len(words) > 1 else (',', [plain])
 
@@ -186,7 +194,7 @@ def _is_headless(cells: Sequence[str]) -> bool:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell.strip(' \t"'))
+        float(cell.strip(' \t"').replace(',', '.'))
     except ValueError:
         return False
     return True
@@ -204,8 +212,9 @@ def _no_header(cells: Sequence[str]) -> str:
 def _lookalikes(ignored: Sequence[str]) -> Iterator[str]:
     """Name the columns of three that differ in a last x, y or z alone."""
     names = [_name_and_unit(cell)[0] for cell in ignored]
+    known = {*names}
     for name, cell in zip(names, ignored, strict=True):
-        if name[-1:] in ('x', 'y', 'z') and {f'{name[:-1]}{axis}' for axis in 'xyz'} <= {*names}:
+        if name[-1:] in ('x', 'y', 'z') and {f'{name[:-1]}{axis}' for axis in 'xyz'} <= known:
             yield cell
 
 
@@ -273,13 +282,25 @@ def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
 
 
 def _columns_named(name: str, names: Sequence[str]) -> list[int]:
-    # The mark of a comment is none of the first name.
-    name = name.lstrip('# ')
-    columns = [column for column, each in enumerate(names)
-               if each == name or each.startswith((f'{name} [', f'{name} ('))]
+    columns = _with_name(name, names)
     if not columns and name.isdecimal() and len(name) < 7 and 1 <= int(name) <= len(names):
         return [int(name) - 1]
     return columns
+
+
+def _with_name(name: str, names: Sequence[str]) -> list[int]:
+    """Find the columns of a name, with or without a unit behind it."""
+    # The mark of a comment is none of the first name.
+    name = name.lstrip('# ')
+    return [column for column, each in enumerate(names)
+            if name and (each == name or each.startswith((f'{name} [', f'{name} (')))]
+
+
+def _is_temperature(names: Sequence[str], wanted: str | None, found: bool) -> bool:
+    """Whether a column of these names is the one asked for, or else the first called so."""
+    if wanted is not None:
+        return wanted in names
+    return not found and _TEMPERATURE.fullmatch(names[0].lower()) is not None
 
 
 def _is_better_clock(before: str, name: str) -> bool:

@@ -253,6 +253,47 @@ def test_columns_can_be_numbered_from_one(path, text, others):
     assert np.isnan(block.samples[:, [0, 1, 4, 5]]).all()
 
 
+@pytest.mark.parametrize('text', [
+    '#time,w0,w1\n1,2,3\n2,3,4\n', '# time w0 w1\n1 2 3\n2 3 4\n',
+    '// a logger\n// time,w0,w1\n1,2,3\n2,3,4\n', '# a logger\n\ntime;w0;w1\n1;2;3\n2;3;4\n'])
+def test_a_header_behind_the_mark_of_a_comment_is_told_by_the_names_of_the_user(path, text):
+    path.write_text(text)
+    columns = (('gyro_x', 'w0'), ('time', 'time'))
+    with open_recording(path, options=RecordingOptions(columns=columns)) as recording:
+        [block] = read_blocks(recording, 'csv')
+    assert block.header_ns.tolist() == [10**9, 2 * 10**9]
+    assert block.samples[:, 0].tolist() == [2, 3]
+
+
+@pytest.mark.parametrize(('text', 'first'), [
+    ('0,0;1,5;2,5\n0,1;1,6;2,6\n', [1.5, 1.6]), ('\ufeff0;1,5\n0,1;1,6\n', [1.5, 1.6]),
+    ('\ufeff0,1.5\n0.1,1.6\n', [1.5, 1.6])], ids=['commas', 'mark and commas', 'mark'])
+def test_without_names_the_first_sample_is_none_of_them(path, text, first):
+    path.write_text(text)
+    columns = (('time', '1'), ('gyro_x', '2'))
+    with open_recording(path, options=RecordingOptions(columns=columns)) as recording:
+        [block] = read_blocks(recording, 'csv')
+    assert block.header_ns.tolist() == [0, 100_000_000]
+    assert block.samples[:, 0].tolist() == first
+
+
+def test_decimal_commas_are_seen_behind_whole_numbers(path):
+    path.write_text('time;gx\n0;0\n0,01;0,5\n0,02;0,6\n')
+    messages, remarks = read(path)
+    assert messages.samples[:, 0].tolist() == [0, 0.5, 0.6]
+    assert remarks == []
+
+
+def test_the_number_of_the_temperature_is_its_place_whatever_stands_in_other_columns(path):
+    path.write_text('0.0,21.5,0.1,3,2\n0.1,21.6,0.2,4,2\n')
+    columns = (('time', '1'), ('gyro_x', '3'))
+    with open_recording(path, options=RecordingOptions(columns=columns,
+                                                       temperature='2')) as recording:
+        [thermometer] = recording.thermometers
+        [(block, _)] = recording.decoded(thermometer.name)
+    assert block.samples[:, 0].tolist() == [21.5, 21.6]
+
+
 def test_a_number_beyond_the_columns_says_how_many_there_are(path):
     path.write_text('1,2,3\n4,5,6\n')
     with pytest.raises(ImuAllanError) as error:
@@ -292,9 +333,28 @@ def test_a_table_of_all_topics_of_a_robot_is_read(path):
     assert remark.message.endswith('/robot/topic/field_9, and 11,990 more')
 
 
+def test_joints_of_a_robot_by_the_thousand_take_no_time(path):
+    names = [f'/robot/joint_{number}/pos/{axis}' for number in range(10_000) for axis in 'xyz']
+    path.write_text(f'{",".join(["t", "gx", *names])}\n{",".join(["1"] * 30_002)}\n')
+    begin = time.process_time()
+    messages, [remark] = read(path)
+    # Each name was compared with all others: 100 s.
+    assert time.process_time() - begin < 5
+    assert messages.samples[0, 0] == 1
+    assert '/robot/joint_3/pos/x, and 29,990 more; --columns' in remark.message
+
+
+def test_long_comments_take_no_time(path):
+    path.write_text(('#' + ',' * 1_000_000 + '\n') * 20 + 't,gx\n0,1\n')
+    begin = time.process_time()
+    messages, _ = read(path)
+    assert time.process_time() - begin < 5
+    assert messages.samples[0, 0] == 1
+
+
 def test_a_first_line_without_end_is_refused_in_one_line(path):
     assert refusal(path, 'gyro_x,' * 200_000) == (
-        'its first line is longer than 1 MiB: it is no table of samples')
+        'line 1 is longer than 1 MiB: it is no table of samples')
 
 
 @pytest.mark.parametrize('cell', [' ' * 60_000, '"' + ' ' * 60_000, 'x' + ' ' * 60_000 + 'y',
