@@ -10,18 +10,26 @@ phyphox (``"Gyroscope x (rad/s)"``), of UZH-FPV (``# timestamp ang_vel_x lin_acc
 (``t,gx,ay``), and whatever the user names or, where there is no header line, numbers.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import re
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
+from imu_allan.recordings.formats.csv_names import (
+    is_better_clock,
+    is_later_clock,
+    is_temperature,
+    lookalikes,
+    meaning_of,
+    name_and_unit,
+    unit_in_name,
+    WORDS,
+)
 from imu_allan.recordings.options import RecordingOptions
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 
-_COLUMN = re.compile(
-    r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
 _WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
 """A name, with its unit, in a header whose names have nothing but blanks between them."""
 _COMMENT = ('#', '%', '//')
@@ -31,19 +39,6 @@ _LOOKED_AT = 1 << 14
 """Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
 _SHOWN = 80
 """Characters of a line that no name was found in."""
-_LONGEST_CELL = 200
-"""Characters of a column name."""
-_WORDS = {
-    'gyro': r'angular_?velocity|ang_?vel|gyroscope|gyro|gyr|w_rs_s|omega',
-    'accel': r'linear_?acceleration|lin_?acc|acceleration|accelerometer|accel|acc|a_rs_s'}
-_LONG = {sensor: re.compile(rf'(?:.*[/.])?(?:{words})[/._]?(?:([xyz])|\[([0-2])\])')
-         for sensor, words in _WORDS.items()}
-_SHORT = re.compile(r'([gwa])[_]?([xyz])')
-_TIME = re.compile(
-    r'[#%_]*(?:time|timestamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp')
-_NANOSECONDS = ('%time', 'field.header.stamp')
-"""Columns that are nanoseconds without saying so."""
-_TEMPERATURE = re.compile(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?')
 _MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
 """From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
 
@@ -116,23 +111,23 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
     ignored: list[str] = []
     temperature: int | None = None
     for column, cell in enumerate(cells):
-        name, unit = _name_and_unit(cell)
+        name, unit = name_and_unit(cell)
         if chosen:
             meaning, stated = chosen.get(column, (None, None))
             unit = stated or unit
         else:
             meaning = meaning_of(name)
         if meaning == 'time':
-            if time is not None and not _is_later_clock(time_name, name):
+            if time is not None and not is_later_clock(time_name, name):
                 raise ImuAllanError('two time columns')
-            if time is None or _is_better_clock(time_name, name):
+            if time is None or is_better_clock(time_name, name):
                 time, time_name, time_unit = column, name, _time_unit(name, unit)
         elif meaning in AXES:
             if meaning in axes:
                 raise ImuAllanError(f'two columns named {meaning}')
             axes[meaning] = column, list(AXES).index(meaning), _factor(
                 name, unit, meaning, options)
-        elif name and _is_temperature(
+        elif name and is_temperature(
                 [str(column + 1)] if headless else [name, names[column]], options.temperature,
                 temperature is not None):
             temperature = column
@@ -146,10 +141,10 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
             'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
     if headless:
         ignored = []
-    missing = any(all(not axis.startswith(sensor) for axis in axes) for sensor in _WORDS)
+    missing = any(all(not axis.startswith(sensor) for axis in axes) for sensor in WORDS)
     return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
                    temperature=temperature, headless=headless,
-                   lookalikes=tuple(_lookalikes(ignored)) if missing and not chosen else ())
+                   lookalikes=tuple(lookalikes(ignored)) if missing and not chosen else ())
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
@@ -158,7 +153,7 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
         return line.isspace()
     cells = _cells(line[:_LOOKED_AT])[1]
     names = [cell.strip(' "') for cell in cells]
-    return not (any(meaning_of(_name_and_unit(cell)[0]) in AXES for cell in cells)
+    return not (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
                 or any(_with_name(name, names) for _, text in options.columns
                        for name in (text, text.rpartition(' ')[0])))
 
@@ -176,20 +171,10 @@ def _cells(header: str) -> tuple[str | None, list[str]]:
     return (None, words) if len(words) > 1 else (',', [plain])
 
 
-def _name_and_unit(cell: str) -> tuple[str, str | None]:
-    """Take a cell apart; blanks in a name count as underscores."""
-    # Runs of blanks are what an expression goes through over and over.
-    plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
-    match = _COLUMN.fullmatch(plain)
-    if match is None:
-        return '', None
-    return match[1].strip().replace(' ', '_'), match[2] if match[2] is not None else match[3]
-
-
 def _is_headless(cells: Sequence[str]) -> bool:
     """Whether a line holds numbers where the names should be."""
     return any(map(_is_number, cells)) and not any(
-        meaning_of(_name_and_unit(cell)[0]) for cell in cells)
+        meaning_of(name_and_unit(cell)[0]) for cell in cells)
 
 
 def _is_number(cell: str) -> bool:
@@ -209,15 +194,6 @@ def _no_header(cells: Sequence[str]) -> str:
             f'such as {EXAMPLE}')
 
 
-def _lookalikes(ignored: Sequence[str]) -> Iterator[str]:
-    """Name the columns of three that differ in a last x, y or z alone."""
-    names = [_name_and_unit(cell)[0] for cell in ignored]
-    known = {*names}
-    for name, cell in zip(names, ignored, strict=True):
-        if name[-1:] in ('x', 'y', 'z') and {f'{name[:-1]}{axis}' for axis in 'xyz'} <= known:
-            yield cell
-
-
 def echoed_imu(line: str) -> Columns | None:
     """
     Recognise what ``ros2 topic echo --csv`` prints of a sensor_msgs/Imu, without a header line.
@@ -231,27 +207,6 @@ def echoed_imu(line: str) -> Columns | None:
     return Columns(',', 0, 's', tuple(
         (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), (), 1,
         headless=True)
-
-
-def meaning_of(name: str) -> str | None:
-    """
-    Tell what a column of this name is: ``'time'``, one of the axes, or None.
-
-    Examples
-    --------
-    >>> [meaning_of(name) for name in ('w_RS_S_x', '/imu/linear_acceleration/z', 'ax', 'mag_x')]
-    ['gyro_x', 'accel_z', 'accel_x', None]
-
-    """
-    lower = name.lower()
-    if _TIME.fullmatch(lower):
-        return 'time'
-    if (short := _SHORT.fullmatch(lower)) is not None:
-        return f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
-    for sensor, pattern in _LONG.items():
-        if (match := pattern.fullmatch(lower)) is not None:
-            return f'{sensor}_{match[1] or "xyz"[int(match[2])]}'
-    return None
 
 
 def seconds_in(unit: str | None, first: float) -> float:
@@ -296,31 +251,11 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
             if name and (each == name or each.startswith((f'{name} [', f'{name} (')))]
 
 
-def _is_temperature(names: Sequence[str], wanted: str | None, found: bool) -> bool:
-    """Whether a column of these names is the one asked for, or else the first called so."""
-    if wanted is not None:
-        return wanted in names
-    return not found and _TEMPERATURE.fullmatch(names[0].lower()) is not None
-
-
-def _is_better_clock(before: str, name: str) -> bool:
-    """Whether a second time column is the header's stamp beside that of the recorder."""
-    return before.startswith('%') and name.endswith('stamp')
-
-
-def _is_later_clock(before: str, name: str) -> bool:
-    return _is_better_clock(before, name) or before.endswith('header.stamp')
-
-
 def _time_unit(name: str, unit: str | None) -> str | None:
     if unit is not None:
         _converted(name, unit.strip(), 's')
         return unit.strip()
-    lower = name.lower()
-    if lower in _NANOSECONDS:
-        return 'ns'
-    match = _TIME.fullmatch(lower)
-    return match[1] if match is not None else None
+    return unit_in_name(name)
 
 
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
