@@ -385,6 +385,9 @@ class Intake:
             return pace, count
         usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
         second, seen = _pace_of(other, own, bursts=True) if usable else (None, 0)
+        if second is not None and pace.counting and second.counting:
+            # What either clock may hide is hidden.
+            return replace(pace, hidden=max(pace.hidden, second.hidden)), count
         if second is None or second.counting or second.spread > _EVEN_SPREAD:
             return pace, count
         ratio = second.interval_ns / pace.interval_ns
