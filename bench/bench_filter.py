@@ -9,7 +9,7 @@ squared (1 is right, above 1 overconfident); coast the actual over the claimed v
 mean over that time without correction. Real: recordings named by IMU_ALLAN_DATA, fitted on one
 half and filtered over the other, both ways.
 
-    python bench/bench_filter.py                 # half an hour on two cores
+    python bench/bench_filter.py                 # some minutes on two cores
     python bench/bench_filter.py --hours 0.25 1 --runs 40
 
 Behind the simulated rows of each length stands what the drift model was to reach, and how far the
@@ -17,7 +17,7 @@ largest loss and the ends of the ratios are from it.
 """
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 import functools
@@ -58,6 +58,11 @@ GOALS: dict[float, dict[str, tuple[float, ...]]] = {
            'coast 60': (0.86, 1.15)}}
 """By hours: the largest loss of the sensors, of that with a process, the range of the ratios."""
 WITH_PROCESS = 'N+B+100 s'
+_MOST_NUMBERS = 20_000_000
+"""In the covariances of filters that run side by side: 160 MB."""
+_TOGETHER = 10
+Models = Mapping[str, tuple[DriftModel, tuple[Any, ...]]]
+Line = dict[tuple[str, str], float]
 
 SENSORS: dict[str, Mapping[str, Any]] = {
     'N': {'noise_density': N},
@@ -122,36 +127,45 @@ def coast_ratio(found: Filtered, model: DriftModel, tones: tuple[Any, ...], step
     return float(np.mean((actual - predicted) ** 2 / claimed))
 
 
-def assessed(models: Mapping[str, tuple[DriftModel, tuple[Any, ...]]], series: Array,
-             first_s: float, cell_s: float) -> dict[tuple[str, str], float]:
+def assessed(cases: Sequence[tuple[Models, Array]], first_s: float, cell_s: float
+             ) -> list[Line]:
     """Score every model over means of each step, from a time on; the filter starts before."""
-    line: dict[tuple[str, str], float] = {}
+    lines: list[Line] = [{} for _ in cases]
     for step_s in STEPS_S:
         size = round(step_s / cell_s)
-        if size < 1 or len(series) // size < 12:
+        length = min(len(series) for _, series in cases) // max(size, 1)
+        if size < 1 or length < 12:
             continue
-        part = means(series, size)
         first = int(first_s / step_s) + 1
-        if len(part) - first > _LONGEST_SERIES:
-            part = part[:first + _LONGEST_SERIES]
+        end = min(length, first + _LONGEST_SERIES)
         begin = max(0, first - _LONGEST_SERIES)
-        part, first = part[begin:], first - begin
-        # The truth has four times as many states: it has a run of its own.
-        for names in ([name for name in models if name != 'truth'],
-                      [name for name in models if name == 'truth']):
-            if not names:
-                continue
-            found = run_filters([space_of(*models[name], step_s) for name in names],
-                                np.repeat(part[None, :], len(names), axis=0))
-            for lane, name in enumerate(names):
-                score = Score.of(found, first, lane)
-                line[name, f'nis {step_s:g}'] = score.nis
-                line[name, f'log {step_s:g}'] = score.log_score
-                if step_s == STEPS_S[0]:
-                    for horizon in COASTS_S:
-                        line[name, f'coast {horizon:g}'] = coast_ratio(
-                            found, *models[name], step_s, part, first, horizon, lane)
-    return line
+        # Filters run side by side: those of one record with few states, and the truth with many.
+        for many in (False, True):
+            lanes = [(place, name) for place, (models, _) in enumerate(cases) for name in models
+                     if (name == 'truth') == many]
+            side_by_side = max(1, _MOST_NUMBERS // ((end - begin) * (289 if many else 36)))
+            for at in range(0, len(lanes), side_by_side):
+                some = lanes[at:at + side_by_side]
+                _score(lines, cases, some, step_s, size, begin, first, end)
+    return lines
+
+
+def _score(lines: list[Line], cases: Sequence[tuple[Models, Array]],
+           lanes: Sequence[tuple[int, str]], step_s: float, size: int, begin: int, first: int,
+           end: int) -> None:
+    """Run some filters side by side and enter what they reach."""
+    series = np.stack([means(cases[place][1], size)[begin:end] for place, _ in lanes])
+    found = run_filters([space_of(*cases[place][0][name], step_s) for place, name in lanes],
+                        series)
+    for lane, (place, name) in enumerate(lanes):
+        score = Score.of(found, first - begin, lane)
+        lines[place][name, f'nis {step_s:g}'] = score.nis
+        lines[place][name, f'log {step_s:g}'] = score.log_score
+        if step_s == STEPS_S[0]:
+            for horizon in COASTS_S:
+                lines[place][name, f'coast {horizon:g}'] = coast_ratio(
+                    found, *cases[place][0][name], step_s, series[lane], first - begin, horizon,
+                    lane)
 
 
 def fed(axis: AxisResult) -> dict[str, tuple[DriftModel, tuple[Any, ...]]]:
@@ -167,21 +181,24 @@ def fed(axis: AxisResult) -> dict[str, tuple[DriftModel, tuple[Any, ...]]]:
             'as measured': (plain(n, k), ()), 'ten times K': (plain(n, 10 * k), ())}
 
 
-def simulated(name: str, hours: float, seed: int) -> dict[tuple[str, str], float]:
-    """Fit one record of a sensor and filter over the record that follows it."""
+def simulated(name: str, hours: float, seeds: Sequence[int]) -> list[Line]:
+    """Fit records of a sensor and filter over the record that follows each."""
     terms = SENSORS[name]
     rate_hz = DAY_RATE_HZ if hours > 12 else RATE_HZ
     samples = round(3600 * hours * rate_hz)
-    record = simulate(terms, 2 * samples, rate_hz, seed)
-    models = fed(characterize(record[:samples], rate_hz))
-    models['truth'] = (truth(terms), ())
-    line = assessed(models, means(record, round(rate_hz)), 3600 * hours, 1.0)
-    for step in STEPS_S:
-        if ('truth', f'log {step:g}') in line:
-            for model in models:
-                line[model, f'loss {step:g}'] = (line['truth', f'log {step:g}']
-                                                 - line[model, f'log {step:g}'])
-    return line
+    cases = []
+    for seed in seeds:
+        record = simulate(terms, 2 * samples, rate_hz, seed)
+        models = {**fed(characterize(record[:samples], rate_hz)), 'truth': (truth(terms), ())}
+        cases.append((models, means(record, round(rate_hz))))
+    lines = assessed(cases, 3600 * hours, 1.0)
+    for line in lines:
+        for step in STEPS_S:
+            if ('truth', f'log {step:g}') in line:
+                for model in cases[0][0]:
+                    line[model, f'loss {step:g}'] = (line['truth', f'log {step:g}']
+                                                     - line[model, f'log {step:g}'])
+    return lines
 
 
 def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = False
@@ -272,7 +289,7 @@ def real(record: Array, rate_hz: float, quantity: str) -> list[dict[tuple[str, s
     for ordered in (record, np.concatenate((record[half:], record[:half]))):
         axis = characterize(ordered[:half], rate_hz, quantity)
         series = means(ordered[half:], round(rate_hz))
-        lines.append(assessed(fed(axis), series, 0.0, round(rate_hz) / rate_hz))
+        lines += assessed([(fed(axis), series)], 0.0, round(rate_hz) / rate_hz)
     return lines
 
 
@@ -291,7 +308,10 @@ def main() -> int:
             runs = max(4, round(options.runs / np.sqrt(hours)))
             by_sensor = {}
             for name in options.only:
-                lines = list(pool.map(functools.partial(simulated, name, hours), range(runs)))
+                # By so many that their filters run side by side and two processes have work.
+                parts = [range(at, min(at + _TOGETHER, runs)) for at in range(0, runs, _TOGETHER)]
+                lines = [line for part in pool.map(functools.partial(simulated, name, hours),
+                                                   parts) for line in part]
                 show(f'{name}, {hours:g} h, {runs} records', lines)
                 by_sensor[name] = lines
             against_goal(hours, by_sensor)

@@ -11,10 +11,7 @@ biases) is corrected by a position fix every second and left alone for a minute 
 numbers come from the first half of the record, the filter runs over the second. Two figures: NEES
 of the position during the outages, and NIS of the fixes. 1 is right, above 1 overconfident.
 
-GTSAM would serve, too (wheel 4.3.0: the preintegrated covariance of a second of a white
-accelerometer has N/sqrt(3) for its position and N for its velocity, as here), but its
-CombinedImuFactor is a part of a smoother: what a fix says of the prediction, which NIS and NEES
-are made of, is a marginal of a graph there and a line here.
+`with_gtsam.py` beside this file does the same with GTSAM's CombinedImuFactor.
 """
 
 import argparse
