@@ -56,6 +56,8 @@ _HIGHEST_OF_MEANS = 0.25
 """Of their own rate: means fold what is faster, the more the nearer to half of it."""
 _WHITE_RATIO = 2.0
 """Over the fastest octave: beyond, drift and its bends are in a part of a short record."""
+SEGMENT_PARTS = 16
+"""Parts of a segment whose means have the spread that is called its drift. A judgment."""
 _WHITE_SHARE = 0.8
 """Share of the white noise in a band from which the band speaks for its density."""
 
@@ -214,7 +216,7 @@ def _add(power: Array, dof: Array, points: Array, index: NDArray[np.int64], cell
 def _part_means(cells: Cells) -> tuple[float, Array, Array, float]:
     """Return samples, mean and drift of a part, and the samples of each of its 16 means."""
     count = max(float(cells.counts.sum()), 1.0)
-    parts = np.array_split(np.arange(len(cells)), min(16, max(len(cells), 1)))
+    parts = np.array_split(np.arange(len(cells)), min(SEGMENT_PARTS, max(len(cells), 1)))
     sums = np.stack([cells.sums[:, part].sum(axis=1) for part in parts], axis=1)
     counts = np.array([max(cells.counts[part].sum(), 1) for part in parts])
     return (count, cells.sums.sum(axis=1) / count, np.std(sums / counts, axis=1),

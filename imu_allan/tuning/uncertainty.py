@@ -4,10 +4,12 @@
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.result import AxisResult
-from imu_allan.tuning.processes import drift_model_of
+from imu_allan.noise.stationarity import SEGMENT_PARTS
+from imu_allan.result import AxisResult, GaussMarkov
+from imu_allan.tuning.processes import drift_model_of, mean_variance, on_mean
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import polygamma
 
 Array = NDArray[np.float64]
 
@@ -34,17 +36,50 @@ def unsteadiness(axis: AxisResult) -> float:
     Returns
     -------
     float
-        That of the recording's own segments, or what is usual for the sensor where it has none.
+        That of the recording's own segments beyond what the shortness of each makes, or what is
+        usual for the sensor where it has none.
 
     """
     usual = _USUAL[axis.quantity]
     if axis.stationarity is None:
         return usual
-    drift = np.array([segment.drift_sigma for segment in axis.stationarity.segments
-                      if segment.drift_sigma is not None and segment.drift_sigma > 0])
+    drift = [(segment.drift_sigma, segment.duration_s) for segment in axis.stationarity.segments
+             if segment.drift_sigma is not None and segment.drift_sigma > 0]
     if len(drift) < _FEWEST:
         return usual
-    return float(np.std(np.log(drift), ddof=1))
+    seen = float(np.var(np.log([sigma for sigma, _ in drift]), ddof=1))
+    chance = float(np.mean([_spread_by_chance(axis, duration) for _, duration in drift]))
+    return float(np.sqrt(max(seen - chance, 0.0)))
+
+
+def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
+    """
+    Return the variance of the logarithm of the drift that a steady segment shows.
+
+    That drift is the spread of the means of its parts, less what white noise adds. Slow drift is
+    all but a slope in so short a time, and its spread a chi-square of hardly more than one degree.
+    """
+    model = drift_model_of(axis)
+    part = duration_s / SEGMENT_PARTS
+    lag = np.abs(np.subtract.outer(np.arange(SEGMENT_PARTS), np.arange(SEGMENT_PARTS)))
+    # To a segment a walk is a process of a hundred times its length.
+    slowest = 100 * duration_s
+    walk = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
+    drift = np.zeros(lag.shape)
+    for process in (*model.processes, walk):
+        time = process.correlation_time_s
+        drift += process.sigma**2 * np.where(
+            lag == 0, mean_variance(time, part),
+            on_mean(time, part)**2 * np.exp(-np.maximum(lag - 1, 0) * part / time))
+    centre = np.eye(SEGMENT_PARTS) - 1 / SEGMENT_PARTS
+    whole = centre @ (drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part) @ centre
+    of_drift = float(np.trace(centre @ drift @ centre))
+    if of_drift <= 0:
+        return np.inf
+    total = float(np.trace(whole))
+    dof = total**2 / float(np.sum(whole * whole))
+    # Half the logarithm of a chi-square, whose variance the trigamma function is.
+    return float(polygamma(1, dof / 2)) / 4 * (total / of_drift)**2
 
 
 def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
@@ -85,9 +120,13 @@ def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
 
 
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
-    """Return the spread of the logarithm of a predicted standard deviation, shape (n,)."""
+    """
+    Return the spread of the logarithm of a predicted standard deviation, shape (n,).
+
+    A recording that is steady in itself says little of another day: what is usual is the least.
+    """
     sampling = np.sqrt(1 / (2 * _degrees_of_freedom(axis, horizons)))
-    return np.asarray(np.hypot(sampling, unsteadiness(axis)))
+    return np.asarray(np.hypot(sampling, max(unsteadiness(axis), _USUAL[axis.quantity])))
 
 
 def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:

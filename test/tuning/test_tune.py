@@ -5,11 +5,13 @@
 from dataclasses import replace
 
 from drifting_axes import axis_of
+from imu_allan.characterization.axis import characterize
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity
 from imu_allan.tuning.coasting import coasting_variance
 from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune, tunings_of
+from imu_allan.tuning.uncertainty import unsteadiness
 import numpy as np
 import pytest
 
@@ -150,7 +152,7 @@ def test_the_full_model_coasts_better_than_any_pair():
 
 def unsteady(spread):
     drift = np.exp(spread * np.array([-1.2, -.4, .4, 1.2]) / 1.033)
-    return Stationarity(False, 1e-6, tuple(Segment(0.0, 1.0, 0.0, None, None, float(d))
+    return Stationarity(False, 1e-6, tuple(Segment(0.0, 600.0, 0.0, None, None, float(d))
                                            for d in drift))
 
 
@@ -163,6 +165,17 @@ def test_the_conservative_set_covers_the_unsteadiness_of_the_recording():
     assert careful.random_walk > careless.random_walk
     assert all(claimed > expected for _, expected, claimed in careful.consistency)
     assert plain.coast_ratio > careful.coast_ratio
+
+
+def test_what_short_segments_vary_by_chance_is_no_unsteadiness():
+    # A walk's drift in a segment is hardly more than one number: it varies by a factor of two.
+    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 5e-5}, 72_000, 20.0, 3)
+    axis = characterize(samples, 20.0)
+    seen = np.std(np.log([segment.drift_sigma for segment in axis.stationarity.segments]), ddof=1)
+    assert seen > 0.2
+    assert unsteadiness(axis) < 0.1
+    careful = tune(axis, 1.0, 60.0, conservative=True)
+    assert 0.3 < careful.coast_ratio < 1
 
 
 @pytest.mark.parametrize(('times', 'message'), [
@@ -201,7 +214,6 @@ def test_numbers_that_are_not_positive_are_refused():
 @pytest.mark.slow
 def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty():
     """Fitted on an hour each; what happens is computed from the truth. 120 records."""
-    from imu_allan.characterization.axis import characterize
     sensors = [({'noise_density': 1e-3}, {}),
                ({'noise_density': 1e-3, 'rate_random_walk': 5e-5}, {'walk': 5e-5}),
                ({'noise_density': 1e-3, 'gauss_markov': {'sigma': 5e-4,
