@@ -17,6 +17,8 @@ _MOST = 1 << 15
 that 1.3 s in common are seen."""
 _LEAST_BITS = 10
 """One message of 2^10 is kept at least: 5 MB of 100 million."""
+_LIMIT = 1 << 18
+"""Beyond, nothing more is kept, 15 MB: stamps that are all alike are chosen all or none."""
 _FEWEST = 8
 """Messages in common from which on it is no chance: coarse steps make one value come again."""
 _SPREAD = np.uint64(0x9E3779B97F4A7C15)
@@ -26,6 +28,11 @@ _SPREAD = np.uint64(0x9E3779B97F4A7C15)
 class Fingerprint:
     """
     Some of the messages of a recording, chosen by their stamps: of a copy they are the same.
+
+    Attributes
+    ----------
+    kept : int
+        How many.
 
     Examples
     --------
@@ -39,7 +46,7 @@ class Fingerprint:
     """
 
     def __init__(self) -> None:
-        self._kept = 0
+        self.kept = 0
         self._bits = 0
         self._stamps: list[NDArray[np.int64]] = []
         self._samples: list[NDArray[np.float64]] = []
@@ -49,11 +56,12 @@ class Fingerprint:
         for block in blocks:
             # A driver that stamps nothing leaves what the recorder knows.
             stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
-            chosen = _is_kept(stamps, self._bits)
-            self._stamps.append(stamps[chosen])
-            self._samples.append(block.samples[chosen])
-            self._kept += len(self._stamps[-1])
-            while self._kept > _MOST and self._bits < _LEAST_BITS:
+            if self.kept < _LIMIT:
+                chosen = _is_kept(stamps, self._bits)
+                self._stamps.append(stamps[chosen])
+                self._samples.append(block.samples[chosen])
+                self.kept += len(self._stamps[-1])
+            while self.kept > _MOST and self._bits < _LEAST_BITS:
                 self._thin()
             yield block
 
@@ -63,18 +71,25 @@ class Fingerprint:
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
         chosen = _is_kept(stamps, self._bits)
         self._stamps, self._samples = [stamps[chosen]], [samples[chosen]]
-        self._kept = len(self._stamps[0])
+        self.kept = len(self._stamps[0])
 
     def shares_messages_with(self, other: 'Fingerprint') -> bool:
-        """Whether both hold the same values wherever both have a message of the same time."""
-        if not (self._kept and other._kept):
+        """Whether both hold a message of the same values at every time that both have."""
+        if not (self.kept and other.kept):
             return False
-        _, here, there = np.intersect1d(
-            np.concatenate(self._stamps), np.concatenate(other._stamps), return_indices=True)
-        enough = min(_FEWEST, self._kept, other._kept)
-        return len(here) >= enough and np.array_equal(
-            np.concatenate(self._samples)[here], np.concatenate(other._samples)[there],
-            equal_nan=True)
+        times, mine = self._rows()
+        other_times, others = other._rows()
+        # Batches share a time: a part may begin in the middle of one, or have lost some of it.
+        alike = times[np.isin(mine, others)]
+        enough = min(_FEWEST, self.kept, other.kept)
+        return len(alike) >= enough and len(np.unique(alike)) == len(
+            np.intersect1d(times, other_times))
+
+    def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+        """Give the times of what was kept, and time and values together."""
+        stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
+        rows = np.column_stack((stamps, (samples + 0.0).view(np.int64)))
+        return stamps, rows.view(f'V{rows.strides[0]}')[:, 0]
 
 
 def _is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:

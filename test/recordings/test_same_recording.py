@@ -1,0 +1,51 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The same messages are recognised in another recording, whatever their stamps."""
+
+from imu_allan.block import ImuBlock
+from imu_allan.recordings.same_recording import Fingerprint
+import numpy as np
+import pytest
+
+COUNT = 20_000
+
+
+def recording(stamps, samples, rows=slice(None)) -> Fingerprint:
+    stamps, samples = stamps[rows], samples[rows]
+    fingerprint = Fingerprint()
+    list(fingerprint.watch([ImuBlock(stamps, stamps, samples,
+                                     np.zeros((len(stamps), 2), np.bool_), 'imu')]))
+    return fingerprint
+
+
+@pytest.fixture(scope='module')
+def samples():
+    return np.random.default_rng(0).normal(size=(COUNT, 6))
+
+
+@pytest.mark.parametrize('batch', [1, 2, 5])
+@pytest.mark.parametrize('rows', [slice(5000, None), slice(5001, None),
+                                  np.delete(np.arange(COUNT), 6000)],
+                         ids=['part', 'part from within a batch', 'one lost'])
+def test_a_part_is_recognised_where_batches_share_a_stamp(samples, batch, rows):
+    stamps = 10**18 + np.arange(COUNT) // batch * batch * 10_000_000
+    assert recording(stamps, samples).shares_messages_with(recording(stamps, samples, rows))
+
+
+@pytest.mark.parametrize('batch', [1, 2])
+def test_another_recording_of_the_same_time_is_another(samples, batch):
+    stamps = 10**18 + np.arange(COUNT) // batch * batch * 10_000_000
+    assert not recording(stamps, samples).shares_messages_with(recording(stamps, samples[::-1]))
+    # A sensor at rest gives some values again.
+    other = samples[::-1].copy()
+    other[:100] = samples[:100]
+    assert not recording(stamps, samples).shares_messages_with(recording(stamps, other))
+
+
+def test_stamps_that_are_all_alike_take_no_memory(samples):
+    stamps = np.full(COUNT, 7)
+    fingerprint = Fingerprint()
+    block = ImuBlock(stamps, stamps, samples, np.zeros((COUNT, 2), np.bool_), 'imu')
+    list(fingerprint.watch([block] * 20))
+    # The limit and one block more.
+    assert fingerprint.kept <= 2**18 + COUNT
