@@ -322,7 +322,8 @@ class AxisResult:
 
     `band_limit_s` is the effective window of a low-pass, where one was found, and `band_edge_hz`
     the highest frequency that was fitted, where what lies above was left out. An axis that
-    `stood_still` gave one value for so long, and has no coefficients.
+    `stood_still` gave one value for so long, and has no coefficients; no more has one that came
+    through a filter that takes out what is slower than `high_passed_hz`, of the mean too.
     """
 
     quantity: str
@@ -343,6 +344,7 @@ class AxisResult:
     sample_rate_hz: float | None = None
     band_edge_hz: float | None = None
     stood_still: Span | None = None
+    high_passed_hz: float | None = None
 
     @property
     def constant(self) -> bool:

@@ -116,7 +116,8 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
                  fits: Sequence[AxisFit | None] | None = None,
-                 temperature: TemperatureCourse | None = None
+                 temperature: TemperatureCourse | None = None,
+                 corners_hz: Sequence[float | None] | None = None
                  ) -> list[tuple[AxisResult, list[Remark]]]:
     """
     Fit every axis of an estimator, which is left as it is.
@@ -133,6 +134,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         Of every axis, where they are not those of the estimator alone.
     temperature : TemperatureCourse, optional
         Over the same record.
+    corners_hz : sequence of float or None, optional
+        Of a high-pass that each axis is known to have come through, whatever `fits` show.
 
     Returns
     -------
@@ -166,10 +169,12 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                 curve = _curve(points, axis, dt, FittedModel({}), {})
             found.append((replace(base, curve=curve), remarks))
             continue
-        corner_hz = _high_pass_corner_hz(fitted_axis.whole)
+        corner_hz = ((corners_hz[axis] if corners_hz is not None else None)
+                     or _high_pass_corner_hz(fitted_axis.whole))
         if corner_hz is not None:
             found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
-                                  spectrum=_spectrum(fitted_axis.whole)),
+                                  spectrum=_spectrum(fitted_axis.whole),
+                                  high_passed_hz=corner_hz),
                           [high_pass_remark(corner_hz)]))
             continue
         fitted, lines = fitted_axis.fit, fitted_axis.lines

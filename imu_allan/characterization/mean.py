@@ -14,6 +14,11 @@ def recorded_s(result: Result) -> float:
     return min(result.timeline.duration_s, result.timeline.samples / rate if rate else inf)
 
 
+def mean_is_known(axis: AxisResult) -> bool:
+    """Tell whether anybody can say what the mean is worth: nobody can where N has no value."""
+    return axis.high_passed_hz is None and axis.coefficients['noise_density'].value is not None
+
+
 def error_of_mean(axis: AxisResult, duration_s: float) -> float:
     """
     Return the standard error of the mean of one axis over a record.
@@ -21,7 +26,7 @@ def error_of_mean(axis: AxisResult, duration_s: float) -> float:
     Parameters
     ----------
     axis : AxisResult
-        As fitted; terms that do not show count nothing.
+        As fitted, one whose `mean_is_known`; terms that do not show count nothing.
     duration_s : float
         Length of the record.
 

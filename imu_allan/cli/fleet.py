@@ -127,7 +127,7 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     if result.axes and all(axis.constant for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: every axis is constant, there is no noise '
                              'to measure; look whether the IMU works and is read out')
-    if any(remark.code == 'high_passed' for remark in result.warnings):
+    if any(axis.high_passed_hz is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: a filter has taken out the slow part of '
                              'the noise; take the raw topic')
     return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '

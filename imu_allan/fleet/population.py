@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import exp, log
 
-from imu_allan.characterization.mean import error_of_mean, recorded_s
+from imu_allan.characterization.mean import error_of_mean, mean_is_known, recorded_s
 from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
@@ -189,7 +189,7 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
         if measured is None or measured.constant:
             continue
         if key == MEAN:
-            if measured.mean is not None:
+            if measured.mean is not None and mean_is_known(measured):
                 sample.values[name] = measured.mean
                 sample.errors[name] = error_of_mean(measured, recorded_s(result))
             continue

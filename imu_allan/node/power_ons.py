@@ -16,7 +16,7 @@ from typing import Any
 
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import turn_on_bias
-from imu_allan.characterization.mean import error_of_mean
+from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.stream import FinishedRecord
 from imu_allan.result import Result, TurnOnBias
 
@@ -95,7 +95,7 @@ class PowerOns:
         now = _mark(record)
         spread: dict[str, TurnOnBias] = {}
         for name, axis in result.axes.items():
-            if axis.coefficients['noise_density'].value is None:
+            if not mean_is_known(axis):
                 continue
             means = [(mean, samples / record.rate_hz) for mean, samples
                      in _of_each(name, (*self.ended, now))

@@ -204,7 +204,7 @@ _ABOVE_ZERO = {
     GaussMarkov: ('correlation_time_s',), Innovations: ('interval_s', 'steps'),
     Segment: ('duration_s', 'noise_density'), Signal: ('step_s',), Spectrum: ('frequency_hz',),
     Tone: ('frequency_hz',), WarmUp: ('time_constant_s',),
-    AxisResult: ('sample_rate_hz', 'band_edge_hz'),
+    AxisResult: ('sample_rate_hz', 'band_edge_hz', 'high_passed_hz'),
 }
 _NOT_NEGATIVE = {
     Coast: ('observed_rms',), Coefficient: ('between', 'observable_in_s', 'ci_halves_in_s'),

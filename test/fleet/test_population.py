@@ -36,6 +36,23 @@ def test_the_spread_between_units_is_told_apart_from_measuring(fleet: dict[str, 
     assert ('gyro_x', 'rate_random_walk') not in traits
 
 
+def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet: dict[str, Result]) -> None:
+    def without(unit: Result, corner_hz: float | None) -> Result:
+        axis = unit.axes['gyro_x']
+        nothing = {key: replace(found, observable=False, value=None, ci95=None, upper95=None)
+                   for key, found in axis.coefficients.items()}
+        # Far from the means of the others, and as if nothing were more certain.
+        axis = replace(axis, coefficients=nothing, mean=1.0, high_passed_hz=corner_hz)
+        return replace(unit, axes={**unit.axes, 'gyro_x': axis})
+
+    odd = {unit: without(fleet[unit], corner_hz)
+           for unit, corner_hz in (('unit3', 0.16), ('unit4', None))}
+    found = population({**fleet, **odd})
+    traits = {(trait.axis, trait.key): trait for trait in found.traits}
+    assert traits['gyro_x', 'mean'].observable == len(fleet) - len(odd)
+    assert not odd.keys() & set(found.odd_units)
+
+
 def test_units_stand_in_natural_order(fleet: dict[str, Result]) -> None:
     assert population(fleet).units[:3] == ('unit1', 'unit2', 'unit3')
 

@@ -2,8 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Signals whose slow part a filter has taken out, and those that merely look odd."""
 
+from dataclasses import replace
+import json
+
 import imu_allan
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.characterization.axis import axis_results
+from imu_allan.cli.main import main
+from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import Quantity
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -28,6 +40,91 @@ def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_told(gain, more):
     axis = imu_allan.characterize(without_bias(sensor(3, **more), gain), RATE_HZ)
     assert not any(found.observable or found.upper95 for found in axis.coefficients.values())
     assert axis.goodness_of_fit.p_value is None
+    assert axis.high_passed_hz == pytest.approx(gain * RATE_HZ / (2 * np.pi), rel=0.4)
+
+
+def test_an_axis_of_which_it_is_known_has_no_coefficients_whatever_it_shows():
+    estimator = Estimator()
+    estimator.update(sensor(7)[:5_000])
+    [(axis, [told])] = axis_results(estimator, RATE_HZ, [Quantity.ANGULAR_VELOCITY],
+                                    corners_hz=[0.25])
+    assert (axis.high_passed_hz, told.code) == (0.25, 'high_passed')
+    assert not any(found.observable or found.upper95 for found in axis.coefficients.values())
+
+
+@pytest.fixture(scope='module')
+def stream():
+    """Take in an IMU whose rates alone came through the filter."""
+    rates = [without_bias(sensor(seed), 0.01) for seed in (11, 12, 13)]
+    stamps = (np.arange(len(rates[0])) * 1e7 + 1e18).astype(np.int64)
+    stream = Characterization(kind='recording', path='behind', topic='/imu/data')
+    stream.update(ImuBlock(
+        stamps, stamps, np.column_stack([*rates, *(sensor(seed)[:len(stamps)] + gravity
+                                                   for seed, gravity in (
+                                                       (14, 0.0), (15, 0.0), (16, 9.80665)))]),
+        np.zeros((len(stamps), 2), bool), 'imu'))
+    return stream
+
+
+@pytest.fixture(scope='module')
+def behind(stream):
+    return stream.result()
+
+
+@pytest.fixture
+def file_of_it(behind, tmp_path):
+    save_result(behind, tmp_path / 'result.json')
+    return tmp_path / 'result.json'
+
+
+def test_the_result_file_holds_it_and_may_lack_it(behind, file_of_it):
+    assert load_result(file_of_it) == behind
+    assert behind.axes['accel_x'].high_passed_hz is None
+    document = json.loads(file_of_it.read_text())
+    for axis in document['axes'].values():
+        del axis['high_passed_hz']
+    file_of_it.write_text(json.dumps(document))
+    assert load_result(file_of_it).axes['gyro_x'] == replace(behind.axes['gyro_x'],
+                                                             high_passed_hz=None)
+
+
+def test_a_configuration_calls_no_such_axis_dead(file_of_it, capsys):
+    assert main(['export', str(file_of_it), '--for', 'kalibr']) == 0
+    written = capsys.readouterr().out
+    for name in ('gyro_x', 'gyro_y', 'gyro_z'):
+        assert (f'{name} has come through a FILTER that takes out its slow part: it is in none of '
+                'the numbers below; take the raw topic') in written
+    assert 'DEAD' not in written
+    assert '\ngyroscope_noise_density' not in written
+    assert '\naccelerometer_noise_density' in written
+
+
+def test_no_configuration_of_rates_alone_says_why(behind, file_of_it, capsys):
+    save_result(replace(behind, axes={name: axis for name, axis in behind.axes.items()
+                                      if name.startswith('gyro')}), file_of_it)
+    assert main(['export', str(file_of_it), '--for', 'kalibr']) != 0
+    assert ('a noise density (a filter has taken out the slow part of every axis that has noise); '
+            'take the raw topic') in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('limit', [
+    'noise_density: 1 deg/s/sqrt(Hz)', 'zero_bias: 1 deg/s', 'band_limit: 1 s',
+    'turn_on_bias: 1 deg/s', 'lines: 1 deg/s'])
+def test_nothing_of_such_an_axis_passes_a_check(file_of_it, capsys, limit):
+    datasheet = file_of_it.with_name('datasheet.yaml')
+    datasheet.write_text(f'gyro: {{x: {{{limit}}}}}\n')
+    main(['check', str(file_of_it), '--spec', str(datasheet)])
+    told = ' '.join(capsys.readouterr().out.split())
+    assert 'cannot tell' in told
+    assert 'a filter has taken out the slow part of this axis; record the raw topic' in told
+
+
+def test_a_check_on_the_bench_says_what_to_do(stream, behind):
+    now = standing(stream, parse_model('gyro: {x: {noise_density: 1 deg/s/sqrt(Hz)}}'),
+                   result=behind)
+    assert [(verdict.verdict, verdict.reason) for verdict in now.verdicts] == [
+        ('cannot tell', 'gyro_x N: a filter has taken out the slow part of this axis; record the '
+         'raw topic')]
 
 
 @pytest.mark.parametrize('more', [

@@ -121,6 +121,20 @@ def test_an_axis_that_stood_still_is_dead(result):
         'time')
 
 
+@pytest.mark.parametrize(('fields', 'reason'), [
+    ({'high_passed_hz': 0.16},
+     'accel_y: a filter has taken out the slow part of this axis; record the raw topic'),
+    ({}, 'accel_y: the noise density does not show, and with it what the mean is worth; record '
+     'for longer')])
+def test_gravity_is_compared_only_where_every_mean_is_known(result, fields, reason):
+    hidden = with_coefficient(result, 'accel_y', 'noise_density', observable=False, value=None,
+                              ci95=None, upper95=1e-3)
+    axis = replace(hidden.axes['accel_y'], **fields)
+    verdict = only(replace(hidden, axes={**hidden.axes, 'accel_y': axis}),
+                   'accel: {gravity_error: 1 m/s^2}')
+    assert (verdict.verdict, verdict.reason) == ('cannot tell', f'accel gravity error: {reason}')
+
+
 def test_a_sensor_that_froze_is_dead(result):
     froze = replace(result, warnings=(Remark('frozen', '99 messages repeat one value'),))
     verdict = only(froze, 'gyro: {x: {noise_density: 1 deg/sqrt(h)}}')

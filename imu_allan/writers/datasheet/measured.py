@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from math import hypot
 
-from imu_allan.characterization.mean import error_of_mean, recorded_s
+from imu_allan.characterization.mean import error_of_mean, mean_is_known, recorded_s
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
@@ -19,6 +19,7 @@ Share of the limit of its noise density below which an axis is dead: no sensor i
 better than its datasheet, while rounding in a driver makes a stuck value vary by that little. The
 same share of the noise of the other segments tells an axis that died during the record.
 """
+_FILTERED = 'a filter has taken out the slow part of this axis; record the raw topic'
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,9 @@ def _died(axis: AxisResult) -> str | None:
 def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return the coefficient, of a ramp its magnitude."""
     found: Coefficient = axis.coefficients[key]
-    if not axis.goodness_of_fit.acceptable and axis.goodness_of_fit.p_value is not None:
+    if axis.high_passed_hz is not None:
+        doubt: str | None = _FILTERED
+    elif not axis.goodness_of_fit.acceptable and axis.goodness_of_fit.p_value is not None:
         doubt = 'the noise model does not fit this axis'
     elif not found.observable and found.upper95 is None:
         doubt = 'not observable in this recording; record for longer'
@@ -115,6 +118,8 @@ def zero_bias(result: Result, axis: str, expected: float) -> Measured:
     mean = result.axes[axis].mean
     if mean is None:
         return Measured(doubt='there is no mean')
+    if (doubt := _doubt_of_mean(result.axes[axis])) is not None:
+        return Measured(doubt=doubt)
     error = NORMAL95 * error_of_mean(result.axes[axis], recorded_s(result))
     distance = mean - expected
     return Measured(abs(distance), _magnitude((distance - error, distance + error)))
@@ -123,6 +128,9 @@ def zero_bias(result: Result, axis: str, expected: float) -> Measured:
 def gravity_error(result: Result) -> Measured:
     """Return the distance of the length of the mean acceleration from standard gravity."""
     names = [axis for axis in AXES if axis.startswith('accel')]
+    for name in names:
+        if (doubt := _doubt_of_mean(result.axes[name])) is not None:
+            return Measured(doubt=f'{name}: {doubt}')
     means = [result.axes[axis].mean or 0.0 for axis in names]
     length = hypot(*means)
     time = recorded_s(result)
@@ -136,6 +144,8 @@ def gravity_error(result: Result) -> Measured:
 
 def band_limit(axis: AxisResult) -> Measured:
     """Return the effective window of the low-pass; zero where the noise is flat to the end."""
+    if axis.high_passed_hz is not None:
+        return Measured(doubt=_FILTERED)
     if axis.goodness_of_fit.p_value is None:
         return Measured(doubt='too few samples')
     return Measured(axis.band_limit_s or 0.0)
@@ -143,6 +153,8 @@ def band_limit(axis: AxisResult) -> Measured:
 
 def lines(axis: AxisResult) -> Measured:
     """Return the amplitude of the strongest spectral line; zero where none was found."""
+    if axis.high_passed_hz is not None:
+        return Measured(doubt=_FILTERED)
     if axis.goodness_of_fit.p_value is None:
         return Measured(doubt='too few samples')
     return Measured(max((tone.amplitude for tone in axis.tones), default=0.0))
@@ -150,6 +162,8 @@ def lines(axis: AxisResult) -> Measured:
 
 def temperature_drift(axis: AxisResult) -> Measured:
     """Return the change of the mean per kelvin, a magnitude."""
+    if axis.high_passed_hz is not None:
+        return Measured(doubt=_FILTERED)
     trend = axis.trend.temperature if axis.trend is not None else None
     if trend is None:
         return Measured(doubt='the result knows no dependence on temperature; record the '
@@ -159,6 +173,8 @@ def temperature_drift(axis: AxisResult) -> Measured:
 
 def turn_on_bias(result: Result, axis: str) -> Measured:
     """Return the spread of the mean from one power-on to the next."""
+    if result.axes[axis].high_passed_hz is not None:
+        return Measured(doubt=_FILTERED)
     spread = result.turn_on_bias.get(axis)
     if spread is None:
         return Measured(doubt='one power-on does not show it; analyze several recordings '
@@ -196,6 +212,14 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         return turn_on_bias(result, axis)
     return {'band_limit': band_limit, 'lines': lines,
             'temperature_drift': temperature_drift}[key](result.axes[axis])
+
+
+def _doubt_of_mean(axis: AxisResult) -> str | None:
+    if mean_is_known(axis):
+        return None
+    return (_FILTERED if axis.high_passed_hz is not None else
+            'the noise density does not show, and with it what the mean is worth; record for '
+            'longer')
 
 
 def _magnitude(interval: Interval) -> Interval:

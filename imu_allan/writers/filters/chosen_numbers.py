@@ -133,9 +133,12 @@ class Numbers:
         self.of_axis: dict[str, dict[Key, Number]] = {
             name: self._numbers(name, axis) for name, axis in result.axes.items()}
         if not any(self.of_axis.values()):
-            raise ImuAllanError(
-                f'no configuration for {consumer}: no axis of this result has a noise density '
-                '(constant or too short); look at the driver, or record longer')
+            why = ('a filter has taken out the slow part of every axis that has noise); take the '
+                   'raw topic' if any(axis.high_passed_hz is not None
+                                      for axis in result.axes.values()) else
+                   'constant or too short); look at the driver, or record longer')
+            raise ImuAllanError(f'no configuration for {consumer}: no axis of this result has a '
+                                f'noise density ({why}')
 
     def axes(self, sensor: Sensor) -> dict[str, AxisResult]:
         """Return the axes of a sensor that the result has."""
@@ -165,7 +168,10 @@ class Numbers:
             axis = self.result.axes.get(name)
             if axis is None:
                 continue
-            if not self.of_axis[name]:
+            if axis.high_passed_hz is not None:
+                said.append(f'{name} has come through a FILTER that takes out its slow part: it '
+                            'is in none of the numbers below; take the raw topic')
+            elif not self.of_axis[name]:
                 why = ('every sample is the same' if axis.constant else 'too few samples'
                        if axis.stood_still is None else
                        f'it stood still for {duration(axis.stood_still.duration_s)}')
