@@ -6,7 +6,7 @@ Several recordings of one IMU as one result, in one module because every step co
 The coefficients are those of the joint likelihood. Beside them stands what one recording cannot
 show: how much the mean differs from one power-on to the next, and the coefficients between
 recordings beyond their errors. What cannot be one series of measurements (another rate, frame,
-axes or low-pass) is refused; recordings that contradict each other are told.
+axes or filter) is refused; recordings that contradict each other are told.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from math import exp, log, sqrt
 
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import length_remarks
-from imu_allan.characterization.mean import error_of_mean
+from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.stream import Characterization, FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
@@ -97,7 +97,8 @@ def joint_result(recordings: Sequence[Characterization],
     estimators = [part.record.estimator for part in parts]
     fitted = axis_results(_merged(estimators), rate, [AXES[name] for name in first.names],
                           joint_fits(estimators, 1 / rate,
-                                     [part.record.temperature for part in parts]))
+                                     [part.record.temperature for part in parts]),
+                          corners_hz=[_corner_hz(name, parts) for name in first.names])
     axes = {name: replace(_with_spread(axis, name, parts),
                           stationarity=_stationarity(name, parts))
             for name, (axis, _) in zip(first.names, fitted, strict=True)}
@@ -163,6 +164,8 @@ def _agree(parts: Sequence[_Part]) -> None:
                                 'apart')
         for name in first.record.names:
             _same_band(first, part, name)
+    for name in first.record.names:
+        _same_slow_end(parts, name)
 
 
 def _same_band(first: _Part, part: _Part, name: str) -> None:
@@ -176,6 +179,24 @@ def _same_band(first: _Part, part: _Part, name: str) -> None:
         raise ImuAllanError(
             f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
             f'fast end {100 * (b / a - 1):+.0f} %); analyze different settings apart')
+
+
+def _same_slow_end(parts: Sequence[_Part], name: str) -> None:
+    """Refuse recordings of which a filter has taken the slow part out of some."""
+    # One without a fit, too short or constant, is not in the joint likelihood either.
+    fitted = [part for part in parts if part.result.axes[name].spectrum is not None]
+    filtered = [part for part in fitted if part.result.axes[name].high_passed_hz is not None]
+    raw = next((part for part in fitted if part not in filtered), None)
+    if filtered and raw is not None:
+        raise ImuAllanError(
+            f'{filtered[0].path}: a filter has taken out the slow part of {name}, which does '
+            f'not show in {raw.path}; analyze the raw topic of each')
+
+
+def _corner_hz(name: str, parts: Sequence[_Part]) -> float | None:
+    """Return the corner of the high-pass that an axis came through in every recording."""
+    return next((corner for part in parts
+                 if (corner := part.result.axes[name].high_passed_hz) is not None), None)
 
 
 def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
@@ -227,7 +248,7 @@ def _of_each(parts: Sequence[_Part]) -> list[Remark]:
     """Return what the timeline and the front door said about one recording or another."""
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'coarse_resolution',
-           'constant_axis', 'warm_up', 'trend_or_walk', 'temperature')
+           'constant_axis', 'warm_up', 'trend_or_walk', 'temperature', 'high_passed')
     return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
             for remark in part.result.warnings if remark.code not in own]
 
@@ -255,6 +276,8 @@ def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:
 def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dict[str, TurnOnBias]:
     spread = {}
     for name, axis in axes.items():
+        if not mean_is_known(axis):
+            continue
         own = [part for part in parts if part.result.axes[name].mean is not None]
         # The joint coefficients know best how much a mean wanders during a recording.
         means = [part.result.axes[name].mean or 0.0 for part in own]
@@ -285,14 +308,15 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     for key in LASTING_TERMS:
         values, errors = _logarithms(name, key, parts)
         found = coefficients[key]
-        if found.value is None or found.ci95 is None:
+        value = found.value
+        if value is None or found.ci95 is None:
             continue
         coefficients[key] = found = _within(found, name, key, parts)
-        if len(values) < 2 or found.value is None:
+        if len(values) < 2:
             continue
         between = random_effects(list(values.values()), list(errors.values())).between
         coefficients[key] = replace(_widened(found, values, errors),
-                                    between=found.value * between)
+                                    between=value * between)
     return replace(axis, coefficients=coefficients)
 
 
@@ -307,10 +331,11 @@ def _within(found: Coefficient, name: str, key: str, parts: Sequence[_Part]) -> 
         if own.value and own.between:
             share = part.result.timeline.duration_s / whole
             variance += (share * own.between / own.value)**2 / PARTS
-    if not variance or found.ci95[0] <= 0:
+    if not variance:
         return found
+    # An interval that begins at 0 cannot begin lower.
     low, high = (found.value * exp(sign * sqrt(log(bound / found.value)**2
-                                               + NORMAL95**2 * variance))
+                                               + NORMAL95**2 * variance)) if bound > 0 else bound
                  for sign, bound in zip((-1, 1), found.ci95, strict=True))
     return replace(found, ci95=(low, high))
 
@@ -325,7 +350,7 @@ def _widened(found: Coefficient, values: Mapping[str, float], errors: Mapping[st
     if _survival(q, free) > _CONTRADICTION:
         return found
     factor = sqrt(q / free)
-    low, high = (found.value * exp(factor * log(max(bound, 1e-3 * found.value) / found.value))
+    low, high = (found.value * exp(factor * log(bound / found.value)) if bound > 0 else bound
                  for bound in found.ci95)
     return replace(found, ci95=(low, high))
 

@@ -1,14 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
+from types import SimpleNamespace
 
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import joint_result, turn_on_bias
+from imu_allan.characterization.joint import _within, joint_result, turn_on_bias
 from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 RATE_HZ = 50.0
 SAMPLES = 20_000
@@ -152,6 +154,52 @@ def test_another_low_pass_is_refused(nights):
         joint_result([nights[0], recorded('other', 5, changed=smoothed)])
     assert str(error.value).startswith('other: gyro_x falls by another low-pass than in night1 '
                                        '(noise at the fast end -')
+
+
+def filtered(path, seed, gain, **more):
+    """Record behind imu_complementary_filter, which subtracts a bias that follows the rate."""
+    state = np.zeros((1, 3))
+
+    def subtracted(block):
+        samples = block.samples.copy()
+        # bias += gain * (sample - bias), of the samples before.
+        bias, state[:] = lfilter([0, gain], [1, gain - 1], samples[:, :3], axis=0, zi=state)
+        samples[:, :3] -= bias
+        return replace(block, samples=samples)
+
+    return recorded(path, seed, changed=subtracted, **more)
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order):
+    with pytest.raises(ImuAllanError) as error:
+        joint_result([nights[0], filtered('behind', 5, 0.02)][::order])
+    assert str(error.value) == ('behind: a filter has taken out the slow part of gyro_x, which '
+                                'does not show in night1; analyze the raw topic of each')
+
+
+def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
+    result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, 0.1)])
+    told = [remark.message for remark in result.warnings if remark.code == 'high_passed']
+    assert [text.partition(':')[0] for text in told] == ['gyro_x', 'gyro_y', 'gyro_z']
+    for name in ('gyro_x', 'gyro_y', 'gyro_z'):
+        axis = result.axes[name]
+        assert axis.high_passed_hz is not None
+        assert not any(found.observable or found.upper95 for found in axis.coefficients.values())
+    # What the filter left of a mean is no turn-on bias.
+    assert set(result.turn_on_bias) == {'accel_x', 'accel_y', 'accel_z'}
+
+
+@pytest.mark.parametrize('low', [0.0, 0.5])
+def test_parts_that_contradict_each_other_widen_an_interval_that_begins_at_zero(joint, low):
+    flicker = replace(joint.axes['gyro_x'].coefficients['bias_instability'], observable=True,
+                      value=1.0, ci95=(low, 1.5))
+    night = SimpleNamespace(result=SimpleNamespace(
+        timeline=joint.timeline, axes={'gyro_x': SimpleNamespace(
+            coefficients={'bias_instability': replace(flicker, between=0.6)})}))
+    found = _within(flicker, 'gyro_x', 'bias_instability', [night, night])
+    assert found.ci95[1] > 1.55
+    assert found.ci95[0] == 0.0 if low == 0 else found.ci95[0] < 0.48
 
 
 def test_one_recording_is_no_joint_result(nights):
