@@ -121,28 +121,39 @@ def joint_result(recordings: Sequence[Characterization],
         spread)
 
 
-def turn_on_bias(means: Sequence[float], errors: Sequence[float]) -> TurnOnBias:
+def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[float]
+                 ) -> TurnOnBias:
     """
     Return the spread of means from one power-on to the next.
 
     Parameters
     ----------
-    means, errors : sequence of float
-        At least two, with their standard errors (`error_of_mean`).
+    means : sequence of float
+        At least two.
+    axis : AxisResult
+        Whose means they are, and whose coefficients say how far a mean wanders in a record.
+    lengths_s : sequence of float
+        How long a record each is the mean of.
 
     Returns
     -------
     TurnOnBias
-        What measuring explains of the scatter is taken off.
+        What measuring explains of the scatter is taken off; of the lower end of the interval what
+        a term may explain that does not show, too.
 
     Examples
     --------
-    >>> turn_on_bias([0.1, -0.1, 0.05], [0.2, 0.2, 0.2]).sigma
+    >>> from imu_allan import characterize, simulate
+    >>> axis = characterize(simulate({'noise_density': 1.0}, 20_000, 100.0), 100.0)
+    >>> turn_on_bias([0.1, -0.1, 0.05], axis, [25.0, 25.0, 25.0]).sigma
     0.0
 
     """
-    effects = random_effects(means, errors)
-    return TurnOnBias(effects.between, effects.between_ci95)
+    found, careful = (
+        random_effects(means, [error_of_mean(axis, length, at_most=at_most)
+                               for length in lengths_s]) for at_most in (False, True))
+    low, high = found.between_ci95
+    return TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
 
 
 # ------------------------------------------------------------------------------ what must be equal
@@ -281,10 +292,9 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
         own = [part for part in parts if part.result.axes[name].mean is not None]
         # The joint coefficients know best how much a mean wanders during a recording.
         means = [part.result.axes[name].mean or 0.0 for part in own]
-        errors = [error_of_mean(axis, part.record.estimator.samples / part.record.rate_hz)
-                  for part in own]
+        lengths = [part.record.estimator.samples / part.record.rate_hz for part in own]
         if len(own) > 1 and any(axis.curve.adev):
-            spread[name] = turn_on_bias(means, errors)
+            spread[name] = turn_on_bias(means, axis, lengths)
     return spread
 
 

@@ -4,7 +4,7 @@
 
 from math import inf, sqrt
 
-from imu_allan.noise.terms import allan_variance
+from imu_allan.noise.terms import allan_variance, LASTING_TERMS
 from imu_allan.result import AxisResult, Result
 
 
@@ -19,7 +19,7 @@ def mean_is_known(axis: AxisResult) -> bool:
     return axis.high_passed_hz is None and axis.coefficients['noise_density'].value is not None
 
 
-def error_of_mean(axis: AxisResult, duration_s: float) -> float:
+def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False) -> float:
     """
     Return the standard error of the mean of one axis over a record.
 
@@ -29,6 +29,8 @@ def error_of_mean(axis: AxisResult, duration_s: float) -> float:
         As fitted, one whose `mean_is_known`; terms that do not show count nothing.
     duration_s : float
         Length of the record.
+    at_most : bool, optional
+        Count lasting terms that do not show by their upper bounds: what the mean may wander.
 
     Returns
     -------
@@ -39,4 +41,7 @@ def error_of_mean(axis: AxisResult, duration_s: float) -> float:
     """
     values = {key: found.value for key, found in axis.coefficients.items()
               if found.value is not None}
+    if at_most:
+        values |= {key: bound for key in LASTING_TERMS if key not in values
+                   and (bound := axis.coefficients[key].upper95) is not None}
     return sqrt(float(allan_variance(values, duration_s))) if duration_s > 0 else 0.0

@@ -16,7 +16,7 @@ from typing import Any
 
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import turn_on_bias
-from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.stream import FinishedRecord
 from imu_allan.result import Result, TurnOnBias
 
@@ -102,8 +102,7 @@ class PowerOns:
                      if samples >= _SHORTEST_S * record.rate_hz]
             if len(means) > 1:
                 spread[name] = turn_on_bias(
-                    [mean for mean, _ in means],
-                    [error_of_mean(axis, duration_s) for _, duration_s in means])
+                    [mean for mean, _ in means], axis, [duration_s for _, duration_s in means])
         return replace(result, turn_on_bias=spread)
 
     def to_dict(self) -> dict[str, Any]:

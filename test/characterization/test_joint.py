@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import _within, joint_result, turn_on_bias
 from imu_allan.errors import ImuAllanError
@@ -127,7 +128,18 @@ def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_in
 
 
 def test_a_mean_that_only_wanders_is_no_turn_on_bias():
-    assert turn_on_bias([0.1, -0.2, 0.15], [0.2, 0.2, 0.2]).sigma == 0.0
+    axis = characterize(simulate({'noise_density': 1.0}, 20_000, 100.0), 100.0)
+    assert turn_on_bias([0.1, -0.2, 0.15], axis, [25.0, 25.0, 25.0]).sigma == 0.0
+
+
+def test_a_walk_too_small_to_show_is_no_turn_on_bias():
+    walk = {'noise_density': 1e-3, 'rate_random_walk': 3e-5}
+    axis = characterize(simulate(walk, 60_000, 100.0, seed=31), 100.0)
+    assert not axis.coefficients['rate_random_walk'].observable
+    # As far apart as the walk brings two means of ten minutes: 2 standard deviations.
+    apart = 2 * 3e-5 * np.sqrt(2 * 600 / 3)
+    assert turn_on_bias([0.0, apart], axis, [600.0, 600.0]).ci95[0] == 0.0
+    assert turn_on_bias([0.0, 100 * apart], axis, [600.0, 600.0]).ci95[0] > 0.0
 
 
 @pytest.mark.parametrize(('other', 'complaint'), [

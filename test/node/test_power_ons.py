@@ -9,12 +9,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import turn_on_bias
 from imu_allan.node import power_ons
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.power_ons import PowerOns
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Lane, Run
+from imu_allan.noise.random_effects import random_effects
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -60,9 +60,9 @@ def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path
         means.append(feed(run, bias, number))
     result = run.snapshot().result()
     found = result.turn_on_bias['gyro_x']
-    expected = turn_on_bias(means, [SIGMA / np.sqrt(SAMPLES)] * len(means))
-    assert found.sigma == pytest.approx(expected.sigma, rel=1e-3)
-    assert found.ci95 == pytest.approx(expected.ci95, rel=1e-2)
+    expected = random_effects(means, [SIGMA / np.sqrt(SAMPLES)] * len(means))
+    assert found.sigma == pytest.approx(expected.between, rel=1e-3)
+    assert found.ci95 == pytest.approx(expected.between_ci95, rel=1e-2)
     assert found.ci95[0] < np.std(biases, ddof=1) < found.ci95[1]
     assert result.turn_on_bias['accel_x'].sigma < 3 * SIGMA / np.sqrt(SAMPLES)
     # What differs from one power-on to the next is no drift of the sensor.
