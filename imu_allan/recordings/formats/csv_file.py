@@ -23,6 +23,7 @@ from imu_allan.recordings.formats.csv_header import (
     MOST_COMMENTS,
     read_header,
     seconds_in,
+    with_units_below,
 )
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic
@@ -41,6 +42,8 @@ _NAMED_COLUMNS = 10
 """Of those left out: more take more than a line or two."""
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
+_FEWEST_TIMES = 3
+"""Below, a table is no record of anything."""
 _QUOTES = ' \t\r"'
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
@@ -70,7 +73,8 @@ class CsvRecording(FileRecording):
         self._columns = self._found_columns()
         if self._columns.time is None and options.rate_hz is None:
             raise ImuAllanError(
-                f'{printable(path)}: no time_s column; give the sample rate with --rate')
+                f'{printable(path)}: no time_s column; give the sample rate with --rate, or say '
+                "which column is the time: --columns 'time=NAME ms'")
         self._rate_hz = options.rate_hz
         self.topics = [ImuTopic(TOPIC, None)]
         if self._columns.temperature is not None:
@@ -97,6 +101,8 @@ class CsvRecording(FileRecording):
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
                 rejected += len(bad)
             line += len(lines)
+            if stamps is not None and not samples and _need_a_unit(stamps, columns, time_unit_s):
+                columns, stamps = self._counted(stamps, columns), None
             if len(table):
                 yield self._block(table, stamps, samples, columns), position
                 samples += len(table)
@@ -110,6 +116,16 @@ class CsvRecording(FileRecording):
                 'malformed_messages',
                 f'{rejected} lines are not numbers and were left out; the first: '
                 f'{first_rejected}')
+
+    def _counted(self, stamps: NDArray[np.int64], columns: Columns) -> Columns:
+        """Leave the times out where the user says the rate; else nobody knows what they are."""
+        if self._rate_hz is not None:
+            return replace(columns, time=None, nanoseconds=None)
+        step = int(np.median(np.diff(stamps)))
+        raise ImuAllanError(
+            f'{printable(self.path)}: the times are whole numbers {step // 10**9} apart, in '
+            f"seconds {1e9 / step:.3g} Hz; say what they are, such as --columns 'time=NAME ms' "
+            '(or us, ns), or give the sample rate with --rate')
 
     def _texts(self) -> Iterator[tuple[str, int]]:
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
@@ -159,30 +175,38 @@ class CsvRecording(FileRecording):
                     break
             behind, after = file.tell(), file.read(_LOOKED_AT)
         columns = echoed_imu(header) or self._read_header(header)
+        below, _, rest = after.decode('utf-8', 'replace').partition('\n')
+        units = with_units_below(header, below, columns, self.options)
+        if units is not None:
+            header, columns = units
+            behind += len(after.partition(b'\n')[0]) + 1
+            self._first_line += 1
         if not columns.headless:
             self._data_at, self._first_line = behind, self._first_line + 1
         elif line.startswith(BOM_UTF8):
             self._data_at += len(BOM_UTF8)
-        samples = header * columns.headless + after.decode('utf-8', 'replace')
+        samples = (header if columns.headless else '') + below + rest
         self._decimal_comma = (columns.delimiter != ','
                                and _DECIMAL_COMMA.search(samples) is not None)
+        self._tell_ignored(columns)
         return columns
 
     def _read_header(self, header: str) -> Columns:
         try:
-            columns = read_header(header, self.options)
+            return read_header(header, self.options)
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
+
+    def _tell_ignored(self, columns: Columns) -> None:
         if columns.lookalikes:
             self.remark('ignored_columns', 'columns that may be axes were not understood: '
                         f'{_listed(columns.lookalikes)}; --columns '
                         'gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what')
         alike = {*columns.lookalikes}
-        others = [cell for cell in columns.ignored if cell not in alike]
+        others = [cell for cell in columns.ignored if cell and cell not in alike]
         if others:
             self.remark('ignored_columns',
                         f'columns that are no axes were left out: {_listed(others)}')
-        return columns
 
 
 def _listed(cells: Sequence[str]) -> str:
@@ -256,6 +280,13 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     if columns.nanoseconds is not None:
         stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
+
+
+def _need_a_unit(stamps: NDArray[np.int64], columns: Columns, time_unit_s: float | None) -> bool:
+    """Whether times are taken for seconds that are rather milliseconds, or numbers of samples."""
+    return (columns.time_unit is None and columns.nanoseconds is None and time_unit_s == 1
+            and len(stamps) >= _FEWEST_TIMES and not (stamps % 10**9).any()
+            and float(np.median(np.diff(stamps))) >= 1e9)
 
 
 def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:

@@ -105,6 +105,7 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
     chosen = _chosen(options.columns, names)
     if headless and not chosen:
         raise ImuAllanError(_no_header(cells))
+    by_name = all(meaning == 'time' for meaning, _ in chosen.values())
     time: int | None = None
     time_name, time_unit = '', None
     axes: dict[str, tuple[int, int, float]] = {}
@@ -112,11 +113,12 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
     temperature: int | None = None
     for column, cell in enumerate(cells):
         name, unit = name_and_unit(cell)
-        if chosen:
-            meaning, stated = chosen.get(column, (None, None))
-            unit = stated or unit
-        else:
+        meaning, stated = chosen.get(column, (None, None))
+        unit = stated or unit
+        if by_name and meaning is None and not headless:
             meaning = meaning_of(name)
+            # The user has named another.
+            meaning = None if chosen and meaning == 'time' else meaning
         if meaning == 'time':
             if time is not None and not is_later_clock(time_name, name):
                 raise ImuAllanError('two time columns')
@@ -156,6 +158,25 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
     return not (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
                 or any(_with_name(name, names) for _, text in options.columns
                        for name in (text, text.rpartition(' ')[0])))
+
+
+def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
+                     ) -> tuple[str, Columns] | None:
+    """Understand a header whose units stand in a line of their own; None if they do not."""
+    delimiter, names = _cells(header)
+    units = _cells(line)[1]
+    if (columns.headless or delimiter is None or len(names) != len(units)
+            or any(map(_is_number, units)) or not any(units[axis[0]].strip()
+                                                      for axis in columns.axes)):
+        return None
+    joined = delimiter.join(
+        f'{name} [{unit.strip()}]' if unit.strip() and not set(name) & set('[(') else name
+        for name, unit in zip(names, units, strict=True))
+    try:
+        return joined, read_header(joined, options)
+    except ImuAllanError:
+        # Numbers, the names once more, or any other text.
+        return None
 
 
 def _cells(header: str) -> tuple[str | None, list[str]]:

@@ -68,7 +68,9 @@ def test_units_named_in_the_header(path):
 def test_without_time_column_the_rate_makes_the_stamps(path):
     path.write_text('gyro_z\n1\n2\n3\n')
     assert read(path, rate_hz=400.)[0].header_ns.tolist() == [0, 2_500_000, 5_000_000]
-    assert refusal(path, 'gyro_z\n1\n') == 'no time_s column; give the sample rate with --rate'
+    assert refusal(path, 'gyro_z\n1\n') == (
+        'no time_s column; give the sample rate with --rate, or say which column is the time: '
+        "--columns 'time=NAME ms'")
 
 
 def test_a_time_column_counts_before_a_rate(path):
@@ -292,6 +294,32 @@ def test_the_number_of_the_temperature_is_its_place_whatever_stands_in_other_col
         [thermometer] = recording.thermometers
         [(block, _)] = recording.decoded(thermometer.name)
     assert block.samples[:, 0].tolist() == [21.5, 21.6]
+
+
+@pytest.mark.parametrize('step', [10, 1, 5_000_000])
+def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, step):
+    rows = [f'{5 * step + row * step},{row}' for row in range(200)]
+    text = '\n'.join(['timestamp,gx', *rows, ''])
+    reason = refusal(path, text)
+    assert reason == (
+        f'the times are whole numbers {step} apart, in seconds {1 / step:.3g} Hz; say what they '
+        "are, such as --columns 'time=NAME ms' (or us, ns), or give the sample rate with --rate")
+    for options, nanoseconds in (({'rate_hz': 50.0}, 20_000_000),
+                                 ({'columns': (('time', 'timestamp us'),)}, step * 1000)):
+        with open_recording(path, options=RecordingOptions(**options)) as recording:
+            [block] = read_blocks(recording, 'csv')
+        assert (np.diff(block.header_ns) == nanoseconds).all()
+        assert block.samples[:, 0].tolist() == list(range(200))
+
+
+def test_units_may_stand_in_a_line_of_their_own(path):
+    path.write_text(',time,gyro_x,accel_z,note\n,ms,deg/s,g,\n0,500,180,1,a\n1,510,90,2,b\n')
+    messages, remarks = read(path)
+    assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
+    assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
+    assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
+    assert [remark.message.removeprefix(f'{path}: ') for remark in remarks] == [
+        'columns that are no axes were left out: note']
 
 
 def test_a_number_beyond_the_columns_says_how_many_there_are(path):
