@@ -253,7 +253,9 @@ def _runs_at_a_rate(places: Floats, counting: bool, other_rate: bool, block: int
     if runs[0][1] == other_rate:
         runs[0] = (0, other_rate)
     edges = [runs[0][0], *(_change_point(places, first, other) for first, other in runs[1:])]
-    return [(edge, other) for edge, (_, other) in zip(edges, runs, strict=True)]
+    # Each change is sought about the start of its own run: those of short ones may cross.
+    ordered = np.maximum.accumulate(edges).tolist()
+    return [(edge, other) for edge, (_, other) in zip(ordered, runs, strict=True)]
 
 
 def _on_rate(places: Floats, tolerance: float) -> bool:

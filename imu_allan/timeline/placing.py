@@ -290,6 +290,8 @@ class Placing:
         ends = [first for first, _ in changes[1:]] + [messages.consumed]
         for (first, other_rate), last in zip(changes, ends, strict=True):
             part = messages.part(first, last, look_ahead=last == messages.consumed)
+            if not part.consumed:
+                continue
             if other_rate:
                 self._leave_out(part)
                 continue

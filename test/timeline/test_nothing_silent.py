@@ -701,6 +701,11 @@ def test_an_imu_without_noise_that_is_tilted_once_gives_a_result(motion, tilt):
     assert not result.axes['gyro_x'].coefficients['noise_density'].observable
 
 
+def test_changes_of_rate_that_cross_are_no_error():
+    # Found by the scenarios: both were sought about the same messages, and a part had none.
+    assert not verdict(401_589, axes_there=2).violations
+
+
 def test_random_faults_leave_no_number_silently_wrong():
     verdicts = [verdict(seed, 6000, 2) for seed in range(EVERYDAY)]
     wrong = [one for one in verdicts if one.violations]
