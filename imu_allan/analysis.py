@@ -146,7 +146,7 @@ def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
     cold = analyze(path, topic, options=options, reading=reading, duration_s=duration_s,
                    progress=progress)
     from imu_allan.characterization.findings import (
-        is_worth_cutting,
+        start_of,
         start_remark,
         steady_after_s,
     )
@@ -154,10 +154,9 @@ def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
     steady = [steady_after_s(axis) for axis in cold.axes.values()]
     # What takes longer than half of the recording cannot be left out, the rest can.
     longest_s = max(steady)
-    start_s = max((time for time in steady if time > 0 and is_worth_cutting(time, length)),
-                  default=longest_s)
-    if start_s <= 0 or not is_worth_cutting(start_s, length):
-        return replace(cold, warnings=(start_remark(start_s, length), *cold.warnings))
+    start_s = start_of(steady, length)
+    if start_s <= 0:
+        return replace(cold, warnings=(start_remark(longest_s, length), *cold.warnings))
     left = None if duration_s is None else max(duration_s - start_s, 0.0)
     warm = analyze(path, topic, options=options, reading=reading, start_s=start_s,
                    duration_s=left)

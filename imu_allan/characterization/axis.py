@@ -178,7 +178,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                           [high_pass_remark(corner_hz)]))
             continue
         fitted, lines = fitted_axis.fit, fitted_axis.lines
-        remarks = [*fit_remarks(fitted, quantity, finished.samples * dt),
+        remarks = [*fit_remarks(fitted, quantity),
                    *step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)]
         parts = _stationarity(fitted_axis, axis, dt, finished)
         if parts is not None and fitted_axis.steadiness is not None:

@@ -3,7 +3,7 @@
 """What was found, in the words that the user reads; messages do not name the axis."""
 
 from collections.abc import Collection, Mapping, Sequence
-from math import inf, isfinite, isinf
+from math import ceil, inf, isfinite, isinf
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
@@ -59,8 +59,8 @@ def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:
                    'the noise of one sample: what lies below the step is hidden')]
 
 
-def fit_remarks(fitted: Fit, quantity: Quantity, length_s: float = inf) -> list[Remark]:
-    """Say what the fit of an axis found beside coefficients, in a record of some length."""
+def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+    """Say what the fit of an axis found beside coefficients."""
     remarks = []
     if fitted.window_s is not None and fitted.edge_hz is not None:
         remarks.append(Remark(
@@ -84,7 +84,7 @@ def fit_remarks(fitted: Fit, quantity: Quantity, length_s: float = inf) -> list[
             f'a first-order Gauss-Markov process of {sigma:.3g} {quantity.unit} with a '
             f'correlation time of {time:.3g} s is part of the noise'))
     return [*remarks, *_temperature_remarks(fitted, quantity),
-            *_mean_remarks(fitted, quantity, length_s)]
+            *_mean_remarks(fitted, quantity)]
 
 
 def leaving_remark(tau_s: float) -> Remark:
@@ -131,6 +131,12 @@ def steady_after_s(axis: AxisResult) -> float:
 def is_worth_cutting(start_s: float, length_s: float) -> bool:
     """Tell whether a record is long enough to do without its beginning."""
     return start_s <= length_s / 2
+
+
+def start_of(steady_s: Sequence[float], length_s: float) -> float:
+    """Give the latest end of a warm-up that a record is long enough to leave out, or 0."""
+    return max((time for time in steady_s if time > 0 and is_worth_cutting(time, length_s)),
+               default=0.0)
 
 
 def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Remark:
@@ -184,17 +190,18 @@ def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
         'temperature',
         f'the mean follows the temperature by {heat.per_kelvin:.3g} {quantity.unit}/K{curved} '
         f'(95 % interval {heat.low:.3g} to {heat.high:.3g}, seen from {heat.lowest_c:.1f} to '
-        f'{heat.highest_c:.1f} degrees Celsius); the coefficients are given without it{instead}')]
+        f'{heat.highest_c:.1f} degrees Celsius); the coefficients are given without it, '
+        f'the numbers for a filter with it{instead}')]
 
 
-def _mean_remarks(fitted: Fit, quantity: Quantity, length_s: float) -> list[Remark]:
+def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
     """Say what moves the mean, and what that means for the random walk."""
-    remarks = [Remark('warm_up', _warm_up(fitted, quantity, length_s))] if fitted.warmings else []
+    remarks = [Remark('warm_up', _warm_up(fitted, quantity))] if fitted.warmings else []
     if fitted.cycle_s is not None:
         remarks.append(Remark(
             'slow_cycle',
             f'the mean follows a slow cycle of about {duration(fitted.cycle_s)}, such as a '
-            "heater's; the coefficients are given without it"))
+            "heater's; the coefficients are given without it, the numbers for a filter with it"))
     elif fitted.walk_unclear:
         remarks.append(Remark(
             'trend_or_walk',
@@ -211,7 +218,7 @@ def _within(part: Warming) -> str:
             else f'within a factor of {factor:.0f}')
 
 
-def _warm_up(fitted: Fit, quantity: Quantity, length_s: float) -> str:
+def _warm_up(fitted: Fit, quantity: Quantity) -> str:
     """Say how the mean settles, and when it has."""
     flicker = fitted.estimates['bias_instability']
     floor = FLICKER_FLOOR * (flicker.value if flicker.observable else
@@ -219,15 +226,45 @@ def _warm_up(fitted: Fit, quantity: Quantity, length_s: float) -> str:
     steady_s = max(part.steady_after_s(floor) for part in fitted.warmings)
     parts = [f'{part.amplitude:.3g} {quantity.unit} at the beginning, with a time constant of '
              f'{duration(part.time_constant_s)} ({_within(part)})' for part in fitted.warmings]
-    several = fitted.trial is not None and fitted.trial.groups.record is not None
+    return (f'the mean settles as after switching on: {", and ".join(parts)}; it is steady after '
+            f'{duration(steady_s)}')
+
+
+def warm_up_remarks(axes: Mapping[str, AxisResult], length_s: float, *, several: bool = False
+                    ) -> list[Remark]:
+    """
+    Say which numbers have the warm-up in them, and how to be without it.
+
+    Parameters
+    ----------
+    axes : mapping of axis name to AxisResult
+        What was fitted.
+    length_s : float
+        Of the recording.
+    several : bool, optional
+        Whether the axes are of several recordings, for which no start is chosen.
+
+    Returns
+    -------
+    list of Remark
+        One for the whole recording, where an axis warms up: the recording begins once.
+
+    """
+    steady = [time for axis in axes.values() if (time := steady_after_s(axis)) > 0]
+    if not steady:
+        return []
+    start_s, longest_s = start_of(steady, length_s), max(steady)
     if several:
-        advice = f'leave that out with --start {steady_s / 60:.0f}min'
-    elif is_worth_cutting(steady_s, length_s):
-        advice = 'leave that out with --start auto'
+        advice = f'leave it out with --start {ceil(longest_s / 60)}min'
+    elif start_s <= 0:
+        advice = 'this recording is too short to leave it out; let the sensor warm up first'
     else:
-        advice = 'this recording is too short to leave that out; let the sensor warm up first'
-    return (f'the mean settles as after switching on: {", and ".join(parts)}. The coefficients '
-            f'are given without it; it is steady after {duration(steady_s)}: {advice}')
+        advice = 'leave it out with --start auto'
+        if longest_s > start_s:
+            advice += (f', which begins after {duration(start_s)}, since half of the recording '
+                       'must remain')
+    return [Remark('warm_up', 'the coefficients are given without the warm-up, but the numbers '
+                   f'for a filter and the drift have it in them: {advice}')]
 
 
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,

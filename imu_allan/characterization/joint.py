@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
 from imu_allan.characterization.axis import axis_results
-from imu_allan.characterization.findings import length_remarks
+from imu_allan.characterization.findings import length_remarks, warm_up_remarks
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.stream import Characterization, FinishedRecord
 from imu_allan.errors import ImuAllanError
@@ -115,6 +115,7 @@ def joint_result(recordings: Sequence[Characterization],
                source.clock),
         timeline, axes,
         (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts), *found,
+         *warm_up_remarks(axes, timeline.duration_s, several=True),
          *length_remarks(axes, summary)),
         tuple(RecordingPart(part.path, part.result.source.start_time,
                             part.result.timeline.duration_s, _means(part)) for part in parts),

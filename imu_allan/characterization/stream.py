@@ -20,6 +20,7 @@ from imu_allan.characterization.findings import (
     length_remarks,
     MEAN_MOVES,
     thermometer_remarks,
+    warm_up_remarks,
 )
 from imu_allan.characterization.group import Group
 from imu_allan.characterization.thermometer import Thermometer
@@ -275,6 +276,7 @@ class Characterization:
         axes = {name: bounded(axes[name]) if name in summary.turned else axes[name]
                 for name in AXES if name in axes}
         unclear.update(summary.turned)
+        remarks += warm_up_remarks(axes, summary.timeline.duration_s)
         return axes, remarks + length_remarks(axes, summary, unclear)
 
     def _fitted(self, group: Group, rate: float, remarks: list[Remark], unclear: set[str],

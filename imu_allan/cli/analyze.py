@@ -154,6 +154,8 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
                 _hand_out(task, result, args, first=not shown, brief=len(tasks) > FEW)
             if unsaved is not None:
                 complaints.append(unsaved)
+            elif len(tasks) == 1 and task.folder is not None:
+                print(_written(task, result))
             if (nothing := without_coefficient(result, task.path)) is not None:
                 complaints.append(nothing)
     gathering.finish()
@@ -228,3 +230,12 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     sys.stdout.flush()
     if unsaved is not None:
         raise unsaved
+
+
+def _written(task: Task, result: 'Result') -> str:
+    """Name the files of the only recording; of several the fleet's page is told."""
+    from imu_allan.writers.filters import export
+
+    own = ('result.json', 'curve.csv', 'report.html', 'allan_deviation.png')
+    names = (*own, *(export(result, consumer).name for consumer in task.exports))
+    return f'Written to {printable(str(task.folder))}: {", ".join(names)}'

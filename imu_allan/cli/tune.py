@@ -61,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers.tuning_table import (
         forecast_sentences,
         forecast_table,
+        included_sentences,
         tuning_table,
     )
 
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     console.print()
     console.print(forecast_table(result, args.calibration))
     for sentence in (*forecast_sentences(result, args.calibration),
+                     *included_sentences(result),
                      *_beyond(result, args.coast)):
         console.print(sentence, markup=False)
     tables, verified = ([], {}) if args.verify is None else _verification(args, result)

@@ -72,6 +72,30 @@ def wants_help(args: Sequence[str]) -> bool:
     return bool({'-h', '--help'} & set(own))
 
 
+def refused(args: Sequence[str]) -> str:
+    """
+    Say what is wrong with the arguments that are not of ROS, which would change nothing.
+
+    Examples
+    --------
+    >>> refused(['publish_period=5.0'])
+    "'publish_period=5.0' is no argument; give parameters as --ros-args -p publish_period:=5.0"
+    >>> refused(['--ros-args', '-p', 'publish_period:=5.0'])
+    ''
+
+    """
+    of_ros = False
+    for argument in args:
+        if of_ros or argument == '--ros-args':
+            # "--" ends what is of ROS.
+            of_ros = argument != '--'
+            continue
+        name, sign, value = argument.lstrip('-').partition('=')
+        example = f'{name.rstrip(":")}:={value}' if name and sign else 'NAME:=VALUE'
+        return f'{argument!r} is no argument; give parameters as --ros-args -p {example}'
+    return ''
+
+
 def help_text(interface: Interface) -> str:
     """Describe a node for the terminal."""
     lines = [f'usage: {interface.program} --ros-args [-p NAME:=VALUE] [--params-file FILE] '

@@ -81,8 +81,9 @@ def declare(node: Node, settings: Sequence[Setting],
             reason = str(error).partition('Reason: ')[2] or str(error)
             if 'out of range' in reason:
                 reason = f'must lie between {setting.lowest:g} and {setting.highest:g}'
-            raise ImuAllanError(f'parameter {setting.name}: '
-                                f'{reason.removeprefix(setting.name + ": ")}') from error
+            # rclpy puts the name behind the reason, once more.
+            reason = reason.removesuffix(f': {setting.name}').removeprefix(f'{setting.name}: ')
+            raise ImuAllanError(f'parameter {setting.name}: {reason}') from error
     node.add_post_set_parameters_callback(apply)
     return values
 

@@ -13,7 +13,7 @@ import sys
 from types import FrameType
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.interface import help_text, Interface, wants_help
+from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
 ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
                 'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
@@ -73,12 +73,16 @@ def run_process(program: str, serve: Callable[[StopRequest], int],
     Returns
     -------
     int
-        Exit status: that of `serve`, or 1 after a known error, told in one line on stderr.
+        Exit status: that of `serve`, 1 after a known error, or 2 after an argument that is none,
+        told in one line on stderr.
 
     """
     if interface is not None and wants_help(sys.argv[1:] if args is None else args):
         print(help_text(interface))
         return 0
+    if wrong := refused(sys.argv[1:] if args is None else args):
+        _fail(program, wrong)
+        return 2
     stop = StopRequest()
     try:
         _do_without_shared_memory(program)

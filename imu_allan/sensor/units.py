@@ -65,6 +65,7 @@ _PREFIXES = {'n': 1e-9, 'nano': 1e-9, 'u': 1e-6, 'micro': 1e-6, 'm': 1e-3, 'mill
 
 _NUMBER = re.compile(r'\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,4})?)(?![\d.])\s*(.*)\Z',
                      re.DOTALL)
+_DECIMAL_COMMA = re.compile(r',\d')
 _SPELLINGS = (
     ('°', 'deg'), ('µ', 'u'), ('μ', 'u'), ('·', '*'), ('²', '^2'), ('³', '^3'), ('√', 'sqrt'),
 )
@@ -106,6 +107,8 @@ def parse(text: str, to: str) -> float:
     if match is None:
         raise ImuAllanError(f'{shown} does not begin with a number; {examples}')
     number, unit = float(match[1]), match[2].strip()
+    if _DECIMAL_COMMA.match(unit):
+        raise ImuAllanError(f'{shown} has a decimal comma where a point belongs; {examples}')
     if not unit:
         raise ImuAllanError(f'{shown} has no unit; {examples}')
     if not isfinite(number):

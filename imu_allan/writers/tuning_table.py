@@ -13,6 +13,7 @@ from imu_allan.tuning.forecast import DriftForecast, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, number, SENSORS, spoken
+from imu_allan.writers.included import included
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -148,8 +149,7 @@ def _cells(choice: Choice) -> list[str]:
     if tuning is None:
         return ['full model', '', '', '1', '1', claimed]
     if tuning.random_walk is not None:
-        bias = ('< ' if choice.bound and choice.name == MEASURED else '') + number(
-            tuning.random_walk, 3)
+        bias = ('< ' if choice.bound else '') + number(tuning.random_walk, 3)
     else:
         bias = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
     return [choice.name, number(tuning.noise_density, 3), bias, f'{choice.nis:.3g}',
@@ -163,6 +163,12 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
         raise ImuAllanError('no axis of this result has a drift model (constant, too short, or '
                             'from an older version): analyze the recording again')
     return axes
+
+
+def included_sentences(result: Result) -> list[str]:
+    """Say what the tuned numbers and the drift have in them that the coefficients have not."""
+    return [f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
+            for sentence in included(result.axes)]
 
 
 def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:

@@ -51,9 +51,13 @@ def test_json_holds_exactly_what_python_returns(
 
 
 def test_output_folder_holds_result_curve_plot_and_report(
-        recording: Path, tmp_path: Path) -> None:
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / 'with' / 'parents'
     assert main(['analyze', str(recording), '--output', str(output)]) == 0
+    # The last line says where to look.
+    where, names = capsys.readouterr().out.splitlines()[-1].rsplit(': ', 1)
+    assert where == f'Written to {output}'
+    assert set(names.split(', ')) == {path.name for path in output.iterdir()}
     assert sorted(path.name for path in output.iterdir()) == [
         'allan_deviation.png', 'curve.csv', 'report.html', 'result.json']
     assert (output / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')

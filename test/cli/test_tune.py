@@ -29,6 +29,11 @@ def test_the_four_ways_stand_side_by_side(result_file, capsys):
         assert row in out
     assert 'One minute without correction costs about ' in out
     assert err == ''
+    # Ten times a bound is a bound.
+    assert (re.search(r'as measured +\S+ +< ', out) is None) == (
+        re.search(r'ten times K +\S+ +< ', out) is None)
+    for row in re.findall(r'as measured +\S+ +< .*\n.*', out):
+        assert re.search(r'ten times K +\S+ +< ', row)
 
 
 @pytest.mark.parametrize('width', [60, 80])

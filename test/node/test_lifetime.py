@@ -131,7 +131,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
         (['-p', 'publish_period:=0.0'],
          'parameter publish_period: must lie between 0.5 and 86400'),
         (['-p', 'publish_period:=5'], 'parameter publish_period: expected a number with a '),
-        (['-p', 'motion:=ignore'], "parameter motion: 'ignore' is not one of exclude, keep"),
+        (['-p', 'motion:=ignore'], "parameter motion: 'ignore' is not one of exclude, keep\n"),
         (['-p', 'export_for:=[kalibr, nonsense]'], "export_for: 'nonsense' is not one of kalibr"),
         (['-p', "output_dir:=''"], 'output_dir: must not be empty'),
         (['-p', 'state_file:=/dev/null/state'], 'state_file /dev/null/state: cannot be written'),
@@ -148,7 +148,8 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
     for (status, text), (_, line) in zip(results, cases, strict=True):
         assert status == 1, line
         # rcl complains of a file by itself, before it gives an error.
-        [own] = [text for text in text.splitlines() if text.startswith('imu_allan_node: ')]
+        [own] = [text for text in text.splitlines(keepends=True)
+                 if text.startswith('imu_allan_node: ')]
         assert line in own
         assert 'Traceback' not in text
 
@@ -156,6 +157,16 @@ def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -
 def test_a_missing_parameter_file_is_one_line(ros: Ros) -> None:
     [(status, text)] = start_repeatedly(ros, [['--params-file', '/no/such.yaml']])
     assert (status, text) == (1, 'imu_allan_node: --params-file /no/such.yaml: no such file\n')
+
+
+def test_a_parameter_without_ros_args_is_refused_with_status_2() -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', 'from imu_allan.node.imu_allan_node import main\n'
+         'raise SystemExit(main())', 'publish_period=5.0'], capture_output=True, text=True,
+        timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (
+        2, '', "imu_allan_node: 'publish_period=5.0' is no argument; give parameters as "
+        '--ros-args -p publish_period:=5.0\n')
 
 
 def test_no_filter_to_export_for_is_no_error_in_either_form(ros: Ros) -> None:

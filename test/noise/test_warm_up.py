@@ -2,10 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A warm-up thousands of times the noise leaves the coefficients as they are."""
 
+from dataclasses import replace
+import re
+
 from imu_allan.characterization.axis import axis_results
+from imu_allan.characterization.findings import warm_up_remarks
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
+from imu_allan.result import TemperatureDependence
+from imu_allan.tuning.tune import tune
+from imu_allan.writers.included import included
 import numpy as np
 import pytest
 
@@ -59,10 +66,36 @@ def test_a_ramp_beside_a_warm_up_is_both():
 
 
 def test_the_advice_fits_the_length_of_the_record():
-    _, told = warmed(lambda t: 0.01 * np.exp(-t / 60), 4)
-    assert told['warm_up'].endswith(': leave that out with --start auto')
-    _, told = warmed(lambda t: 0.01 * np.exp(-t / 1800), 4)
-    assert told['warm_up'].endswith('too short to leave that out; let the sensor warm up first')
+    short, _ = warmed(lambda t: 0.01 * np.exp(-t / 60), 4)
+    long, _ = warmed(lambda t: 0.01 * np.exp(-t / 1800), 4)
+
+    def told(*axes):
+        [remark] = warm_up_remarks(dict(zip(('gyro_x', 'gyro_y'), axes, strict=False)), 3600.0)
+        # The drift model takes no trend out of the signal.
+        assert remark.message.startswith('the coefficients are given without the warm-up, but the '
+                                         'numbers for a filter and the drift have it in them: ')
+        return remark.message
+
+    assert told(short).endswith(': leave it out with --start auto')
+    assert told(long).endswith('too short to leave it out; let the sensor warm up first')
+    # The recording begins once: there is one advice for all axes.
+    assert 'leave it out with --start auto, which begins after ' in told(short, long)
+    [joint] = warm_up_remarks({'gyro_x': long}, 3600.0, several=True)
+    assert re.search(r'leave it out with --start [1-9]\d+min$', joint.message)
+
+
+def test_the_numbers_for_a_filter_have_the_warm_up_in_them_and_it_is_said():
+    warm, _ = warmed(lambda t: 0.01 * np.exp(-t / 300), 4)
+    cold, _ = warmed(lambda t: 0 * t, 4)
+    numbers = [tune(axis, 0.1, 60.0).random_walk for axis in (warm, cold)]
+    assert numbers[0] > 10 * numbers[1]
+    assert included({'gyro_x': cold}) == []
+    [told] = included({'gyro_x': cold, 'gyro_y': warm})
+    assert told.startswith('The warm-up of gyro y is in these numbers, unlike in the coefficients')
+    heated = replace(warm, trend=replace(warm.trend, warm_up=None, temperature=(
+        TemperatureDependence(1e-3, (9e-4, 1.1e-3), 20.0, 30.0))))
+    [told] = included({'gyro_z': heated})
+    assert told.startswith('What temperature does to gyro z is in these numbers, unlike in the ')
 
 
 @pytest.mark.slow

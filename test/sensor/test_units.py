@@ -49,9 +49,10 @@ def test_one_noise_density_may_be_spelled_in_many_ways(text):
 
 
 @pytest.mark.parametrize(('text', 'complaint'), [
+    ('0,005 deg/h', 'has a decimal comma where a point belongs'),
     ('0.03', 'has no unit'), ('deg/h', 'does not begin with a number'), ('', 'number'),
     ('nan deg/h', 'number'), ('inf deg/h', 'number'), ('1e999 deg/h', 'not a finite number'),
-    ('1,5 deg/h', 'unit'), ('3 deg', 'unit'), ('3 1/s', 'unit'), ('3 kg', 'unit'),
+    ('1,5 deg/h', 'decimal comma'), ('3 deg', 'unit'), ('3 1/s', 'unit'), ('3 kg', 'unit'),
     ('3 deg/h^99', 'unit'), ('3 deg/h^9^9^9', 'unit'), ('3 ((((', 'unit'), ('3 deg//h', 'unit'),
     ('3 __import__("os")', 'unit'), ('3 deg/h; x', 'unit'), ('3 deg/h 5', 'unit'),
 ])

@@ -20,6 +20,7 @@ from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Result
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.wording import duration
+from imu_allan.writers.included import included
 
 Key = Literal['N', 'K', 'sigma', 'time']
 Sensor = Literal['accel', 'gyro']
@@ -268,6 +269,7 @@ class Numbers:
             if self.coast_s > shortest * (1 + 1e-6):
                 lines.append(f'This recording knows {duration(shortest)} at most; beyond it the '
                              'numbers are widened.')
+            lines += included({name: self.result.axes[name] for name in self.tunings})
         if self.wishes.inflate:
             factors = ', '.join(f'{key} times {factor:g}' for key, factor
                                 in sorted(self.wishes.inflate.items()))
