@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / 'imu_allan'
 MODULES = {'.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').parts)): path
            for path in PACKAGE.rglob('*.py')}
 
-ANY_FLOOR = {'imu_allan', 'imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated',
+ANY_FLOOR = {'imu_allan', 'imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
              'imu_allan.result', 'imu_allan.block', 'imu_allan.wording'}
 FLOORS = (
     ('imu_allan.noise', 'imu_allan.cdr'),

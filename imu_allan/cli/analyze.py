@@ -29,7 +29,7 @@ from imu_allan.cli.recording_options import (
 )
 from imu_allan.cli.workers import drawing_process, executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.writers.consumers import CONSUMER_TITLES
+from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.output_path import require_writable
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_allan.cli.arguments import duration, factors, positive_number
-from imu_allan.writers.consumers import CONSUMER_TITLES
+from imu_allan.writers.consumer_names import CONSUMER_TITLES
 
 
 def register(verbs: Any) -> None:

@@ -36,7 +36,7 @@ import threading
 from typing import Any, IO, Literal, TYPE_CHECKING, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated import portable, start_python
+from imu_allan.isolated_process import portable, start_python
 
 if TYPE_CHECKING:
     from imu_allan.recordings import RecordingOptions

@@ -33,7 +33,7 @@ from imu_allan.timeline.findings import (
     receive_clock,
     several_publishers,
 )
-from imu_allan.timeline.impostors import alternates, is_spiky, spikes
+from imu_allan.timeline.foreign_samples import alternates, is_spiky, spikes
 from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import (

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal, TYPE_CHECKING
 
-from imu_allan.writers.own_style import matplotlib_alone, own_style
+from imu_allan.writers.default_style import matplotlib_alone, own_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -18,7 +18,7 @@ import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import DriftModel, GaussMarkov, Result, Source, Timeline
-from imu_allan.writers.consumers import CONSUMER_TITLES
+from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.filters import CONSUMERS, export as export_as_wished, Wishes
 import pytest
 import yaml
@@ -351,7 +351,7 @@ def test_an_unknown_consumer_is_refused_with_the_known_ones(easy):
 
 def test_the_command_knows_the_names_without_loading_numerics():
     assert list(CONSUMER_TITLES) == list(CONSUMERS)
-    code = ('import sys, imu_allan.writers.consumers, imu_allan.cli.export; '
+    code = ('import sys, imu_allan.writers.consumer_names, imu_allan.cli.export; '
             'sys.exit("numpy" in sys.modules)')
     subprocess.run([sys.executable, '-c', code], check=True)
 

@@ -28,7 +28,7 @@ from typing import IO, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated import portable, start_python
+from imu_allan.isolated_process import portable, start_python
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import numpy as np
 

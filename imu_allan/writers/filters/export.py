@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.tuning.tune import Bias
-from imu_allan.writers.consumers import CONSUMER_TITLES
+from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.filters import (
     autopilots,
     drivers,
