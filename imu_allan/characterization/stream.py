@@ -229,13 +229,14 @@ class Characterization:
         Raises
         ------
         ImuAllanError
-            If a recording is mostly motion.
+            If a recording is mostly motion, or the timeline cannot make sense of it.
 
         """
         twin = self.snapshot()
         try:
             twin.finish()
-        except NoAxes as error:
+        except ImuAllanError as error:
+            # Of a short recording all is decided here.
             if self._kind == 'topic':
                 raise
             raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error

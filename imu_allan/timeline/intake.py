@@ -342,6 +342,10 @@ class Intake:
                 quality['header'] = judge_clock(window.header, repeats, bursts=True)
         if not quality[choice].usable:
             if options.rate_hz is None:
+                if np.array_equal(window.header, window.receive):
+                    # A table or a log has one time for each sample, and no clock to choose.
+                    raise ImuAllanError(f'the times of the samples are {quality[choice].flaw}: '
+                                        'mend them, or state the sample rate (analyze --rate)')
                 what = (f'{choice} stamps are {quality[choice].flaw}' if options.clock != 'auto'
                         else f'header stamps are {quality["header"].flaw} and receive stamps '
                              f'{quality["receive"].flaw}')

@@ -50,6 +50,18 @@ def test_json_holds_exactly_what_python_returns(
     assert written['schema'] == 'imu_allan.result/1'
 
 
+@pytest.mark.parametrize(('step', 'flaw'), [(0.0, 'constant'), (-0.01, 'out of order')])
+def test_a_table_whose_times_do_not_go_on_is_told_of_its_times(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], step: float, flaw: str) -> None:
+    rows = ['time_s,gyro_x,gyro_y,gyro_z', *(
+        f'{1000 + step * place:.2f},{place % 7},{place % 5},{place % 3}' for place in range(2000))]
+    (tmp_path / 'imu.csv').write_text('\n'.join(rows))
+    assert main(['analyze', str(tmp_path / 'imu.csv')]) == 1
+    assert capsys.readouterr().err.endswith(
+        f'imu.csv, topic csv: the times of the samples are {flaw}: mend them, or state the sample '
+        'rate (analyze --rate)\n')
+
+
 def test_output_folder_holds_result_curve_plot_and_report(
         recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / 'with' / 'parents'
