@@ -316,14 +316,23 @@ class Span:
 
 
 @dataclass(frozen=True)
+class Saturation:
+    """Where the output of an axis is cut off: the value, and the share of samples at it."""
+
+    value: float
+    share: float
+
+
+@dataclass(frozen=True)
 class AxisResult:
     """
     Everything known about one axis.
 
     `band_limit_s` is the effective window of a low-pass, where one was found, and `band_edge_hz`
     the highest frequency that was fitted, where what lies above was left out. An axis that
-    `stood_still` gave one value for so long, and has no coefficients; no more has one that came
-    through a filter that takes out what is slower than `high_passed_hz`, of the mean too.
+    `stood_still` gave one value for so long, and has no coefficients; no more has one that is
+    `saturated`, or came through a filter that takes out what is slower than `high_passed_hz`, of
+    the mean too.
     """
 
     quantity: str
@@ -345,6 +354,7 @@ class AxisResult:
     band_edge_hz: float | None = None
     stood_still: Span | None = None
     high_passed_hz: float | None = None
+    saturated: Saturation | None = None
 
     @property
     def constant(self) -> bool:

@@ -11,6 +11,7 @@ from imu_allan.characterization.findings import (
     fit_remarks,
     high_pass_remark,
     leaving_remark,
+    saturated_remark,
     steadiness_remarks,
     step_remarks,
     still_remark,
@@ -26,6 +27,7 @@ from imu_allan.noise.groups import Groups, WHITE
 from imu_allan.noise.high_pass import high_pass_corner_hz
 from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
+from imu_allan.noise.saturation import cut_off
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import white_ratio
 from imu_allan.noise.temperature import TemperatureCourse
@@ -41,6 +43,7 @@ from imu_allan.result import (
     Interval,
     Ramp,
     Remark,
+    Saturation,
     Segment,
     Signal,
     Span,
@@ -164,6 +167,10 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                 span = Span(still[0] * dt, still[1] * dt)
                 remarks = [still_remark(span)]
                 base = replace(base, stood_still=span)
+                curve = _curve(points, axis, dt, FittedModel({}), {})
+            elif (end := cut_off(finished, axis)) is not None:
+                base = replace(base, saturated=Saturation(end.value, end.share))
+                remarks = [saturated_remark(end, quantity)]
                 curve = _curve(points, axis, dt, FittedModel({}), {})
             else:
                 curve = _curve(points, axis, dt, FittedModel({}), {})

@@ -8,6 +8,7 @@ from math import ceil, inf, isfinite, isinf
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.fit import Fit
+from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
@@ -39,6 +40,15 @@ def still_remark(span: Span) -> Remark:
                   f'one and the same value for {duration(span.duration_s)} from '
                   f'{duration(span.start_s)} on: the sensor or its driver stood still; no '
                   'coefficient is told, analyze the rest with --start and --duration')
+
+
+def saturated_remark(end: CutOff, quantity: Quantity) -> Remark:
+    """Say that the output ends where the noise does not."""
+    return Remark('saturated',
+                  f'{100 * end.share:.1f} % of the samples stand at {end.value:.6g} '
+                  f'{quantity.unit}, the {"highest" if end.is_highest else "lowest"} value: the '
+                  'output is cut off there, noise is higher than it seems; no coefficient is '
+                  'told, choose a larger range or another position')
 
 
 def high_pass_remark(corner_hz: float) -> Remark:

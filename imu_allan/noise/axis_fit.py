@@ -15,6 +15,7 @@ from imu_allan.noise.leaks import Course, without_mean
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.parts import Part
 from imu_allan.noise.periodogram import Periodogram
+from imu_allan.noise.saturation import cut_off
 from imu_allan.noise.signal_over_time import stood_still
 from imu_allan.noise.stationarity import (
     segment_powers,
@@ -83,8 +84,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     Returns
     -------
     list of AxisFit or None
-        None for an axis that is constant, all the time or for a part of it, or a record that is
-        too short.
+        None for an axis that is constant, all the time or for a part of it, or is cut off, or a
+        record that is too short.
 
     """
     pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
@@ -98,7 +99,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     quarters = _quarters(finished.periodogram, dt, bridged_share)
     found: list[AxisFit | None] = []
     for axis in range(finished.axes):
-        if is_still(finished, axis):
+        if tells_nothing(finished, axis):
             found.append(None)
             continue
         whole = grouped(bins, axis)
@@ -129,10 +130,11 @@ def sample_noise(finished: Estimator) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
 
 
-def is_still(finished: Estimator, axis: int) -> bool:
-    """Tell whether an axis gave one value, all the time or for a part of it."""
+def tells_nothing(finished: Estimator, axis: int) -> bool:
+    """Tell whether an axis gave one value, all the time or for a part of it, or is cut off."""
     return (finished.lowest[axis] == finished.highest[axis]
-            or still_stretch(finished, axis) is not None)
+            or still_stretch(finished, axis) is not None
+            or cut_off(finished, axis) is not None)
 
 
 def still_stretch(finished: Estimator, axis: int) -> tuple[int, int] | None:

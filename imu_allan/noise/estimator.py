@@ -49,6 +49,8 @@ class Estimator:
     ----------
     samples, bridged : int
         Samples taken in, and how many of them stand in for missing ones.
+    at_ends : ndarray of int64, shape (2, axes)
+        How many of them, but for those held back, are the lowest and the highest value.
 
     Examples
     --------
@@ -73,6 +75,7 @@ class Estimator:
         self.lowest = np.full(axes, np.inf)
         self.highest = np.full(axes, -np.inf)
         self.step = np.full(axes, np.inf)
+        self.at_ends = np.zeros((2, axes), dtype=np.int64)
         self._chunk = np.zeros((axes, CHUNK))
         self._n = _Counters()
 
@@ -179,7 +182,7 @@ class Estimator:
         twin.signal = self.signal.copy()
         twin.reference = None if self.reference is None else self.reference.copy()
         twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
-        twin.step = self.step.copy()
+        twin.step, twin.at_ends = self.step.copy(), self.at_ends.copy()
         twin._chunk = self._chunk.copy()
         twin._n = _Counters(**vars(self._n))
         return twin
@@ -208,6 +211,7 @@ class Estimator:
         twin.reference = None if self.reference is None else self.reference[some]
         twin.lowest, twin.highest = self.lowest[some], self.highest[some]
         twin.step, twin._chunk = self.step[some], self._chunk[some]
+        twin.at_ends = self.at_ends[:, some]
         return twin
 
     @property
@@ -248,8 +252,7 @@ class Estimator:
             self._n.runs = self.periodogram.renumber_runs()
         self.periodogram.merge(theirs.periodogram, self._n.runs)
         self.pyramid.merge(theirs.pyramid)
-        self.lowest = np.minimum(self.lowest, theirs.lowest + shift)
-        self.highest = np.maximum(self.highest, theirs.highest + shift)
+        self._merge_ends(theirs, shift)
         self.step = np.minimum(self.step, theirs.step)
         self._n.samples += theirs.samples
         self._n.bridged += theirs.bridged
@@ -261,8 +264,7 @@ class Estimator:
         if not n.held:
             return
         rows = self._chunk[:, :n.held]
-        np.minimum(self.lowest, rows.min(axis=1), out=self.lowest)
-        np.maximum(self.highest, rows.max(axis=1), out=self.highest)
+        self._count_ends(rows)
         if n.resolved < _RESOLUTION_SAMPLES:
             n.resolved += n.held
             jumps = np.abs(np.diff(rows, axis=1))
@@ -274,6 +276,30 @@ class Estimator:
         self.signal.absorb(rows)
         n.first += n.held
         n.held = 0
+
+    def _count_ends(self, rows: Array) -> None:
+        """Move the extremes on; samples are counted only where a block reaches one of them."""
+        low, high = rows.min(axis=1), rows.max(axis=1)
+        for count, kept, found, reached, beyond in (
+                (self.at_ends[0], self.lowest, low, low <= self.lowest, low < self.lowest),
+                (self.at_ends[1], self.highest, high, high >= self.highest,
+                 high > self.highest)):
+            for axis in np.flatnonzero(reached):
+                here = np.count_nonzero(rows[axis] == found[axis])
+                count[axis] = here + (0 if beyond[axis] else count[axis])
+            kept[reached] = found[reached]
+
+    def _merge_ends(self, theirs: 'Estimator', shift: Array) -> None:
+        """Take over extremes about another reference, and how often they were given."""
+        for end, sign, mine, other in ((0, -1.0, self.lowest, theirs.lowest + shift),
+                                       (1, 1.0, self.highest, theirs.highest + shift)):
+            ahead = sign * (other - mine)
+            # One value about two references differs by rounding.
+            same = np.abs(ahead) <= 1e-12 * np.maximum(1, np.abs(other))
+            self.at_ends[end] = np.where(
+                same, self.at_ends[end] + theirs.at_ends[end],
+                np.where(ahead > 0, theirs.at_ends[end], self.at_ends[end]))
+            mine[:] = np.where(ahead > 0, other, mine)
 
     def to_state(self) -> State:
         """
@@ -289,6 +315,7 @@ class Estimator:
             'counters': np.array(list(vars(self._n).values())),
             'chunk': self._chunk[:, :self._n.held].copy(),
             'range': np.array([self.lowest, self.highest, self.step]),
+            'at_ends': self.at_ends.copy(),
         }
         if self.reference is not None:
             state['reference'] = self.reference
@@ -314,14 +341,19 @@ class Estimator:
 
         chunk = np.array(state['chunk'], dtype=np.float64)
         ranges = np.array(state['range'], dtype=np.float64)
+        # A state of an earlier release has no counts: they begin here, and are too low then.
+        at_ends = np.array(state.get('at_ends', np.zeros((2, len(chunk)))), dtype=np.int64)
         counters = _Counters(*(int(value) for value in state['counters']))
         if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
-                or ranges.shape != (3, len(chunk)) or not 0 <= counters.runs < MOST_RUNS):
+                or ranges.shape != (3, len(chunk)) or at_ends.shape != (2, len(chunk))
+                or np.any((at_ends < 0) | (at_ends > counters.samples))
+                or not 0 <= counters.runs < MOST_RUNS):
             raise ValueError('arrays of the estimator do not fit together')
         self = cls(len(chunk))
         self._n = counters
         self._chunk[:, :counters.held] = chunk
         self.lowest, self.highest, self.step = ranges.copy()
+        self.at_ends = at_ends
         if 'reference' in state:
             self.reference = np.array(state['reference'], dtype=np.float64)
         self.pyramid = Pyramid.from_state(part('pyramid'))

@@ -31,6 +31,7 @@ TITLES = {
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',
     'held_values': 'held values', 'high_passed': 'slow part removed', 'late_start': 'late start',
     'rest_within_motion': 'rest within motion',
+    'saturated': 'saturated',
     'slow_cycle': 'slow cycle', 'slow_motion': 'slow motion', 'spikes': 'wild values',
     'start_auto': 'start', 'stood_still': 'stood still',
     'trend_or_walk': 'trend or walk', 'turn_on_bias': 'turn-on bias',

@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 import json
+import re
 
 from imu_allan import analyze
 from imu_allan.block import ImuBlock
@@ -14,6 +15,8 @@ from imu_allan.noise.terms import AXES
 from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Result
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.datasheet import check
 import numpy as np
 import pytest
 
@@ -151,6 +154,25 @@ def test_an_axis_that_stops_is_told_in_a_result_that_can_be_written():
         'gyro_y: one and the same value for 80 s from 2 min on: the sensor or its driver '
         'stood still; no coefficient is told, analyze the rest with --start and --duration')
     assert Result.from_dict(json.loads(result.to_json())) == result
+
+
+def test_an_axis_that_is_cut_off_is_told_in_a_result_that_fails_its_limit():
+    rows = still_imu(20_000)
+    rows[:, 5] = np.minimum(rows[:, 5], np.median(rows[:, 5]))
+    result = characterized(rows)
+    (text,) = [w.message for w in result.warnings if w.code == 'saturated']
+    assert re.fullmatch(
+        r'accel_z: 50\.0 % of the samples stand at [\d.]+ m/s\^2, the highest value: the output '
+        'is cut off there, noise is higher than it seems; no coefficient is told, choose a larger '
+        'range or another position', text)
+    assert not any(c.observable for c in result.axes['accel_z'].coefficients.values())
+    assert [name for name, axis in result.axes.items() if axis.saturated] == ['accel_z']
+    assert Result.from_dict(json.loads(result.to_json())) == result
+    verdicts = {verdict.axis: verdict for verdict in check(
+        result, parse_model('accel: {noise_density: 0.1 m/s^2/sqrt(Hz)}'))}
+    assert verdicts['accel_x'].verdict == 'pass'
+    assert verdicts['accel_z'].verdict == 'fail'
+    assert 'the axis is saturated: 50.0 % of the samples stand at' in verdicts['accel_z'].reason
 
 
 def test_no_message_gives_no_axis():

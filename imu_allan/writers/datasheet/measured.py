@@ -48,7 +48,7 @@ class Measured:
 
 def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
     """
-    Say whether an axis measures nothing at all.
+    Say whether an axis measures nothing at all, or is cut off.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     Returns
     -------
     str or None
-        A sentence with the word: missing, constant or dead.
+        A sentence with the word: missing, constant, dead or saturated.
 
     """
     if axis is None:
@@ -69,6 +69,9 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
         return f'the axis is constant: every sample is {axis.mean:.6g} {axis.unit}'
     if (died := _died(axis)) is not None:
         return died
+    if axis.saturated is not None:
+        return (f'the axis is saturated: {100 * axis.saturated.share:.1f} % of the samples stand '
+                f'at {axis.saturated.value:.6g} {axis.unit}, noise is higher than it seems')
     density = axis.coefficients['noise_density']
     highest = density.ci95[1] if density.ci95 is not None else density.upper95
     if density_limit and highest is not None and highest < DEAD * density_limit:

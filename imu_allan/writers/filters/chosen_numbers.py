@@ -173,7 +173,9 @@ class Numbers:
                 said.append(f'{name} has come through a FILTER that takes out its slow part: it '
                             'is in none of the numbers below; take the raw topic')
             elif not self.of_axis[name]:
-                why = ('every sample is the same' if axis.constant else 'too few samples'
+                why = ('every sample is the same' if axis.constant else
+                       f'its output is cut off at {axis.saturated.value:.6g} {axis.unit}'
+                       if axis.saturated is not None else 'too few samples'
                        if axis.stood_still is None else
                        f'it stood still for {duration(axis.stood_still.duration_s)}')
                 said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '

@@ -1,0 +1,99 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether the output of an axis is cut off: too many samples stand at the end of its range.
+
+Of Gaussian noise with samples rounded to steps, a share p in the last cell but nothing beyond it
+is unlikely: where Q(z) = p, n Q(z + d) samples lie a step d (in noise of a sample) further out. A
+mean that moves only adds to that, as Q(Q^-1(p) + d) is convex in p (Jensen's inequality).
+"""
+
+from typing import NamedTuple
+
+from imu_allan.noise.estimator import Estimator
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+_LEAST_SHARE = 0.01
+"""Clipped at 2.33 sigma, where 1 % is cut off, white noise loses 0.9 % of its density."""
+_COARSEST_STEP = 1.0
+"""In noise of a sample: beyond it the last cell holds a good part of the record by nature."""
+_MISSED = 20.0
+"""Samples to expect beyond the end; that there are none happens once in e^20 records by chance."""
+_SURE = 3.0
+"""Standard errors that a count of samples is off by at most."""
+_FEWEST_CLUSTERS = 16
+"""Averaging times of so many clusters are asked for the noise."""
+
+
+class CutOff(NamedTuple):
+    """
+    Where the output is cut off.
+
+    Attributes
+    ----------
+    value : float
+        In the unit of a sample.
+    share : float
+        Of the samples that stand there.
+    is_highest : bool
+        Whether it is the upper end of the range.
+
+    """
+
+    value: float
+    share: float
+    is_highest: bool
+
+
+def cut_off(finished: Estimator, axis: int) -> CutOff | None:
+    """
+    Tell where the output of an axis is cut off.
+
+    Parameters
+    ----------
+    finished : Estimator
+        As `Estimator.finished` returns it.
+    axis : int
+        Its number.
+
+    Returns
+    -------
+    CutOff or None
+        The end at which more samples stand; None where neither end cuts anything off, or where
+        the output is constant or steps more coarsely than its noise.
+
+    Examples
+    --------
+    >>> estimator = Estimator()
+    >>> estimator.update(np.minimum(np.random.default_rng(1).normal(size=2000), 1.0))
+    >>> cut_off(estimator.finished(), 0)
+    CutOff(value=1.0, share=0.1465, is_highest=True)
+
+    """
+    end = int(np.argmax(finished.at_ends[:, axis]))
+    count, samples = int(finished.at_ends[end, axis]), finished.samples
+    if (finished.reference is None or count < max(1, _LEAST_SHARE * samples)
+            or finished.lowest[axis] == finished.highest[axis]):
+        return None
+    noise = _least_noise(finished, axis)
+    step = float(finished.step[axis])
+    if not step <= _COARSEST_STEP * noise:
+        return None
+    share = max(count - _SURE * np.sqrt(count), 0.0) / samples
+    if samples * ndtr(ndtri(share) - step / noise) < _MISSED:
+        return None
+    kept = (finished.lowest, finished.highest)[end][axis]
+    return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
+
+
+def _least_noise(finished: Estimator, axis: int) -> float:
+    """Return the noise of a sample, at most: a vibration is in means over a period no more."""
+    pyramid = finished.pyramid
+    size = 2.0**np.arange(len(pyramid.counts))
+    known = (pyramid.counts > 0) & (_FEWEST_CLUSTERS * size <= finished.samples)
+    if not known.any():
+        return 0.0
+    # White noise: m avar(m) is its variance at every m.
+    return float(np.sqrt((pyramid.sums[known, axis]
+                          / (2 * pyramid.counts[known] * size[known])).min()))
