@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise.cells import MOST_RUNS
+from imu_allan.noise.ends import count_ends, merge_ends
 from imu_allan.noise.periodogram import BLOCK, Periodogram
 from imu_allan.noise.pyramid import Pyramid
 from imu_allan.noise.signal_over_time import Signal
@@ -49,8 +50,6 @@ class Estimator:
     ----------
     samples, bridged : int
         Samples taken in, and how many of them stand in for missing ones.
-    at_ends : ndarray of int64, shape (2, axes)
-        How many of them, but for those held back, are the lowest and the highest value.
 
     Examples
     --------
@@ -252,7 +251,8 @@ class Estimator:
             self._n.runs = self.periodogram.renumber_runs()
         self.periodogram.merge(theirs.periodogram, self._n.runs)
         self.pyramid.merge(theirs.pyramid)
-        self._merge_ends(theirs, shift)
+        merge_ends((self.lowest, self.highest, self.at_ends),
+                   (theirs.lowest + shift, theirs.highest + shift, theirs.at_ends))
         self.step = np.minimum(self.step, theirs.step)
         self._n.samples += theirs.samples
         self._n.bridged += theirs.bridged
@@ -264,7 +264,7 @@ class Estimator:
         if not n.held:
             return
         rows = self._chunk[:, :n.held]
-        self._count_ends(rows)
+        count_ends(rows, self.lowest, self.highest, self.at_ends)
         if n.resolved < _RESOLUTION_SAMPLES:
             n.resolved += n.held
             jumps = np.abs(np.diff(rows, axis=1))
@@ -276,30 +276,6 @@ class Estimator:
         self.signal.absorb(rows)
         n.first += n.held
         n.held = 0
-
-    def _count_ends(self, rows: Array) -> None:
-        """Move the extremes on; samples are counted only where a block reaches one of them."""
-        low, high = rows.min(axis=1), rows.max(axis=1)
-        for count, kept, found, reached, beyond in (
-                (self.at_ends[0], self.lowest, low, low <= self.lowest, low < self.lowest),
-                (self.at_ends[1], self.highest, high, high >= self.highest,
-                 high > self.highest)):
-            for axis in np.flatnonzero(reached):
-                here = np.count_nonzero(rows[axis] == found[axis])
-                count[axis] = here + (0 if beyond[axis] else count[axis])
-            kept[reached] = found[reached]
-
-    def _merge_ends(self, theirs: 'Estimator', shift: Array) -> None:
-        """Take over extremes about another reference, and how often they were given."""
-        for end, sign, mine, other in ((0, -1.0, self.lowest, theirs.lowest + shift),
-                                       (1, 1.0, self.highest, theirs.highest + shift)):
-            ahead = sign * (other - mine)
-            # One value about two references differs by rounding.
-            same = np.abs(ahead) <= 1e-12 * np.maximum(1, np.abs(other))
-            self.at_ends[end] = np.where(
-                same, self.at_ends[end] + theirs.at_ends[end],
-                np.where(ahead > 0, theirs.at_ends[end], self.at_ends[end]))
-            mine[:] = np.where(ahead > 0, other, mine)
 
     def to_state(self) -> State:
         """
@@ -352,8 +328,7 @@ class Estimator:
         self = cls(len(chunk))
         self._n = counters
         self._chunk[:, :counters.held] = chunk
-        self.lowest, self.highest, self.step = ranges.copy()
-        self.at_ends = at_ends
+        (self.lowest, self.highest, self.step), self.at_ends = ranges.copy(), at_ends
         if 'reference' in state:
             self.reference = np.array(state['reference'], dtype=np.float64)
         self.pyramid = Pyramid.from_state(part('pyramid'))
