@@ -13,7 +13,7 @@ _REMEDIES = {
     'many_missing': 'ask for a deeper queue or for reliable delivery with qos_overrides',
     'mostly_motion': 'let the IMU rest, or set motion to keep',
     'stood_still': 'look at the sensor and its driver, then call ~/reset',
-    'saturated': 'choose a larger range or another position, then call ~/reset',
+    'saturated': 'then call ~/reset',
     'unit_g': 'set accel_unit to g to say so, to m/s^2 to take the numbers as they are',
 }
 
