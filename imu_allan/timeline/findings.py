@@ -69,7 +69,7 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, presence: P
         Of the recording as a whole, each code once.
 
     """
-    told = (_presence_remarks(counts, decision, presence) | _late_axes(counts, sleepers)
+    told = (_presence_remarks(counts, decision, presence) | _late_axes(counts, content, sleepers)
             | _remarks(counts, decision, content, options, motion))
     return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
 
@@ -216,10 +216,11 @@ def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) ->
     return remarks
 
 
-def _late_axes(counts: Counts, sleepers: Sleepers) -> dict[str, str]:
+def _late_axes(counts: Counts, content: Content, sleepers: Sleepers) -> dict[str, str]:
     late: dict[int, list[str]] = {}
     for name, messages in zip(AXIS_NAMES, sleepers.late, strict=True):
-        if messages:
+        # Where the whole sensor was dead, that is told in one.
+        if messages > content.head:
             late.setdefault(messages, []).append(name)
     if not late:
         return {}

@@ -250,7 +250,10 @@ class Intake:
 
     def _woken(self, window: Window, away: Bools | None) -> Bools | None:
         """Let an axis that comes to life begin anew: it is not there for some messages."""
-        samples = np.where(away, np.nan, window.samples) if away is not None else window.samples
+        unknown = np.abs(window.samples) >= _LARGEST
+        if away is not None:
+            unknown |= away
+        samples = np.where(unknown, np.nan, window.samples)
         woke = self.sleepers.look(samples, window.consumed)
         if not woke:
             return away

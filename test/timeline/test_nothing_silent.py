@@ -102,6 +102,7 @@ def test_a_frozen_sensor_is_left_out_and_told(share, where):
         assert told(result, 'late_start') == (
             f'the first {lasts} messages hold one value or none: the sensor had not come to life '
             'yet, they are left out')
+        assert 'axis_late_start' not in codes(result)
     else:
         assert told(result, 'frozen') == (
             f'{result.timeline.rejected} messages repeat one value again and again, first at '
@@ -364,6 +365,16 @@ def test_an_axis_that_is_dead_first_is_used_from_its_first_breath_and_costs_the_
         f'one value, of an axis that had not come to life yet: {", ".join(names)} for the first '
         f'{late} of 15000 messages; the record of these axes begins behind that, the others lose '
         'nothing')
+
+
+def test_an_absurd_value_wakes_no_axis():
+    messages, truth, _ = rest()
+    messages.samples[:5000, 3:] = 0.0
+    messages.samples[2500, 3:] = 1e12
+    result = characterized(messages)
+    assert_right(result, truth, 0.05)
+    assert 'motion' not in codes(result)
+    assert 'accel_x, accel_y, accel_z for the first 4999 of' in told(result, 'axis_late_start')
 
 
 @pytest.mark.parametrize('rate_hz', [100.0, 1000.0])
