@@ -250,7 +250,7 @@ def warm_up_remarks(axes: Mapping[str, AxisResult], length_s: float, *, several:
     axes : mapping of axis name to AxisResult
         What was fitted.
     length_s : float
-        Of the recording.
+        Of the recording, the shortest of several.
     several : bool, optional
         Whether the axes are of several recordings, for which no start is chosen.
 
@@ -264,9 +264,9 @@ def warm_up_remarks(axes: Mapping[str, AxisResult], length_s: float, *, several:
     if not steady:
         return []
     start_s, longest_s = start_of(steady, length_s), max(steady)
-    if several:
+    if several and longest_s < length_s:
         advice = f'leave it out with --start {ceil(longest_s / 60)}min'
-    elif start_s <= 0:
+    elif several or start_s <= 0:
         advice = 'this recording is too short to leave it out; let the sensor warm up first'
     else:
         advice = 'leave it out with --start auto'
@@ -274,7 +274,7 @@ def warm_up_remarks(axes: Mapping[str, AxisResult], length_s: float, *, several:
             advice += (f', which begins after {duration(start_s)}, since half of the recording '
                        'must remain')
     return [Remark('warm_up', 'the coefficients are given without the warm-up, but the numbers '
-                   f'for a filter and the drift have it in them: {advice}')]
+                   f'for a filter and the drift have it in them; {advice}')]
 
 
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,

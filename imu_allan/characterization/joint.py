@@ -115,7 +115,8 @@ def joint_result(recordings: Sequence[Characterization],
                source.clock),
         timeline, axes,
         (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts), *found,
-         *warm_up_remarks(axes, timeline.duration_s, several=True),
+         *warm_up_remarks(axes, min(part.result.timeline.duration_s for part in parts),
+                          several=True),
          *length_remarks(axes, summary)),
         tuple(RecordingPart(part.path, part.result.source.start_time,
                             part.result.timeline.duration_s, _means(part)) for part in parts),
@@ -290,7 +291,7 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
     for name, axis in axes.items():
         if not mean_is_known(axis):
             continue
-        own = [part for part in parts if part.result.axes[name].mean is not None]
+        own = [part for part in parts if mean_is_known(part.result.axes[name])]
         # The joint coefficients know best how much a mean wanders during a recording.
         means = [part.result.axes[name].mean or 0.0 for part in own]
         lengths = [part.record.estimator.samples / part.record.rate_hz for part in own]

@@ -21,6 +21,10 @@ _LIMIT = 1 << 18
 """Beyond, nothing more is kept, 15 MB: stamps that are all alike are chosen all or none."""
 _FEWEST = 8
 """Messages in common from which on it is no chance: coarse steps make one value come again."""
+_SAME_SHARE = 0.9
+"""Of the messages of times in common: a part may begin within a batch, or have lost some."""
+_MOST_IN_BATCH = 8
+"""Messages of one time: among more, one of coarse values is found by chance."""
 _SPREAD = np.uint64(0x9E3779B97F4A7C15)
 """2^64 over the golden ratio (Knuth, volume 3, section 6.4): even stamps are spread evenly."""
 
@@ -74,20 +78,23 @@ class Fingerprint:
         self.kept = len(self._stamps[0])
 
     def shares_messages_with(self, other: 'Fingerprint') -> bool:
-        """Whether both hold a message of the same values at every time that both have."""
+        """Whether both hold the same values at nearly all times that both have."""
         if not (self.kept and other.kept):
             return False
         times, mine = self._rows()
         other_times, others = other._rows()
-        # Batches share a time: a part may begin in the middle of one, or have lost some of it.
-        alike = times[np.isin(mine, others)]
-        enough = min(_FEWEST, self.kept, other.kept)
-        return len(alike) >= enough and len(np.unique(alike)) == len(
-            np.intersect1d(times, other_times))
+        both = np.intersect1d(times, other_times)
+        mine, others = mine[np.isin(times, both)], others[np.isin(other_times, both)]
+        alike = int(np.count_nonzero(np.isin(mine, others)))
+        return (alike >= min(_FEWEST, self.kept, other.kept)
+                and alike >= _SAME_SHARE * min(len(mine), len(others)))
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.void]]:
-        """Give the times of what was kept, and time and values together."""
+        """Give times, without those that too many messages share, and times and values."""
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
+        _, which, count = np.unique(stamps, return_inverse=True, return_counts=True)
+        few = count[which] <= _MOST_IN_BATCH
+        stamps, samples = stamps[few], samples[few]
         rows = np.column_stack((stamps, (samples + 0.0).view(np.int64)))
         return stamps, rows.view(f'V{rows.strides[0]}')[:, 0]
 

@@ -127,6 +127,18 @@ def test_a_recording_whose_parts_contradict_each_other_is_told_and_widens_the_in
     assert 0.4 < np.mean(starts > 0.999 * 1200) < 0.6
 
 
+def test_the_mean_of_an_axis_that_is_cut_off_is_no_turn_on_bias():
+    def cut(block):
+        samples = block.samples.copy()
+        samples[:, 0] = np.minimum(samples[:, 0], 0.0)
+        return replace(block, samples=samples)
+
+    same = [recorded(f'same{seed}', seed) for seed in (1, 2)]
+    found = joint_result([*same, recorded('cut', 3, changed=cut)])
+    assert [remark.message[:8] for remark in found.warnings if remark.code == 'saturated'] != []
+    assert found.turn_on_bias['gyro_x'].ci95[0] == 0.0
+
+
 def test_a_mean_that_only_wanders_is_no_turn_on_bias():
     axis = characterize(simulate({'noise_density': 1.0}, 20_000, 100.0), 100.0)
     assert turn_on_bias([0.1, -0.2, 0.15], axis, [25.0, 25.0, 25.0]).sigma == 0.0

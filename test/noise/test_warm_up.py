@@ -73,15 +73,18 @@ def test_the_advice_fits_the_length_of_the_record():
         [remark] = warm_up_remarks(dict(zip(('gyro_x', 'gyro_y'), axes, strict=False)), 3600.0)
         # The drift model takes no trend out of the signal.
         assert remark.message.startswith('the coefficients are given without the warm-up, but the '
-                                         'numbers for a filter and the drift have it in them: ')
+                                         'numbers for a filter and the drift have it in them; ')
         return remark.message
 
-    assert told(short).endswith(': leave it out with --start auto')
+    assert told(short).endswith('; leave it out with --start auto')
     assert told(long).endswith('too short to leave it out; let the sensor warm up first')
     # The recording begins once: there is one advice for all axes.
     assert 'leave it out with --start auto, which begins after ' in told(short, long)
-    [joint] = warm_up_remarks({'gyro_x': long}, 3600.0, several=True)
+    [joint] = warm_up_remarks({'gyro_x': long}, 4 * 3600.0, several=True)
     assert re.search(r'leave it out with --start [1-9]\d+min$', joint.message)
+    # The shortest of several recordings is over before.
+    [joint] = warm_up_remarks({'gyro_x': long}, 3600.0, several=True)
+    assert joint.message.endswith('too short to leave it out; let the sensor warm up first')
 
 
 def test_the_numbers_for_a_filter_have_the_warm_up_in_them_and_it_is_said():

@@ -42,6 +42,15 @@ def test_another_recording_of_the_same_time_is_another(samples, batch):
     assert not recording(stamps, samples).shares_messages_with(recording(stamps, other))
 
 
+@pytest.mark.parametrize('batch', [1, 2, 8, 100, COUNT])
+@pytest.mark.parametrize('step', [1, 2])
+def test_coarse_values_of_one_batch_are_not_the_same_by_chance(samples, batch, step):
+    stamps = 10**18 + np.arange(COUNT) // batch * batch * 10_000_000
+    coarse = np.round(samples / step) * step
+    coarse[:, 3:] = np.nan
+    assert not recording(stamps, coarse).shares_messages_with(recording(stamps, coarse[::-1]))
+
+
 def test_stamps_that_are_all_alike_take_no_memory(samples):
     stamps = np.full(COUNT, 7)
     fingerprint = Fingerprint()

@@ -9,6 +9,7 @@ names are understood stands in `imu_allan.recordings.formats.csv_header`.
 
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -44,6 +45,8 @@ _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _FEWEST_TIMES = 3
 """Below, a table is no record of anything."""
+_FIRST_LINES = 64
+"""In which whole numbers are sought among the times: many more than one sees by chance."""
 _QUOTES = ' \t\r"'
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
@@ -101,8 +104,6 @@ class CsvRecording(FileRecording):
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
                 rejected += len(bad)
             line += len(lines)
-            if stamps is not None and not samples and _need_a_unit(stamps, columns, time_unit_s):
-                columns, stamps = self._counted(stamps, columns), None
             if len(table):
                 yield self._block(table, stamps, samples, columns), position
                 samples += len(table)
@@ -117,15 +118,17 @@ class CsvRecording(FileRecording):
                 f'{rejected} lines are not numbers and were left out; the first: '
                 f'{first_rejected}')
 
-    def _counted(self, stamps: NDArray[np.int64], columns: Columns) -> Columns:
-        """Leave the times out where the user says the rate; else nobody knows what they are."""
-        if self._rate_hz is not None:
-            return replace(columns, time=None, nanoseconds=None)
-        step = int(np.median(np.diff(stamps)))
+    def _with_known_times(self, columns: Columns, samples: str) -> Columns:
+        """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
+        step = _whole_step(samples.split('\n')[:_FIRST_LINES], columns)
+        if step is None:
+            return columns
+        if self.options.rate_hz is not None:
+            return replace(columns, time=None)
         raise ImuAllanError(
-            f'{printable(self.path)}: the times are whole numbers {step // 10**9} apart, in '
-            f"seconds {1e9 / step:.3g} Hz; say what they are, such as --columns 'time=NAME ms' "
-            '(or us, ns), or give the sample rate with --rate')
+            f'{printable(self.path)}: the times are whole numbers {step:.0f} apart, in seconds '
+            f"{1 / step:.3g} Hz; say what they are, such as --columns 'time=NAME ms' (or s, us, "
+            'ns), or give the sample rate with --rate')
 
     def _texts(self) -> Iterator[tuple[str, int]]:
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
@@ -176,7 +179,10 @@ class CsvRecording(FileRecording):
             behind, after = file.tell(), file.read(_LOOKED_AT)
         columns = echoed_imu(header) or self._read_header(header)
         below, _, rest = after.decode('utf-8', 'replace').partition('\n')
-        units = with_units_below(header, below, columns, self.options)
+        try:
+            units = with_units_below(header, below, columns, self.options)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'{printable(self.path)}: {error}') from error
         if units is not None:
             header, columns = units
             behind += len(after.partition(b'\n')[0]) + 1
@@ -188,6 +194,9 @@ class CsvRecording(FileRecording):
         samples = (header if columns.headless else '') + below + rest
         self._decimal_comma = (columns.delimiter != ','
                                and _DECIMAL_COMMA.search(samples) is not None)
+        if self._decimal_comma:
+            samples = samples.replace(',', '.')
+        columns = self._with_known_times(columns, samples)
         self._tell_ignored(columns)
         return columns
 
@@ -282,11 +291,18 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
 
 
-def _need_a_unit(stamps: NDArray[np.int64], columns: Columns, time_unit_s: float | None) -> bool:
-    """Whether times are taken for seconds that are rather milliseconds, or numbers of samples."""
-    return (columns.time_unit is None and columns.nanoseconds is None and time_unit_s == 1
-            and len(stamps) >= _FEWEST_TIMES and not (stamps % 10**9).any()
-            and float(np.median(np.diff(stamps))) >= 1e9)
+def _whole_step(lines: Sequence[str], columns: Columns) -> float | None:
+    """Tell how far whole numbers are apart that, in the unit they seem to have, are no IMU's."""
+    if columns.time is None or columns.time_unit is not None or columns.nanoseconds is not None:
+        return None
+    times = []
+    for line in lines:
+        with suppress(ValueError, IndexError):
+            times.append(float(line.split(columns.delimiter)[columns.time].strip(_QUOTES)))
+    if len(times) < _FEWEST_TIMES or not all(time.is_integer() for time in times):
+        return None
+    step = float(np.median(np.diff(times)))
+    return step if step * seconds_in(None, times[0]) >= 1 else None
 
 
 def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:

@@ -166,16 +166,24 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
     delimiter, names = _cells(header)
     units = _cells(line)[1]
     if (columns.headless or delimiter is None or len(names) != len(units)
-            or any(map(_is_number, units)) or not any(units[axis[0]].strip()
-                                                      for axis in columns.axes)):
+            or any(map(_is_number, units))):
         return None
+    bare = [unit.strip(' "[]()\r-') for unit in units]
+    of_axes = [bare[axis[0]] for axis in columns.axes]
+    if not any(of_axes) or any(unit and unit in names[axis[0]]
+                               for unit, axis in zip(of_axes, columns.axes, strict=True)):
+        # Nothing, or the names once more.
+        return None
+    plain = [name.strip(' "') for name in names]
     joined = delimiter.join(
-        f'{name} [{unit.strip()}]' if unit.strip() and not set(name) & set('[(') else name
-        for name, unit in zip(names, units, strict=True))
+        f'{name} [{unit}]' if unit and not set(name) & set('[(') else name
+        for name, unit in zip(plain, bare, strict=True))
     try:
         return joined, read_header(joined, options)
     except ImuAllanError:
-        # Numbers, the names once more, or any other text.
+        if any('/' in unit for unit in of_axes):
+            raise
+        # Any other text.
         return None
 
 

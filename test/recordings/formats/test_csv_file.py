@@ -303,7 +303,8 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, step):
     reason = refusal(path, text)
     assert reason == (
         f'the times are whole numbers {step} apart, in seconds {1 / step:.3g} Hz; say what they '
-        "are, such as --columns 'time=NAME ms' (or us, ns), or give the sample rate with --rate")
+        "are, such as --columns 'time=NAME ms' (or s, us, ns), or give the sample rate with "
+        '--rate')
     for options, nanoseconds in (({'rate_hz': 50.0}, 20_000_000),
                                  ({'columns': (('time', 'timestamp us'),)}, step * 1000)):
         with open_recording(path, options=RecordingOptions(**options)) as recording:
@@ -320,6 +321,38 @@ def test_units_may_stand_in_a_line_of_their_own(path):
     assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
     assert [remark.message.removeprefix(f'{path}: ') for remark in remarks] == [
         'columns that are no axes were left out: note']
+
+
+@pytest.mark.parametrize('units', ['[ms],[deg/s],[g]', '"ms","deg/s","g"', '-,deg/s,g',
+                                   'ms,(deg/s),g'])
+def test_units_below_may_be_marked_in_any_way(path, units):
+    path.write_text(f'time,gyro_x,accel_z\n{units}\n0.5,180,1\n1.0,90,2\n')
+    messages, _ = read(path)
+    assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
+    assert messages.samples[:, 5] == pytest.approx([9.80665, 19.6133], rel=1e-15)
+
+
+def test_a_unit_below_that_nobody_knows_is_told(path):
+    assert refusal(path, 'time,gyro_x,accel_z\ns,deg/s,G\n0.5,180,1\n1.0,90,2\n') == (
+        'column accel_z: G cannot be turned into m/s^2')
+
+
+def test_a_temperature_once_a_second_needs_no_unit_of_time(path):
+    rows = [f'{row / 100},{row},{20 + row / 100 if row % 100 == 0 else ""}' for row in range(500)]
+    path.write_text('\n'.join(['time,gx,temperature', *rows, '']))
+    with open_recording(path) as recording:
+        [thermometer] = recording.thermometers
+        [(block, _)] = recording.decoded(thermometer.name)
+    assert block.header_ns.tolist() == [second * 10**9 for second in range(5)]
+    assert block.samples[:, 0].tolist() == [20, 21, 22, 23, 24]
+
+
+@pytest.mark.parametrize(('first', 'step'), [(108_000_000_000, 10_000), (1_000_000_000_000, 10**7),
+                                             (1_700_000_000, 1)])
+def test_counters_since_boot_are_not_taken_for_a_time_of_this_century(path, first, step):
+    rows = [f'{first + row * step},{row}' for row in range(200)]
+    assert refusal(path, '\n'.join(['timestamp,gx', *rows, ''])).startswith(
+        f'the times are whole numbers {step} apart')
 
 
 def test_a_number_beyond_the_columns_says_how_many_there_are(path):
