@@ -130,5 +130,9 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     if any(axis.high_passed_hz is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: a filter has taken out the slow part of '
                              'the noise; take the raw topic')
+    if any(axis.saturated is not None or axis.stood_still is not None
+           for axis in result.axes.values()):
+        return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
+                             'range, or stood still; see the warnings of the axes')
     return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '
                          'record for longer')

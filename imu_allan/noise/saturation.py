@@ -12,7 +12,10 @@ from typing import NamedTuple
 
 from imu_allan.noise.estimator import Estimator
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
+
+Array = NDArray[np.float64]
 
 _LEAST_SHARE = 0.01
 """Clipped at 2.33 sigma, where 1 % is cut off, white noise loses 0.9 % of its density."""
@@ -25,6 +28,13 @@ _MISSED = 20.0
 """Samples to expect beyond the end; that there are none happens once in e^20 records by chance."""
 _SURE = 3.0
 """Standard errors that a count of samples is off by at most."""
+_SHAKEN = 4.0
+"""
+Ratio of the noise by some averaging time to that by another from which on it is a vibration, whose
+values crowd at both ends by nature. Of what is cut off at rest it is 1.4 at most.
+"""
+_SHAKEN_OCTAVES = 7
+"""Averaging times looked at for that: up to 64 samples, where drift does not show yet."""
 _FEWEST_CLUSTERS = 16
 """Averaging times of so many clusters are asked for the noise."""
 
@@ -79,9 +89,12 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     if (finished.reference is None or count < max(1, _LEAST_SHARE * samples)
             or finished.lowest[axis] == finished.highest[axis]):
         return None
-    noise = _least_noise(finished, axis)
+    noises = _noise_over_times(finished, axis)
+    # A vibration is less of it in means over its periods, and none in the long run.
+    noise = float(noises.min(initial=np.inf))
     step = float(finished.step[axis])
-    if not step <= _COARSEST_STEP * noise:
+    if (not len(noises) or not step <= _COARSEST_STEP * noise
+            or noises[:_SHAKEN_OCTAVES].max() > _SHAKEN * noise):
         return None
     share = max(count - _SURE * np.sqrt(count), 0.0) / samples
     if samples * ndtr(ndtri(share) - step / noise) < _MISSED:
@@ -90,13 +103,11 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
 
 
-def _least_noise(finished: Estimator, axis: int) -> float:
-    """Return the noise of a sample, at most: a vibration is in means over a period no more."""
+def _noise_over_times(finished: Estimator, axis: int) -> Array:
+    """Return the noise of a sample by means over more and more: the same of white noise."""
     pyramid = finished.pyramid
     size = 2.0**np.arange(len(pyramid.counts))
     known = (pyramid.counts > 0) & (_FEWEST_CLUSTERS * size <= finished.samples)
-    if not known.any():
-        return 0.0
     # White noise: m avar(m) is its variance at every m.
-    return float(np.sqrt((pyramid.sums[known, axis]
-                          / (2 * pyramid.counts[known] * size[known])).min()))
+    return np.asarray(np.sqrt(pyramid.sums[known, axis]
+                              / (2 * pyramid.counts[known] * size[known])))

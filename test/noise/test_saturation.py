@@ -50,6 +50,16 @@ def test_a_vibration_turns_at_its_ends_and_is_not_cut_off():
         assert cut_off(shown(samples), 0) is None, cycle
 
 
+def test_a_vibration_above_noise_below_a_step_is_not_cut_off():
+    # In a short record its means over no time are free of it.
+    choice = np.random.default_rng(3)
+    for _ in range(100):
+        cycle, sigma = 1 / choice.uniform(0.005, 0.45), choice.uniform(0.15, 0.6)
+        samples = np.round(choice.uniform(20, 60) * np.sin(2 * np.pi * np.arange(6000) / cycle)
+                           + choice.normal(0.0, sigma, 6000))
+        assert cut_off(shown(samples), 0) is None, (cycle, sigma)
+
+
 def test_ends_are_counted_however_samples_arrive():
     rows = np.minimum(WHITE, 0.5)
     whole = shown(rows)

@@ -220,8 +220,11 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
 def _doubt_of_mean(axis: AxisResult) -> str | None:
     if mean_is_known(axis):
         return None
-    return (_FILTERED if axis.high_passed_hz is not None else
-            'the noise density does not show, and with it what the mean is worth; record for '
+    if axis.high_passed_hz is not None:
+        return _FILTERED
+    if axis.saturated is not None:
+        return 'the axis is saturated, and its mean with it; choose a larger range'
+    return ('the noise density does not show, and with it what the mean is worth; record for '
             'longer')
 
 
