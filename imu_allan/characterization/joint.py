@@ -323,7 +323,7 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
         value = found.value
         if value is None or found.ci95 is None:
             continue
-        coefficients[key] = found = _within(found, name, key, parts)
+        coefficients[key] = found = with_between(found, name, key, parts)
         if len(values) < 2:
             continue
         between = random_effects(list(values.values()), list(errors.values())).between
@@ -332,7 +332,7 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     return replace(axis, coefficients=coefficients)
 
 
-def _within(found: Coefficient, name: str, key: str, parts: Sequence[_Part]) -> Coefficient:
+def with_between(found: Coefficient, name: str, key: str, parts: Sequence[_Part]) -> Coefficient:
     """Add what the quarters of a record differ by: the joint likelihood does not know of it."""
     assert found.value is not None
     assert found.ci95 is not None

@@ -209,13 +209,22 @@ def flicker(samples: int, rng: np.random.Generator) -> Array:
 
 
 class MarkovBank:
-    """A sum of averaged first-order Gauss-Markov processes, drawn exactly."""
+    """
+    A sum of averaged first-order Gauss-Markov processes, drawn exactly.
+
+    Attributes
+    ----------
+    decay, gain, end, mean_on_end, mean_rest : ndarray, shape (processes,)
+        Of each over one interval: what is left of its value, what that gives to the mean, the
+        standard deviation of what is new at the end, and what the mean has of that and besides.
+
+    """
 
     def __init__(self, times: Array, sigmas: Array, dt: float, rng: np.random.Generator, *,
                  settled: bool = True) -> None:
         self._rng = rng
         a = dt / times
-        self._decay = np.exp(-a)
+        self.decay = np.exp(-a)
         # Joint law of (end value, mean) of an Ornstein-Uhlenbeck process over one interval.
         gain = -np.expm1(-a) / a
         end_var = -np.expm1(-2 * a)
@@ -224,22 +233,22 @@ class MarkovBank:
         mean_var = np.where(small, 2 * a / 3 * (1 - 0.75 * a),
                             (2 * safe - 3 + 4 * np.exp(-safe) - np.exp(-2 * safe)) / safe**2)
         cross = np.where(small, a * (1 - a), (-np.expm1(-safe)) ** 2 / safe)
-        self._gain = sigmas * gain
-        self._end = np.sqrt(end_var)
-        self._mean_on_end = sigmas * cross / self._end
-        self._mean_rest = sigmas * np.sqrt(np.maximum(mean_var - (cross / self._end) ** 2, 0))
+        self.gain = sigmas * gain
+        self.end = np.sqrt(end_var)
+        self.mean_on_end = sigmas * cross / self.end
+        self.mean_rest = sigmas * np.sqrt(np.maximum(mean_var - (cross / self.end) ** 2, 0))
         # A stream starts its slow members at zero, so that its first mean is the model's.
         self._state = np.where(settled | (times < 10 * dt), rng.standard_normal(len(times)), 0.0)
 
     def draw(self, samples: int) -> Array:
         total = np.zeros(samples)
-        for i, decay in enumerate(self._decay):
+        for i, decay in enumerate(self.decay):
             drive = self._rng.standard_normal(samples)
-            ends, _ = lfilter([1.0], [1.0, -decay], self._end[i] * drive,
+            ends, _ = lfilter([1.0], [1.0, -decay], self.end[i] * drive,
                               zi=[decay * self._state[i]])
             starts = np.concatenate(([self._state[i]], ends[:-1]))
-            total += self._gain[i] * starts + self._mean_on_end[i] * drive
-            total += self._mean_rest[i] * self._rng.standard_normal(samples)
+            total += self.gain[i] * starts + self.mean_on_end[i] * drive
+            total += self.mean_rest[i] * self._rng.standard_normal(samples)
             if samples:
                 self._state[i] = ends[-1]
         return total

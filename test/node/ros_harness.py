@@ -279,10 +279,11 @@ class Driver:
         for sample in self.random.normal(0, 0.01 * np.asarray(shaken), (count, 6)):
             sample[5] += 9.8
             stamp = 1_700_000_000 * 10**9 + round(self.next / rate_hz * 1e9)
-            self._publish(encode_imu(stamp, sample, frame_id))
+            self.send(encode_imu(stamp, sample, frame_id))
             self.next += 1
 
-    def _publish(self, message: bytes) -> None:
+    def send(self, message: bytes) -> None:
+        """Publish a serialized message, as soon as there is room for it."""
         end = time.monotonic() + PATIENCE_S
         while True:
             try:

@@ -36,7 +36,7 @@ def test_file_and_topic_hold_the_backtest_of_a_recording_of_the_same_messages(ro
     driver = Driver(ros)
     driver.wait_for_node()
     for stamp, sample in zip(block.header_ns.tolist(), block.samples, strict=True):
-        driver.publisher.publish(encode_imu(stamp, sample, 'imu'))
+        driver.send(encode_imu(stamp, sample, 'imu'))
     path = recorded(ros.folder / 'same.mcap', {'imu': block})
     expected = backtests(json.loads(analyze(path).to_json()))
     assert all(found['trained_s'] > 300 for found in expected.values())

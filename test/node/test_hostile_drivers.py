@@ -102,7 +102,7 @@ def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
     driver.wait_for_node()
     for kind in hostile:
         for index in range(200):
-            driver.publisher.publish(HOSTILE[kind](index))
+            driver.send(HOSTILE[kind](index))
         # Going on, not having paused, takes what has come.
         assert ros.call(SetBool, 'imu_allan/pause').success
         listener.wait_for_report()

@@ -81,7 +81,7 @@ class HostileWorld:
 
     def _send(self, value: float, absent: tuple[bool, bool] = (False, False)) -> None:
         stamp = 1_700_000_000 * 10**9 + round(self.driver.next / RATE_HZ * 1e9)
-        self.driver.publisher.publish(encode_imu(stamp, np.full(6, value), 'imu', absent))
+        self.driver.send(encode_imu(stamp, np.full(6, value), 'imu', absent))
         self.driver.next += 1
 
     def _unusable_values(self) -> None:
@@ -91,12 +91,12 @@ class HostileWorld:
 
     def _no_messages(self) -> None:
         for _ in range(20):
-            self.driver.publisher.publish(self.draw.randbytes(self.draw.randrange(4, 400)))
+            self.driver.send(self.draw.randbytes(self.draw.randrange(4, 400)))
 
     def _another_frame(self) -> None:
         for _ in range(20):
             sample = np.asarray([self.draw.gauss(0, 1) for _ in range(6)])
-            self.driver.publisher.publish(encode_imu(10**18, sample, 'other'))
+            self.driver.send(encode_imu(10**18, sample, 'other'))
 
     def _lost_samples(self) -> None:
         self.driver.next += self.draw.randrange(1, 400)

@@ -314,7 +314,7 @@ def test_messages_that_are_no_imu_are_counted_and_survived(
     driver.publish(300)
     good = encode_imu(1, np.zeros(6), 'imu')
     for length in (8, 100, len(good) - 9):
-        driver.publisher.publish(good[:length])
+        driver.send(good[:length])
     driver.publish(300)
     ros.until(lambda: number(reports, ros, 'timeline', 'samples') == 600)
     assert number(reports, ros, 'reception', 'malformed') == 3

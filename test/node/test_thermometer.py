@@ -50,7 +50,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros) -> None:
     samples[:, 0] += PER_KELVIN * celsius(seconds)
     for number, (second, sample) in enumerate(zip(seconds, samples, strict=True)):
         stamp = START + round(second * 1e9)
-        driver.publisher.publish(encode_imu(stamp, sample, 'imu'))
+        driver.send(encode_imu(stamp, sample, 'imu'))
         if number % 20 == 0:
             thermometer.publish(reading(stamp, float(celsius(second))))
 

@@ -139,9 +139,9 @@ def test_end_and_mean_of_a_gauss_markov_process_have_their_joint_law(interval):
     # Of a process that stands at s: mean s (1 - decay) / a, end s decay, and what comes on top.
     mean_var = (2 * a - 3 + 4 * decay - decay**2) / a**2
     cross = (1 - decay)**2 / a
-    assert bank._decay[0] == pytest.approx(float(decay))
-    assert bank._gain[0] == pytest.approx(float(3 * (1 - decay) / a), rel=1e-9)
-    assert bank._end[0]**2 == pytest.approx(float(1 - decay**2), rel=1e-9)
-    assert bank._mean_on_end[0] * bank._end[0] == pytest.approx(float(3 * cross), rel=1e-6)
-    assert bank._mean_on_end[0]**2 + bank._mean_rest[0]**2 == pytest.approx(
+    assert bank.decay[0] == pytest.approx(float(decay))
+    assert bank.gain[0] == pytest.approx(float(3 * (1 - decay) / a), rel=1e-9)
+    assert bank.end[0]**2 == pytest.approx(float(1 - decay**2), rel=1e-9)
+    assert bank.mean_on_end[0] * bank.end[0] == pytest.approx(float(3 * cross), rel=1e-6)
+    assert bank.mean_on_end[0]**2 + bank.mean_rest[0]**2 == pytest.approx(
         float(9 * mean_var), rel=2e-6)

@@ -53,7 +53,7 @@ class BagDirectory(Recording):
     ) -> None:
         super().__init__(path, options)
         self._open_file = open_file
-        metadata = self._read_metadata()
+        metadata = self.read_metadata()
         if metadata is None:
             self._files = _recorded_files(path)
             if not self._files:
@@ -140,7 +140,7 @@ class BagDirectory(Recording):
         self.other_topics = {name: kind for name, kind in self.other_topics.items()
                              if name not in recorded}
 
-    def _read_metadata(self) -> '_Metadata | None':
+    def read_metadata(self) -> '_Metadata | None':
         """Parse metadata.yaml; None, with a remark, where that is not possible."""
         path = self.path / 'metadata.yaml'
         if not path.is_file():

@@ -238,7 +238,7 @@ def test_metadata_of_every_version_is_understood(tmp_path, path):
     shutil.copy(path, tmp_path / 'metadata.yaml')
     recording = BagDirectory.__new__(BagDirectory)
     super(BagDirectory, recording).__init__(tmp_path)
-    metadata = recording._read_metadata()
+    metadata = recording.read_metadata()
     assert recording.remarks == []
     assert metadata is not None
     assert metadata.files
