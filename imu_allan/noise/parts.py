@@ -8,7 +8,13 @@ from functools import cached_property, lru_cache
 
 from imu_allan.noise.cells import Cells
 from imu_allan.noise.groups import Bins, bins_of, grouped, Groups
-from imu_allan.noise.periodogram import BLOCK, Periodogram, SpectrumPiece, unbroken
+from imu_allan.noise.periodogram import (
+    BLOCK,
+    HIGHEST_OF_MEANS,
+    Periodogram,
+    SpectrumPiece,
+    unbroken,
+)
 from imu_allan.noise.segments import Layout, layout, MEANS, OCTAVES, PER_OCTAVE, SHORTEST_SEGMENT
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +22,6 @@ from scipy.fft import dct
 
 Array = NDArray[np.float64]
 
-_HIGHEST_OF_MEANS = 0.25
-"""As in the spectrum: means fold what is faster than a quarter of their rate."""
 _ENOUGH = 0.5
 """Share of the samples that the slower transform has to have seen, to stand for all."""
 
@@ -119,7 +123,7 @@ class Part:
         segments = self.periodogram.segments
         if self.periodogram.cell == 1:
             return 0.5
-        highest = _HIGHEST_OF_MEANS / self.periodogram.cell
+        highest = HIGHEST_OF_MEANS / self.periodogram.cell
         slow = layout(SHORTEST_SEGMENT // MEANS, MEANS)
         seen = segments.dof[self.first:self.last, slow.bands].sum() / slow.counts.sum()
         samples = min(self.last * segments.width, segments.samples) - self.first * segments.width

@@ -49,7 +49,7 @@ _MAX_STAGES = 4
 """Means of 2**18 samples in the slowest: at 1 kHz its blocks last for twelve days."""
 _LOWEST = 32 / (2 * BLOCK)
 """A block leaves its first 32 coefficients to the next stage, which resolves them better."""
-_HIGHEST_OF_MEANS = 0.25
+HIGHEST_OF_MEANS = 0.25
 """Of their own rate: means fold what is faster, the more the nearer to half of it."""
 _MAX_FILLED_SHARE = 0.5
 """Beyond, the lines over the gaps are most of the record; what they do to noise is known."""
@@ -282,7 +282,7 @@ class Periodogram:
         list of SpectrumPiece
 
         """
-        top = 0.5 if self.cell == 1 else _HIGHEST_OF_MEANS
+        top = 0.5 if self.cell == 1 else HIGHEST_OF_MEANS
         found = []
         for points, gaps, start in unbroken(self.series, self.cell):
             length = points.shape[1]
@@ -299,7 +299,7 @@ class Periodogram:
             if step >= self.cell:
                 continue
             low = max(border * step, _LOWEST if i + 1 < len(stages) else 0)
-            high = _HIGHEST_OF_MEANS if i else 0.5
+            high = HIGHEST_OF_MEANS if i else 0.5
             for length, power in sorted(stages[i].power.items(), reverse=True):
                 # Never empty: `low` is at most an eighth, a block has at least 16 points.
                 first = max(1, int(np.ceil(2 * length * low)))

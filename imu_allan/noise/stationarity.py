@@ -22,7 +22,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.cells import Cells, end_to_end
 from imu_allan.noise.groups import Groups
 from imu_allan.noise.parts import part_cells
-from imu_allan.noise.periodogram import Periodogram, SHORTEST, unbroken
+from imu_allan.noise.periodogram import HIGHEST_OF_MEANS, Periodogram, SHORTEST, unbroken
 from imu_allan.noise.segments import OCTAVES, PER_OCTAVE
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,6 @@ _SMOOTH = 0.7
 """Octaves over which the spread is averaged: neighbouring half-octaves change together."""
 _SHORT_PARTS, _SHORT_CELLS = 8, 64
 """Parts of a short record, and their shortest: its power is known to a fifth, a doubling to 4."""
-_HIGHEST_OF_MEANS = 0.25
-"""Of their own rate: means fold what is faster, the more the nearer to half of it."""
 _WHITE_RATIO = 2.0
 """Over the fastest octave: beyond, drift and its bends are in a part of a short record."""
 SEGMENT_PARTS = 16
@@ -195,7 +193,7 @@ def _slow_part(periodogram: Periodogram, number: int, power: Array, dof: Array
     cells = part_cells(periodogram, number, number + 1)
     for points, _, _ in unbroken(cells, cell):
         index = np.arange(_FIRST_INDEX, points.shape[1])
-        _add(power, dof, points, index, cell, min(_HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
+        _add(power, dof, points, index, cell, min(HIGHEST_OF_MEANS / cell, 2.0**-OCTAVES))
     before = part_cells(periodogram, 0, number + 1).keys
     start = float(end_to_end(before)[len(before) - len(cells)] * cell) if len(cells) else 0.0
     return (start, *_part_means(cells))
@@ -246,7 +244,7 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
     ends = np.linspace(0, len(series), parts + 1).astype(np.int64)
     bands = _DEPTH * PER_OCTAVE
     power, dof = np.zeros((len(series.sums), parts, bands)), np.zeros((parts, bands))
-    highest = 0.5 if cell == 1 else _HIGHEST_OF_MEANS / cell
+    highest = 0.5 if cell == 1 else HIGHEST_OF_MEANS / cell
     for number, (first, last) in enumerate(pairwise(ends.tolist())):
         cells = series.take(slice(first, last))
         # A line over a gap is no noise, and parts have more or fewer of them.
