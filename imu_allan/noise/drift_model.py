@@ -113,7 +113,14 @@ def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> 
     Returns
     -------
     ndarray, shape (n,)
-        In the squared unit of a sample.
+        In the squared unit of a sample: equation (2) of docs/statistics.md of the spectrum (8).
+
+    Examples
+    --------
+    >>> from imu_allan.result import GaussMarkov
+    >>> model = DriftModel(1e-3, 0.0, (GaussMarkov(1e-4, 100.0),), 0.1, 1e4)
+    >>> np.sqrt(drift_avar(model, (), [1.0, 189.0]))
+    array([1.00003308e-03, 9.54064436e-05])
 
     """
     tau = np.asarray(tau_s, dtype=np.float64)

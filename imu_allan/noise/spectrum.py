@@ -102,7 +102,13 @@ def bridged_white(nu: ArrayLike, share: float) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        About ``1 - share`` at high and ``1 + share`` at low frequencies.
+        About ``1 - share`` at high and ``1 + share`` at low frequencies:
+        (1 - p + p g)^2 + p (1 - p) (1 + 1/16) with the share p and the gain g of the local mean.
+
+    Examples
+    --------
+    >>> bridged_white([0.001, 0.25], 0.1).round(3)
+    array([1.096, 0.906])
 
     """
     x = np.pi * np.asarray(nu, dtype=np.float64)
@@ -129,6 +135,17 @@ def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:
     Returns
     -------
     ndarray, shape (n,)
+        The sum of the term under the sum of equation (8) of docs/statistics.md over its aliases,
+        each seen through the mean over a sample, over dt.
+
+    Examples
+    --------
+    Far below the sample rate it is the spectrum of the process itself, 2 T/(1 + (2 pi f T)^2):
+
+    >>> f, dt, T = 0.01, 0.01, 1.0
+    >>> density = gauss_markov([f * dt], dt, T) * dt
+    >>> (density / (2 * T / (1 + (2 * np.pi * f * T) ** 2))).round(4)
+    array([1.])
 
     """
     a = dt / correlation_time_s
@@ -154,7 +171,15 @@ def low_pass(nu: ArrayLike, width: float) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        Where the width lies between those of two means of samples, a mixture of them.
+        (sin(pi nu n)/(n sin(pi nu)))^2 of the mean of n samples; where the width lies between
+        those of two means of samples, a mixture of them.
+
+    Examples
+    --------
+    The mean of two samples bends white noise as a boxcar of sqrt(3) intervals does:
+
+    >>> low_pass([0.001, 0.25, 0.5], np.sqrt(3)).round(3)
+    array([1. , 0.5, 0. ])
 
     """
     x = np.pi * np.asarray(nu, dtype=np.float64)
@@ -175,6 +200,12 @@ def flicker_dct_factor(j: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (n,)
+        About 1 - 2/(pi^2 j), which the first few indices are below.
+
+    Examples
+    --------
+    >>> flicker_dct_factor([1, 100]).round(4)
+    array([0.7737, 0.998 ])
 
     """
     j = np.asarray(j)
@@ -228,7 +259,13 @@ def ramp_dct(n: int, dt: float) -> Array:
     Returns
     -------
     ndarray, shape (n - 1,)
-        Zero at even indices.
+        -dt cos(x)/(sqrt(2 n) sin(x)^2) with x = pi j/(2 n) at odd indices j, zero at even ones.
+
+    Examples
+    --------
+    >>> from scipy.fft import dct
+    >>> bool(np.allclose(ramp_dct(100, 0.5), dct(np.arange(100) * 0.5, norm='ortho')[1:]))
+    True
 
     """
     j = np.arange(1, n)

@@ -143,10 +143,18 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     Returns
     -------
     ndarray, shape (n,)
+        2 sigma^2 T/tau [1 - T/(2 tau) (3 - 4 exp(-tau/T) + exp(-2 tau/T))].
 
     References
     ----------
     IEEE Std 952-1997, C.1.1.6 (exponentially correlated noise).
+
+    Examples
+    --------
+    Its deviation is highest at 1.89 correlation times, where it is 0.617 sigma:
+
+    >>> np.sqrt(gauss_markov_avar(1.0, 100.0, [10.0, 189.0, 10_000.0])).round(3)
+    array([0.249, 0.617, 0.14 ])
 
     """
     tau = np.asarray(tau, dtype=np.float64)
@@ -171,10 +179,16 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> NDArray[
     Returns
     -------
     ndarray, shape (n,)
+        [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods.
 
     References
     ----------
     IEEE Std 952-1997, C.1.1.7 (sinusoidal noise).
+
+    Examples
+    --------
+    >>> np.sqrt(line_avar(1.0, 0.2, [0.5, 1.0])).round(4)
+    array([0.1273, 0.    ])
 
     """
     x = np.pi * frequency_hz * np.asarray(tau, dtype=np.float64)
@@ -203,6 +217,13 @@ def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float
         Exact where the low-pass is a mean of samples; behind another filter exact from a few W on,
         and of the right size below.
 
+    Examples
+    --------
+    The mean of two samples at 100 Hz: a quarter of the power at first, N^2/tau later.
+
+    >>> low_passed_avar(0.1, 0.01 * np.sqrt(3), [1, 1000], 0.01).round(3)
+    array([0.25 , 0.001])
+
     """
     m = np.asarray(size, dtype=np.float64)
     n, longer = moving_averages(window_s / dt)
@@ -225,6 +246,11 @@ def moving_averages(width: float) -> tuple[float, float]:
         The share `longer` of the mean of n + 1 samples, the rest the mean of n. The mean of n
         samples begins to fall as a boxcar of ``sqrt(n**2 - 1)`` intervals does; between two means
         lies a mixture of them.
+
+    Examples
+    --------
+    >>> moving_averages(((2**2 - 1 + 3**2 - 1) / 2) ** 0.5)
+    (2.0, 0.5)
 
     """
     squared = width**2 + 1

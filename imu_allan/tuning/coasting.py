@@ -30,6 +30,19 @@ def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arr
     Returns
     -------
     ndarray, shape (n,)
+        ``w P w' + r``: covariance P of the states (`steady_covariance`), weights w and rest r
+        (`coasting_weights`).
+
+    Examples
+    --------
+    White noise alone is known after very many corrections, but for the outage's own:
+
+    >>> import imu_allan
+    >>> axis = imu_allan.characterize(imu_allan.simulate({'noise_density': 1e-3}, 60_000, 100.0),
+    ...                               100.0)
+    >>> found = coasting_variance(axis, 1.0, np.array([10.0]))
+    >>> bool(1 < found[0] / (axis.drift_model.noise_density ** 2 / 10) < 1.2)
+    True
 
     """
     model = drift_model_of(axis)
@@ -58,7 +71,15 @@ def coasting_weights(model: DriftModel, tones: tuple[Tone, ...], horizon_s: floa
     Returns
     -------
     weight : ndarray, shape (n,)
+        w(h/T_i) of equation (9) of docs/statistics.md for each process, 1 for the walk.
     rest : float
+        ``sum_i sigma_i^2 [m(h/T_i) - w(h/T_i)^2] + K^2 h/3 + N^2/h``, and the lines.
+
+    Examples
+    --------
+    >>> weight, rest = coasting_weights(DriftModel(1e-3, 0.0, (), 0.1, 1e4), (), 100.0)
+    >>> weight, round(rest, 12)
+    (array([1.]), 1e-08)
 
     """
     h = horizon_s
@@ -81,10 +102,20 @@ def steady_covariance(space: StateSpace) -> Array:
     Returns
     -------
     ndarray, shape (n, n)
+        P of the Riccati equation ``P = A P A' + Q - G S G'`` with ``S = H P H' + R`` and
+        ``G = (A P H' + C)/S``, for A, H, Q, R, C of the state space.
 
     References
     ----------
     E. K.-W. Chu et al., Int. J. Control 77 (2004): doubling, which takes 2^k steps in k.
+
+    Examples
+    --------
+    A walk seen through white noise is known to about sqrt(N K), at its best:
+
+    >>> space = space_of(DriftModel(1.0, 1e-3, (), 1.0, 100.0), (), 1.0)
+    >>> bool(np.isclose(steady_covariance(space)[0, 0], 1e-3, rtol=1e-3))
+    True
 
     """
     gain = space.cross / space.measurement

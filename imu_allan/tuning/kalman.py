@@ -55,7 +55,9 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
     Returns
     -------
     Filtered
-        States that a space does not have stay zero; they stand behind the last.
+        States that a space does not have stay zero; they stand behind the last. With x, P before a
+        step and y its mean: ``S = H P H' + R``, ``G = (A P H' + C)/S``, then
+        ``x = A x + G (y - H x)`` and ``P = A P A' + Q - G S G'``.
 
     Examples
     --------
