@@ -33,9 +33,10 @@ PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3
 	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' \
 	2>/dev/null && echo $$python && break; done)
 
-# Pictures and processes are left to `make test`.
+# Pictures, processes and hundreds of random scenarios are left to `make test`.
 FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timeline test/writers \
-	--deselect test/writers/test_plot.py --deselect test/writers/test_comparison.py
+	$(foreach slower,writers/test_plot.py writers/test_comparison.py writers/test_fleet.py \
+	writers/test_folder.py timeline/test_nothing_silent.py::test_random_faults,--deselect test/$(slower))
 
 LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py \
 	docs/make_figures.py setup.py
@@ -89,7 +90,7 @@ test: $(STAMP)
 	$(RUN)/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
 test-fast: $(STAMP)
-	$(RUN)/python -m pytest -q $(FAST) $(PYTEST_ARGS)
+	$(RUN)/python -m pytest -q -n $(JOBS) --dist loadfile $(FAST) $(PYTEST_ARGS)
 
 test-slow: $(STAMP)
 	$(RUN)/python -m pytest -m slow -o faulthandler_timeout=0 $(PYTEST_ARGS)
