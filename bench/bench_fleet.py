@@ -5,6 +5,7 @@ What several records, many units and the sequential test are worth, by Monte Car
 
     .venv/bin/python bench/bench_fleet.py joint 1500        # four records of 1 h, and their bound
     .venv/bin/python bench/bench_fleet.py moving 100        # the same where their means move
+    .venv/bin/python bench/bench_fleet.py jumping 60        # the same where their walks jump
     .venv/bin/python bench/bench_fleet.py units 400         # populations of 5 to 40 units
     .venv/bin/python bench/bench_fleet.py sequential 200    # error rates and time of check --live
     .venv/bin/python bench/bench_fleet.py dask 1000         # a cluster; one worker dies
@@ -30,7 +31,7 @@ from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS
 from imu_allan.noise.groups import Bins, bins_of, grouped
-from imu_allan.noise.joint import fit_spectra, RecordedSpectrum
+from imu_allan.noise.joint import fit_spectra, joint_fits, RecordedSpectrum
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.random_effects import outliers, random_effects
@@ -162,6 +163,35 @@ def moving(runs: int) -> None:
               f'{covered / max(seen, 1):.3f}  temperature in {depends / runs:.3f}', flush=True)
 
 
+def jumping(runs: int) -> None:
+    """Fit four hours at once whose walk goes in jumps: whether the interval of K holds."""
+    rng = np.random.default_rng(11)
+    rate, samples, walk = 10.0, 36_000, 3e-4
+    hours = samples / rate / 3600
+    for name, share, an_hour in (('even', 0.0, 1), ('3 jumps an hour', 1.0, 3),
+                                 ('6', 1.0, 6), ('12', 1.0, 12), ('6, half of the power', .5, 6)):
+        seen, covered, half = 0, 0, []
+        for run in range(runs):
+            records = []
+            for part in range(RECORDS):
+                steps = walk * np.sqrt((1 - share) / rate) * rng.standard_normal(samples)
+                jumps = rng.poisson(an_hour * hours)
+                size = walk * np.sqrt(share * 3600 / an_hour)
+                np.add.at(steps, rng.integers(0, samples, jumps), size * rng.normal(size=jumps))
+                record = Estimator()
+                record.update(np.cumsum(steps) + simulate({'noise_density': 1e-3}, samples, rate,
+                                                          RECORDS * run + part))
+                records.append(record.finished())
+            (found,) = joint_fits(records, 1 / rate)
+            assert found is not None
+            own = found.fit.estimates['rate_random_walk']
+            seen += own.observable
+            covered += own.low <= walk <= own.upper
+            half += [own.upper / own.value - 1] if own.observable else []
+        print(f'{name:22} K in {seen / runs:.3f} of {runs}, interval or bound holds '
+              f'{covered / runs:.3f}, up to {100 * np.median(half):.0f} % above', flush=True)
+
+
 def units(runs: int) -> None:
     """Fit populations whose spread is 1, measured with errors of so many times that."""
     rng = np.random.default_rng(1)
@@ -287,5 +317,5 @@ def watched(model: dict[str, float], key: str, limit: float, margin: float, rate
 
 
 if __name__ == '__main__':
-    {'joint': joint, 'moving': moving, 'units': units, 'sequential': sequential,
-     'dask': dask}[sys.argv[1]](int(sys.argv[2]))
+    {'joint': joint, 'moving': moving, 'jumping': jumping, 'units': units,
+     'sequential': sequential, 'dask': dask}[sys.argv[1]](int(sys.argv[2]))

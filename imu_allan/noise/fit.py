@@ -19,7 +19,6 @@ from imu_allan.noise.band import effective_window, narrowed
 from imu_allan.noise.correlated import (
     levels_off,
     Process,
-    process_column,
     promises_a_process,
     with_gauss_markov,
     with_process_column,
@@ -199,9 +198,8 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         every = _said_by_parts(trial, parts(), dt, process, _SLOW)
         said = {key: one for key, one in every.items() if one.disagrees}
         walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
-    if mean is not None and isinstance(mean.record, RecordSpectrum) and walk.observable:
-        uneven = uneven_by(trial, mean.record, (), None if process is None
-                           else process_column(mean.record.bins, dt, process.correlation_time_s))
+    if mean is not None and walk.observable:
+        uneven = uneven_by(trial, mean.record, process.correlation_time_s if process else None)
         if uneven > _widening(said, 'rate_random_walk'):
             walk = estimate(trial, WALK, uneven)
     unclear = walk.observable and not walks

@@ -116,7 +116,8 @@ def bent_density(trial: Trial, dt: float, plain: Estimate, widening: float = 1.0
     -------
     Estimate
         Its interval is the hull of the plain one and of that with the white noise as
-        ``N^2 cos^2(pi nu) + M^2 sin^2(pi nu)``, M free, scaled to the edge of the band.
+        ``N^2 cos^2(pi nu) + M^2 sin^2(pi nu)``, M free, scaled to the edge of the band. Of
+        several records it is the second one, which holds by itself, with the value in it.
 
     """
     if not plain.observable:
@@ -142,7 +143,8 @@ def bent_density(trial: Trial, dt: float, plain: Estimate, widening: float = 1.0
     other = estimate(replace(trial, groups=bent, solution=solution, fixed={}), WHITE, widening)
     if not other.observable:
         return plain
-    low, high = min(plain.low, other.low), max(plain.high, other.high)
+    within = (plain.low, plain.high) if groups.records == 1 else (plain.value, plain.value)
+    low, high = min(within[0], other.low), max(within[1], other.high)
     return replace(plain, low=low, high=high, upper=high)
 
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.correlated import process_column
 from imu_allan.noise.groups import WALK
-from imu_allan.noise.leaks import Course
-from imu_allan.noise.trends import RecordSpectrum, regressors
+from imu_allan.noise.trends import JointSpectrum, RecordSpectrum, regressors
 from imu_allan.noise.trial import Trial
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,8 @@ _LEAST_SHARE = 1e-6
 """Of the power of a mean batch: one that is empty has no logarithm."""
 
 
-def uneven_by(trial: Trial, record: RecordSpectrum, courses: Sequence[Course] = (),
-              process: Array | None = None) -> float:
+def uneven_by(trial: Trial, spectrum: RecordSpectrum | JointSpectrum,
+              correlation_time_s: float | None = None) -> float:
     """
     Tell by how much the likelihood ratios of the random walk are too large.
 
@@ -50,18 +50,16 @@ def uneven_by(trial: Trial, record: RecordSpectrum, courses: Sequence[Course] = 
     ----------
     trial : Trial
         A fit with a walk.
-    record : RecordSpectrum
+    spectrum : RecordSpectrum or JointSpectrum
         That it was fitted to.
-    courses : sequence of Course, optional
-        Regressors of the fit beside the ramp and those of the record.
-    process : ndarray, shape (bins,), optional
-        What a Gauss-Markov process gives to every bin of the record.
+    correlation_time_s : float, optional
+        Of the Gauss-Markov process that is the last column of the fit.
 
     Returns
     -------
     float
-        1 where batches of time vary in power as they should, else how much more the sum of them
-        varies, and more again for knowing that from a few batches.
+        1 where batches of time vary in power as they should, over all records, else how much more
+        the sum of them varies, and more again for knowing that from a few batches.
 
     Examples
     --------
@@ -85,12 +83,13 @@ def uneven_by(trial: Trial, record: RecordSpectrum, courses: Sequence[Course] = 
     True
 
     """
-    walk = _matched(trial, record, courses, process)
-    if walk is None:
+    if trial.solution.trend is None or trial.solution.theta[WALK] <= 0:
         return 1.0
-    series = _series(record, *walk)
+    series = [part for record, trend in zip(
+        spectrum.records, np.atleast_2d(trial.solution.trend), strict=True)
+        for part in _series(record, *_matched(trial, record, trend, correlation_time_s))]
     most = 1.0
-    for count in _BATCHES:
+    for count in _BATCHES if series else ():
         power, expected, variance = _batches(series, count)
         if len(power) < 3:
             continue
@@ -111,27 +110,25 @@ class _Series:
     covariance: Array
 
 
-def _matched(trial: Trial, record: RecordSpectrum, courses: Sequence[Course],
-             process: Array | None) -> tuple[Array, Array] | None:
+def _matched(trial: Trial, record: RecordSpectrum, trend: Array,
+             correlation_time_s: float | None) -> tuple[Array, Array]:
     """Coefficients of the series whose power tells the walk, and their expected squares."""
-    bins, solution = record.bins, trial.solution
+    bins = record.bins
     here = bins.whole & (bins.index > 0)
     if record.keep is not None:
         here = here & record.keep
-    if not here.any() or solution.trend is None or solution.theta[WALK] <= 0:
-        return None
-    theta = solution.theta[:bins.design.shape[1]].copy()
+    theta = trial.solution.theta[:bins.design.shape[1]].copy()
     if trial.rolling:
         # The roll-off takes the place of the first column, and is nothing at the slow end.
         theta[0] = 0.0
     noise = bins.design @ theta
-    if process is not None:
-        noise = noise + solution.theta[-1] * process
+    if correlation_time_s is not None:
+        noise = noise + trial.solution.theta[-1] * process_column(bins, record.dt,
+                                                                  correlation_time_s)
     columns = -np.sqrt(np.maximum(bins.ramp, 0))[:, None]
-    every = [*record.courses, *courses]
-    if every:
-        columns = np.column_stack((columns, regressors(record.pieces, record.dt, every)))
-    rest = bins.coefficient[record.axis] - columns @ solution.trend
+    if record.courses:
+        columns = np.column_stack((columns, regressors(record.pieces, record.dt, record.courses)))
+    rest = bins.coefficient[record.axis] - columns @ trend
     noise = np.maximum(noise, 1e-300)
     gain = np.where(here, np.sqrt(bins.design[:, WALK]) / noise, 0.0)
     # The mean power is that of the fit; what follows is about how it is spread over time.
@@ -148,6 +145,8 @@ def _series(record: RecordSpectrum, value: Array, weight: Array) -> list[_Series
         index = record.bins.index[part]
         signal, squares = np.zeros(piece.length), np.zeros(piece.length + 1)
         signal[index], squares[index] = value[part], weight[part]
+        if not squares.any():
+            continue
         power, expected = (np.concatenate(([0.0], np.cumsum(of))) for of in (
             idct(signal, norm='ortho')**2, _variance_over_time(squares)))
         # Type I of the squares: the covariance of the series far from its ends.

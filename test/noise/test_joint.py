@@ -1,7 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise import intervals
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.intervals import estimate
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.temperature import TemperatureCourse
@@ -67,6 +69,21 @@ def test_a_line_of_one_record_is_left_out_there_and_named(records):
                           1 / RATE_HZ)
     assert [round(line.frequency_hz, 1) for line in found.lines] == [17.3]
     assert found.fit.estimates['noise_density'].value == pytest.approx(1e-3, rel=0.01)
+
+
+def test_interval_of_the_density_is_that_with_a_bend_alone(records, monkeypatch):
+    found = estimates(records)['noise_density']
+    asked = []
+
+    def spy(trial, column, widening=1.0):
+        asked.append(estimate(trial, column, widening))
+        return asked[-1]
+
+    monkeypatch.setattr(intervals, 'estimate', spy)
+    assert estimates(records)['noise_density'] == found
+    # The last that is asked for is the density beside a bend.
+    assert (found.low, found.high) == (asked[-1].low, asked[-1].high)
+    assert found.low < found.value < found.high
 
 
 def test_one_record_alone_gives_what_it_gives_by_itself(records):
