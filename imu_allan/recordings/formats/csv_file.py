@@ -18,6 +18,7 @@ import re
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.csv_header import (
+    apparent_unit,
     Columns,
     echoed_imu,
     is_remark,
@@ -43,10 +44,12 @@ _NAMED_COLUMNS = 10
 """Of those left out: more take more than a line or two."""
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
-_FEWEST_TIMES = 3
+_FEWEST_STEPS = 8
 """Below, a table is no record of anything."""
 _FIRST_LINES = 64
-"""In which whole numbers are sought among the times: many more than one sees by chance."""
+"""By which times without a unit are judged: two batches of a FIFO of 32."""
+_SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
+"""Rates of IMUs; beyond, times without a unit are in another one than they seem to be."""
 _QUOTES = ' \t\r"'
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
@@ -120,15 +123,17 @@ class CsvRecording(FileRecording):
 
     def _with_known_times(self, columns: Columns, samples: str) -> Columns:
         """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
-        step = _whole_step(samples.split('\n')[:_FIRST_LINES], columns)
-        if step is None:
+        found = _interval_of_no_imu(samples.split('\n')[:_FIRST_LINES], columns)
+        if found is None:
             return columns
         if self.options.rate_hz is not None:
             return replace(columns, time=None)
+        interval, unit, rate_hz = found
+        digits = '.0f' if interval >= 1000 else '.3g'
         raise ImuAllanError(
-            f'{printable(self.path)}: the times are whole numbers {step:.0f} apart, in seconds '
-            f"{1 / step:.3g} Hz; say what they are, such as --columns 'time=NAME ms' (or s, us, "
-            'ns), or give the sample rate with --rate')
+            f'{printable(self.path)}: the times are {interval:{digits}} apart, which in {unit} '
+            f'would be {rate_hz:.3g} Hz, the rate of no IMU; say what they are, such as --columns '
+            "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
 
     def _texts(self) -> Iterator[tuple[str, int]]:
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
@@ -178,7 +183,7 @@ class CsvRecording(FileRecording):
                     break
             behind, after = file.tell(), file.read(_LOOKED_AT)
         columns = echoed_imu(header) or self._read_header(header)
-        below, _, rest = after.decode('utf-8', 'replace').partition('\n')
+        below, newline, rest = after.decode('utf-8', 'replace').partition('\n')
         try:
             units = with_units_below(header, below, columns, self.options)
         except ImuAllanError as error:
@@ -191,7 +196,7 @@ class CsvRecording(FileRecording):
             self._data_at, self._first_line = behind, self._first_line + 1
         elif line.startswith(BOM_UTF8):
             self._data_at += len(BOM_UTF8)
-        samples = (header if columns.headless else '') + below + rest
+        samples = (header if columns.headless else '') + below + newline + rest
         self._decimal_comma = (columns.delimiter != ','
                                and _DECIMAL_COMMA.search(samples) is not None)
         if self._decimal_comma:
@@ -291,18 +296,39 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
 
 
-def _whole_step(lines: Sequence[str], columns: Columns) -> float | None:
-    """Tell how far whole numbers are apart that, in the unit they seem to have, are no IMU's."""
+def _interval_of_no_imu(lines: Sequence[str], columns: Columns,
+                        ) -> tuple[float, str, float] | None:
+    """
+    Judge times whose unit nobody stated.
+
+    Returns
+    -------
+    interval, unit, rate_hz : float, str, float
+        By how much they advance, in which unit that would be by their size, and the rate then;
+        None if that is an IMU's.
+
+    """
     if columns.time is None or columns.time_unit is not None or columns.nanoseconds is not None:
         return None
-    times = []
+    read = []
     for line in lines:
         with suppress(ValueError, IndexError):
-            times.append(float(line.split(columns.delimiter)[columns.time].strip(_QUOTES)))
-    if len(times) < _FEWEST_TIMES or not all(time.is_integer() for time in times):
+            read.append(float(line.split(columns.delimiter)[columns.time].strip(_QUOTES)))
+    times = np.array(read)
+    times = times[np.isfinite(times)]
+    # A clock that is set back says nothing of the rate.
+    steps = np.sort([step for step in np.diff(times) if step >= 0])
+    if len(steps) < _FEWEST_STEPS:
         return None
-    step = float(np.median(np.diff(times)))
-    return step if step * seconds_in(None, times[0]) >= 1 else None
+    unit = apparent_unit(float(times[0]))
+    # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
+    for interval, least_hz, most_hz in ((float(steps.mean()), 0.0, _FASTEST_HZ),
+                                        (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
+        if interval > 0:
+            rate_hz = 1 / (interval * seconds_in(unit, 0.0))
+            if not least_hz <= rate_hz <= most_hz:
+                return interval, unit, rate_hz
+    return None
 
 
 def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:

@@ -240,9 +240,12 @@ def echoed_imu(line: str) -> Columns | None:
 
 def seconds_in(unit: str | None, first: float) -> float:
     """Return how many seconds a unit of time is; the first number tells where it is None."""
-    if unit is None:
-        unit = next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')
-    return _converted('time', unit, 's')
+    return _converted('time', apparent_unit(first) if unit is None else unit, 's')
+
+
+def apparent_unit(first: float) -> str:
+    """Tell the unit of a time by its size."""
+    return next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')
 
 
 def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],

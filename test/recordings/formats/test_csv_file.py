@@ -39,7 +39,9 @@ def test_all_columns_in_si_units(path):
     assert remarks == []
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+# A loaded machine may be slow at anything.
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                                  HealthCheck.too_slow])
 @given(st.permutations(['time_s', *AXES]), st.integers(0, 6))
 def test_any_subset_of_columns_in_any_order(path, columns, left_out):
     columns = [name for name in columns if name == 'time_s'][:1] + columns[left_out:]
@@ -302,9 +304,9 @@ def test_whole_times_without_a_unit_are_not_taken_for_seconds(path, step):
     text = '\n'.join(['timestamp,gx', *rows, ''])
     reason = refusal(path, text)
     assert reason == (
-        f'the times are whole numbers {step} apart, in seconds {1 / step:.3g} Hz; say what they '
-        "are, such as --columns 'time=NAME ms' (or s, us, ns), or give the sample rate with "
-        '--rate')
+        f'the times are {step} apart, which in s would be {1 / step:.3g} Hz, the rate of no IMU; '
+        "say what they are, such as --columns 'time=NAME ms' (or s, us, ns, min), or give the "
+        'sample rate with --rate')
     for options, nanoseconds in (({'rate_hz': 50.0}, 20_000_000),
                                  ({'columns': (('time', 'timestamp us'),)}, step * 1000)):
         with open_recording(path, options=RecordingOptions(**options)) as recording:
@@ -352,7 +354,43 @@ def test_a_temperature_once_a_second_needs_no_unit_of_time(path):
 def test_counters_since_boot_are_not_taken_for_a_time_of_this_century(path, first, step):
     rows = [f'{first + row * step},{row}' for row in range(200)]
     assert refusal(path, '\n'.join(['timestamp,gx', *rows, ''])).startswith(
-        f'the times are whole numbers {step} apart')
+        f'the times are {step} apart')
+
+
+def _rows(times):
+    return '\n'.join(['time,gx', *(f'{time:.9f},{row}' for row, time in enumerate(times)), ''])
+
+
+@pytest.mark.parametrize(('unit', 'interval', 'hz'), [
+    ('ms', '2.5', '0.4'), ('us', '2500', '0.0004'), ('min', '4.17e-05', '2.4e+04'),
+    ('h', '6.94e-07', '1.44e+06')])
+@pytest.mark.parametrize('jitter', [0.0, 2e-4], ids=['even', 'jitter'])
+def test_times_without_a_unit_that_would_be_the_rate_of_no_imu_are_asked_for(
+        path, unit, interval, hz, jitter):
+    seconds = np.arange(200) / 400 + jitter * np.random.default_rng(1).uniform(-1, 1, 200)
+    times = seconds / {'ms': 1e-3, 'us': 1e-6, 'min': 60, 'h': 3600}[unit]
+    reason = refusal(path, _rows(times))
+    if not jitter:
+        assert f'are {interval} apart, which in s would be {hz} Hz, the rate of no IMU' in reason
+    options = RecordingOptions(columns=(('time', f'time {unit}'),))
+    with open_recording(path, options=options) as recording:
+        [block] = read_blocks(recording, 'csv')
+    np.testing.assert_allclose(block.header_ns, seconds * 1e9, atol=4000)
+
+
+@pytest.mark.parametrize('seconds', [
+    np.arange(200) / 5.01, np.arange(200) / 19_900,
+    np.arange(200) // 2 / 40 + np.arange(200) % 2 * 1e-6,
+    np.arange(200) // 32 * 0.16 + np.arange(200) % 32 * 1e-6,
+    np.arange(200) / 100 + 3600 * (np.arange(200) >= 30),
+    np.arange(200) / 100 - 1e9 * (np.arange(200) >= 30),
+    np.arange(200) // 100, 1.7e9 + np.arange(200) / 100],
+    ids=['slow', 'fast', 'pairs', 'batches', 'outage', 'set back', 'whole seconds', 'epoch'])
+def test_seconds_without_a_unit_are_taken_for_them(path, seconds):
+    path.write_text(_rows(seconds))
+    with open_recording(path) as recording:
+        [block] = read_blocks(recording, 'csv')
+    np.testing.assert_allclose(block.header_ns / 1e9, seconds, rtol=0, atol=1e-6)
 
 
 def test_a_number_beyond_the_columns_says_how_many_there_are(path):
