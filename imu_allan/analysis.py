@@ -23,7 +23,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.part import between
-from imu_allan.recordings.same_recording import Fingerprint
+from imu_allan.recordings.same_recording import files_digest, Fingerprint
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.result import Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
@@ -84,6 +84,8 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
             isinstance(each, (str, PathLike)) for each in given):
         raise TypeError(f'analyze takes the path of a recording, not {type(path).__name__}; for '
                         'samples in an array: imu_allan.characterize(samples, sample_rate_hz)')
+    # What is written to it meanwhile is another recording.
+    files = files_digest(path) if isinstance(path, (str, Path)) else None
     if start_s == 'auto':
         if not isinstance(path, (str, Path)):
             raise ImuAllanError('start auto finds the warm-up of one recording; of several give '
@@ -94,7 +96,9 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
     else:
         result = _alone(path, topic, options, reading, start_s, duration_s, progress)
     chosen = said(topic, options, reading, start_s, duration_s)
-    return replace(result, source=replace(result.source, options=chosen))
+    return replace(result, source=replace(
+        result.source, options=chosen,
+        files=files))
 
 
 def _alone(path: str | Path, topic: str | None, options: TimelineOptions,

@@ -332,7 +332,8 @@ class AxisResult:
     the highest frequency that was fitted, where what lies above was left out. An axis that
     `stood_still` gave one value for so long, and has no coefficients; no more has one that is
     `saturated`, or came through a filter that takes out what is slower than `high_passed_hz`, of
-    the mean too.
+    the mean too. Of several recordings the one with the fault gives no coefficients; those of the
+    others are told.
     """
 
     quantity: str
@@ -360,6 +361,15 @@ class AxisResult:
     def constant(self) -> bool:
         """Whether every sample was the same."""
         return bool(self.curve.adev) and not any(self.curve.adev)
+
+    @property
+    def fault(self) -> Literal['constant', 'dead', 'saturated'] | None:
+        """Why the axis does not measure, where it does not: dead, for a while or in one record."""
+        if self.constant:
+            return 'constant'
+        if self.stood_still is not None:
+            return 'dead'
+        return None if self.saturated is None else 'saturated'
 
     def __str__(self) -> str:
         """Return the coefficients in a line, SI units, with their 95 % intervals."""
@@ -390,7 +400,8 @@ class Source:
     """
     Where the samples came from; `options` is what the user chose otherwise than by default.
 
-    Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``.
+    Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``, and
+    `files` tells its files from others of the same name (`files_digest`).
     """
 
     kind: Literal['recording', 'topic']
@@ -400,6 +411,7 @@ class Source:
     start_time: str | None
     clock: Literal['header', 'receive'] | None
     options: Mapping[str, str] = field(default_factory=dict)
+    files: str | None = None
 
 
 @dataclass(frozen=True)

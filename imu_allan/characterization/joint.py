@@ -20,6 +20,7 @@ from imu_allan.characterization.stream import Characterization, FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.noise.agreement import PARTS
+from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
@@ -95,11 +96,9 @@ def joint_result(recordings: Sequence[Characterization],
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.estimator.samples for part in parts]))
     estimators = [part.record.estimator for part in parts]
-    fitted = axis_results(_merged(estimators), rate, [AXES[name] for name in first.names],
-                          joint_fits(estimators, 1 / rate,
-                                     [part.record.temperature for part in parts]),
-                          corners_hz=[_corner_hz(name, parts) for name in first.names])
-    axes = {name: replace(_with_spread(axis, name, parts),
+    fitted = _axis_results(parts, rate, joint_fits(
+        estimators, 1 / rate, [part.record.temperature for part in parts]))
+    axes = {name: replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                           stationarity=_stationarity(name, parts))
             for name, (axis, _) in zip(first.names, fitted, strict=True)}
     found = [Remark(remark.code, f'{name}: {remark.message}')
@@ -114,7 +113,8 @@ def joint_result(recordings: Sequence[Characterization],
         Source('recording', ' + '.join(paths), source.topic, source.frame_id, source.start_time,
                source.clock),
         timeline, axes,
-        (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts), *found,
+        (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts, axes),
+         *found,
          *warm_up_remarks(axes, min(part.result.timeline.duration_s for part in parts),
                           several=True),
          *length_remarks(axes, summary)),
@@ -229,12 +229,46 @@ def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
 
 # ---------------------------------------------------------------------------- what is put together
 
+def _axis_results(parts: Sequence[_Part], rate_hz: float, fits: Sequence[AxisFit | None]
+                  ) -> list[tuple[AxisResult, list[Remark]]]:
+    """Give every axis curve and mean of the recordings in which it works, if there are any."""
+    names = parts[0].record.names
+    quantities = [AXES[name] for name in names]
+    corners_hz = [_corner_hz(name, parts) for name in names]
+    of: dict[tuple[int, ...], list[tuple[AxisResult, list[Remark]]]] = {}
+    found = []
+    for axis, name in enumerate(names):
+        working = tuple(number for number, part in enumerate(parts)
+                        if part.result.axes[name].fault is None) or tuple(range(len(parts)))
+        if working not in of:
+            merged = _merged([parts[number].record.estimator for number in working])
+            of[working] = axis_results(merged, rate_hz, quantities, fits, corners_hz=corners_hz)
+        found.append(of[working][axis])
+    return found
+
+
 def _merged(estimators: Sequence[Estimator]) -> Estimator:
     """One estimator with the samples of all, for the curve; no difference across the seams."""
     merged = estimators[0].copy()
     for estimator in estimators[1:]:
         merged.merge(estimator)
     return merged
+
+
+def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisResult:
+    """Keep what was wrong with an axis in one recording, though the others give its numbers."""
+    if axis.constant:
+        return axis
+    still, start = axis.stood_still, 0.0
+    for part in parts:
+        own, length = part.result.axes[name], part.result.timeline.duration_s
+        span = Span(0.0, length) if own.constant else own.stood_still
+        if span is not None and still is None:
+            still = Span(start + span.start_s, span.duration_s)
+        start += length
+    ends = [end for part in parts if (end := part.result.axes[name].saturated) is not None]
+    return replace(axis, stood_still=still,
+                   saturated=max(ends, key=lambda end: end.share, default=axis.saturated))
 
 
 def _timeline(timelines: Sequence[Timeline], rate_hz: float) -> Timeline:
@@ -257,13 +291,16 @@ def _means(part: _Part) -> dict[str, float]:
     return {name: axis.mean for name, axis in part.result.axes.items() if axis.mean is not None}
 
 
-def _of_each(parts: Sequence[_Part]) -> list[Remark]:
+def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Remark]:
     """Return what the timeline and the front door said about one recording or another."""
+    # An axis that is constant in all of them is said once.
+    constant = tuple(f'{name}: ' for name, axis in axes.items() if axis.constant)
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'coarse_resolution',
-           'constant_axis', 'warm_up', 'trend_or_walk', 'temperature', 'high_passed')
+           'warm_up', 'trend_or_walk', 'temperature', 'high_passed')
     return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
-            for remark in part.result.warnings if remark.code not in own]
+            for remark in part.result.warnings if remark.code not in own
+            and (remark.code != 'constant_axis' or not remark.message.startswith(constant))]
 
 
 def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:

@@ -59,9 +59,10 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
     """
     Return the results that an earlier run has left, by unit.
 
-    A result counts if its file is whole, is not older than the recording, and was made of it by
-    this version with the same options; and if the other files lie beside it.
+    A result counts if its file is whole and was made of the very files of the recording, as they
+    are now, by this version with the same options; and if the other files lie beside it.
     """
+    from imu_allan.recordings.same_recording import files_digest
     from imu_allan.version import __version__
     from imu_allan.writers.filters import export
     from imu_allan.writers.folder import LAST_WRITTEN
@@ -71,24 +72,19 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
     for task in tasks:
         if task.folder is None:
             continue
-        file = task.folder / 'result.json'
         with suppress(ImuAllanError, OSError):
-            result = load_result(file)
+            result = load_result(task.folder / 'result.json')
             same = (result.imu_allan_version == __version__
                     and result.source.path == task.path and result.source.options == task.said()
+                    and result.source.files is not None
+                    and result.source.files == files_digest(task.path)
                     and result.inspection == task.inspected()
                     and (task.folder / LAST_WRITTEN).exists() and all(
                         (task.folder / export(result, name).name).exists()
                         for name in task.exports))
-            if same and file.stat().st_mtime >= _changed(Path(task.path)):
+            if same:
                 found[task.unit] = result
     return found
-
-
-def _changed(path: Path) -> float:
-    """When a recording was last written to: the newest of its files."""
-    files = [path, *path.iterdir()] if path.is_dir() else [path]
-    return max(file.stat().st_mtime for file in files)
 
 
 def line(unit: str, result: 'Result') -> str:
@@ -130,8 +126,7 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     if any(axis.high_passed_hz is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: a filter has taken out the slow part of '
                              'the noise; take the raw topic')
-    if any(axis.saturated is not None or axis.stood_still is not None
-           for axis in result.axes.values()):
+    if any(axis.fault is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
                              'range, or stood still; see the warnings of the axes')
     return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '

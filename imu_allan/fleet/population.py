@@ -77,8 +77,9 @@ class Oddity:
     ----------
     unit, axis : str
     key : str or None
-        The quantity; None where the axis measures nothing.
-    fault : 'missing', 'constant' or None
+        The quantity; None where the axis does not measure.
+    fault : str or None
+        'missing', or why the axis does not measure (`AxisResult.fault`).
     value, median, spreads : float or None
         The unit's value, the median of the others, and the distance from it in standard
         deviations between units (and of its own measurement), signed.
@@ -178,8 +179,8 @@ def _faults(results: Mapping[str, Result]) -> Iterator[Oddity]:
                 # An axis that most units lack is missing in none.
                 if 2 * having > len(results):
                     yield Oddity(name, axis, None, 'missing')
-            elif result.axes[axis].constant:
-                yield Oddity(name, axis, None, 'constant')
+            elif (fault := result.axes[axis].fault) is not None:
+                yield Oddity(name, axis, None, fault)
 
 
 def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:

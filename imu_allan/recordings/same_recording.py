@@ -7,6 +7,9 @@ Given twice, the same data would count as new: intervals become narrower than th
 """
 
 from collections.abc import Iterable, Iterator
+import hashlib
+from pathlib import Path
+from stat import S_ISDIR
 
 from imu_allan.block import ImuBlock
 import numpy as np
@@ -27,6 +30,32 @@ _MOST_IN_BATCH = 8
 """Messages of one time: among more, one of coarse values is found by chance."""
 _SPREAD = np.uint64(0x9E3779B97F4A7C15)
 """2^64 over the golden ratio (Knuth, volume 3, section 6.4): even stamps are spread evenly."""
+
+
+def files_digest(path: str | Path) -> str | None:
+    """
+    Return 16 hexadecimal digits that another recording under the same name does not have.
+
+    Of names, sizes and times of change: a copy that keeps the times has the same. None where the
+    files cannot be looked at; whoever opens the recording says why.
+
+    Examples
+    --------
+    >>> files_digest('no such file') is None
+    True
+
+    """
+    start = Path(path)
+    digest = hashlib.blake2b(digest_size=8)
+    try:
+        for file in sorted(start.iterdir()) if start.is_dir() else [start]:
+            found = file.stat()
+            if not S_ISDIR(found.st_mode):
+                digest.update(f'{file.name}\0{found.st_size}\0{found.st_mtime_ns}\n'.encode(
+                    errors='surrogateescape'))
+    except OSError:
+        return None
+    return digest.hexdigest()
 
 
 class Fingerprint:

@@ -9,6 +9,7 @@ from imu_allan.characterization.joint import joint_result, turn_on_bias, with_be
 from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.datasheet import check
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -137,6 +138,32 @@ def test_the_mean_of_an_axis_that_is_cut_off_is_no_turn_on_bias():
     found = joint_result([*same, recorded('cut', 3, changed=cut)])
     assert [remark.message[:8] for remark in found.warnings if remark.code == 'saturated'] != []
     assert found.turn_on_bias['gyro_x'].ci95[0] == 0.0
+
+
+@pytest.mark.parametrize(('changed', 'fault', 'said'), [
+    (lambda x: np.minimum(x, 0.0), 'saturated', 'saturated'),
+    (lambda x: np.where(np.arange(len(x)) < SAMPLES // 4, x, x[0]), 'dead', 'stood_still'),
+    (lambda x: np.full_like(x, 0.25), 'dead', 'constant_axis')])
+def test_an_axis_at_fault_in_one_recording_is_at_fault_and_its_numbers_are_of_the_others(
+        changed, fault, said):
+    def spoiled(block):
+        samples = block.samples.copy()
+        samples[:, 0] = changed(samples[:, 0])
+        return replace(block, samples=samples)
+
+    good, bad = recorded('good', 1), recorded('bad', 2, changed=spoiled)
+    found = joint_result([bad, good])
+    axis, alone = found.axes['gyro_x'], good.result().axes['gyro_x']
+    assert axis.fault == fault
+    assert axis.mean == pytest.approx(alone.mean)
+    assert axis.curve.adev[0] == pytest.approx(alone.curve.adev[0])
+    assert axis.coefficients['noise_density'].value == pytest.approx(
+        alone.coefficients['noise_density'].value, rel=1e-3)
+    assert found.axes['gyro_y'].fault is None
+    message, = (one.message for one in found.warnings if one.code == said)
+    assert message.startswith('bad: gyro_x: ')
+    verdicts = check(found, parse_model('gyro: {noise_density: 0.02 deg/s/sqrt(Hz)}'))
+    assert {one.axis for one in verdicts if one.verdict == 'fail'} == {'gyro_x'}
 
 
 def test_a_mean_that_only_wanders_is_no_turn_on_bias():

@@ -121,6 +121,22 @@ def test_resume_does_again_what_was_done_otherwise_or_not_to_the_end(
     assert done_before('--operator', 'Ada', '--for', 'kalibr') == ['unit2']
 
 
+def test_resume_takes_no_other_recording_of_the_same_relative_name(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    for number, density in enumerate((0.005, 0.02)):
+        folder = tmp_path / f'unit{number}'
+        folder.mkdir()
+        for name in ('a', 'b'):
+            write_csv(folder / f'{name}.csv', density, 1, 1500)
+        monkeypatch.chdir(folder)
+        assert main(['analyze', 'a.csv', 'b.csv', '--output', '../out', '--resume']) == 0
+    assert 'done before' not in capsys.readouterr().out
+    found = load_result(tmp_path / 'out' / 'a' / 'result.json')
+    assert found.axes['gyro_y'].coefficients['noise_density'].value == pytest.approx(
+        np.radians(0.02), rel=0.1)
+
+
 def test_recordings_of_one_imu_make_one_result(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]

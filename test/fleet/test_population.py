@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from imu_allan.fleet.population import population
-from imu_allan.result import Result
+from imu_allan.result import Result, Saturation, Span
 import pytest
 
 
@@ -51,6 +51,19 @@ def test_the_mean_that_a_filter_left_is_no_units_zero_bias(fleet: dict[str, Resu
     traits = {(trait.axis, trait.key): trait for trait in found.traits}
     assert traits['gyro_x', 'mean'].observable == len(fleet) - len(odd)
     assert not odd.keys() & set(found.odd_units)
+
+
+def test_units_that_are_cut_off_or_stood_still_do_not_belong(fleet: dict[str, Result]) -> None:
+    def with_fault(unit: str, **fault: Saturation | Span) -> Result:
+        return replace(fleet[unit], axes={
+            **fleet[unit].axes, 'gyro_x': replace(fleet[unit].axes['gyro_x'], **fault)})
+
+    found = population({**fleet, 'unit3': with_fault('unit3', saturated=Saturation(0.01, 0.2)),
+                        'unit4': with_fault('unit4', stood_still=Span(60.0, 300.0))})
+    assert {(oddity.unit, oddity.axis, oddity.fault) for oddity in found.oddities
+            if oddity.fault is not None} == {
+        ('unit3', 'gyro_x', 'saturated'), ('unit4', 'gyro_x', 'dead'),
+        ('unit23', 'accel_x', 'constant')}
 
 
 def test_units_stand_in_natural_order(fleet: dict[str, Result]) -> None:
