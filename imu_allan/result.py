@@ -186,6 +186,8 @@ class Trend:
     second_warm_up : WarmUp or None
         A smaller exponential beside the first, where one does not describe the course: a die and
         its housing, say.
+    cycle_s : float or None
+        Period of a slow cycle, such as a heater's.
 
     """
 
@@ -193,6 +195,7 @@ class Trend:
     warm_up: WarmUp | None = None
     temperature: TemperatureDependence | None = None
     second_warm_up: WarmUp | None = None
+    cycle_s: float | None = None
 
 
 @dataclass(frozen=True)

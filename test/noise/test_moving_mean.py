@@ -8,6 +8,7 @@ from imu_allan.noise.groups import bins_of, grouped
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
+from imu_allan.writers.included import included
 import numpy as np
 import pytest
 
@@ -49,6 +50,11 @@ def test_slow_cycle_is_no_random_walk():
     assert told == ("the mean follows a slow cycle of about 20 min, such as a heater's; the "
                     'coefficients are given without it, the numbers for a filter with it')
     assert axis.trend.warm_up is None
+    assert axis.trend.cycle_s == pytest.approx(1200, rel=0.05)
+    [told] = included({'gyro_y': axis})
+    assert told == ("The slow cycle of gyro y, such as a heater's, of about 20 min is in these "
+                    'numbers, unlike in the coefficients: right where the filter will meet it, '
+                    'too; else record without it.')
 
 
 @pytest.mark.parametrize('model', [STILL, {**STILL, 'rate_random_walk': 2e-4}])
@@ -56,6 +62,8 @@ def test_where_the_mean_stands_still_or_walks_there_is_no_such_word(model):
     axis, remarks = lived(simulate(model, HOURS_2, RATE, 3))
     assert not codes(remarks) & {'warm_up', 'slow_cycle', 'trend_or_walk'}
     assert axis.coefficients['rate_random_walk'].observable == ('rate_random_walk' in model)
+    assert axis.trend.cycle_s is None
+    assert included({'gyro_y': axis}) == []
 
 
 def test_a_ramp_of_any_slope_leaves_the_restricted_fit_as_it_is():
