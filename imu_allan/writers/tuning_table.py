@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
+from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
@@ -78,13 +79,13 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
     """
     found = [_choice(TUNED, tune(axis, aiding_s, coast_s, bias)),
              _choice(CONSERVATIVE, tune(axis, aiding_s, coast_s, bias, conservative=True))]
-    n, k = (axis.coefficients.get(key) for key in ('noise_density', 'rate_random_walk'))
-    noise = n and (n.value if n.observable else n.upper95)
-    walk = k and (k.value if k.observable else k.upper95)
-    if noise and walk and k is not None:
+    noise, walk = (coefficient.value if (coefficient := axis.coefficients[key]).observable
+                   else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
+    if noise and walk:
+        bound = not axis.coefficients['rate_random_walk'].observable
         for name, factor in ((MEASURED, 1.0), (TENFOLD, 10.0)):
             found.append(_choice(name, assess(axis, noise, factor * walk, aiding_s, coast_s),
-                                 bound=not k.observable))
+                                 bound=bound))
     best = optimum(axis, aiding_s, coast_s)
     found.append(Choice(FULL, None, False, 1.0, 1.0, best[-1][2]))
     return found
@@ -192,7 +193,8 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
 
 def _known_or_more(forecast: DriftForecast, horizon: float, value: float) -> str:
     text = number(float(f'{value:.2g}'))
-    return text if horizon <= forecast.known_to_s * (1 + 1e-6) else f'({text})'
+    longest = max(horizon, forecast.calibration_s)
+    return text if longest <= forecast.known_to_s * (1 + 1e-6) else f'({text})'
 
 
 def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]:
@@ -214,7 +216,8 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
             said.append(f'One minute without correction costs about {number(value * factor, 2)}'
                         f'{unit} of {what} ({number(low * factor, 2)} to '
                         f'{number(high * factor, 2)}{unit}; {name}, the worst axis).')
-    if any(axis.drift_model is not None and axis.drift_model.to_s < FORECAST_S[-1]
+    if any(axis.drift_model is not None
+           and axis.drift_model.to_s < max(FORECAST_S[-1], calibration_s)
            for axis in result.axes.values()):
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
     return said

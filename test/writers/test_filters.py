@@ -18,6 +18,7 @@ import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import DriftModel, GaussMarkov, Result, Source, Timeline
+from imu_allan.tuning.bounds import upper_bound
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.filters import CONSUMERS, export as export_as_wished, Wishes
 import pytest
@@ -55,9 +56,12 @@ def build(make_axis: Callable, make_result: Callable) -> Callable[..., Result]:
                     del values['rate_random_walk']
                     bounds['rate_random_walk'] = bound
                 # sigma = 10 K, 200 s: the driving density is 10 K sqrt(2/200) = K.
-                axes[name] = make_axis(
+                axis = make_axis(
                     name, values, bounds, gauss_markov=GaussMarkov(10 * k * share, 200.0),
                     drift_model=DriftModel(n * share, k * share, (), 0.01, 3600.0))
+                # A curve that is hardly known forbids no bound.
+                axes[name] = replace(axis, curve=replace(axis.curve, ci95=tuple(
+                    (low, 1e6 * high) for low, high in axis.curve.ci95)))
         settings = {'axes': axes, 'timeline': Timeline(RATE, 1_000_000, 2500.0)}
         settings.update(fields)
         return make_result(**settings)
@@ -266,6 +270,32 @@ def test_the_upper_bound_stands_in_where_no_axis_shows_the_coefficient(build):
     assert document['gyroscope_random_walk'] == 7e-4
 
 
+@pytest.mark.parametrize('consumer', ['kalibr', 'basalt', 'matlab', 'fast_lio'])
+def test_a_bound_that_the_curve_contradicts_is_not_exported(make_axis, make_result, consumer):
+    axes = {}
+    for letter in 'xyz':
+        axis = make_axis(f'gyro_{letter}', {'noise_density': GYRO_N}, {'rate_random_walk': 4e9})
+        # K sqrt(300/3) is at most 5e-3 rad/s, and K sqrt(3/3) at most 1e-2.
+        curve = replace(axis.curve, tau_s=(3.0, 300.0), ci95=((1e-3, 1e-2), (1e-3, 5e-3)))
+        axes[f'gyro_{letter}'] = replace(axis, curve=curve)
+    text = export(make_result(axes=axes, timeline=Timeline(RATE, 1_000_000, 2500.0)),
+                  consumer).text
+    assert not re.search(r'4e\+?0?9|4\.0e\+09|4000000000', text)
+    # FAST-LIO's variance per sample: K^2 times 400 Hz.
+    assert ('0.0005' if consumer != 'fast_lio' else '0.0001') in text
+    assert 'most that' in text
+    assert 'Allan deviation allows' in text
+
+
+def test_behind_a_low_pass_the_curve_below_it_allows_nothing(make_axis):
+    axis = make_axis('gyro_x', {'noise_density': GYRO_N}, {'rate_random_walk': 4e9})
+    axis = replace(axis, curve=replace(axis.curve, tau_s=(3.0, 300.0),
+                                       ci95=((1e-9, 1e-8), (1e-3, 5e-3))))
+    assert upper_bound(axis, 'rate_random_walk') == near(1e-8)
+    assert upper_bound(replace(axis, band_limit_s=1.0), 'rate_random_walk') == near(5e-4)
+    assert upper_bound(replace(axis, band_limit_s=100.0), 'rate_random_walk') is None
+
+
 @pytest.mark.parametrize('consumer', CONSUMERS)
 def test_no_number_is_written_as_numpy_writes_it_or_shortened(easy, consumer):
     assert 'np.' not in export(easy, consumer).text
@@ -426,7 +456,9 @@ def test_rtabmap_takes_strings_for_each_backend(easy):
         'OdomORBSLAM/AccNoise': ACCEL_N, 'OdomORBSLAM/AccWalk': ACCEL_K,
         'OdomORBSLAM/GyroNoise': GYRO_N, 'OdomORBSLAM/GyroWalk': GYRO_K,
         'OdomMSCKF/NoiseAcc': ACCEL_N, 'OdomMSCKF/NoiseAccBias': ACCEL_K,
-        'OdomMSCKF/NoiseGyro': GYRO_N, 'OdomMSCKF/NoiseGyroBias': GYRO_K}
+        'OdomMSCKF/NoiseGyro': GYRO_N, 'OdomMSCKF/NoiseGyroBias': GYRO_K,
+        'OdomLIOSAM/ImuAccNoise': ACCEL_N, 'OdomLIOSAM/ImuAccBiasN': ACCEL_K,
+        'OdomLIOSAM/ImuGyrNoise': GYRO_N, 'OdomLIOSAM/ImuGyrBiasN': GYRO_K}
     assert all(isinstance(value, str) for value in found.values())
 
 
@@ -480,6 +512,9 @@ def test_navego_takes_the_units_of_imu_si_errors(easy):
     assert found['imu.arw'][0] == near(6.87549)
     assert found['imu.vrw'][0] == near(2.4)
     assert found['imu.gb_corr'] == found['imu.ab_corr'] == [200.0, 200.0, 200.0]
+    # imu_si_errors reads these, too; what it wants besides, no recording knows.
+    assert found['imu.arrw'] == found['imu.vrrw'] == [0.0, 0.0, 0.0]
+    assert not {'imu.gb_sta', 'imu.ab_sta'} & set(found)
 
 
 def test_psins_takes_sigma_and_correlation_time(easy):
@@ -490,6 +525,14 @@ def test_psins_takes_sigma_and_correlation_time(easy):
     assert found['web'][0] == near(6.87549)
     assert found['wdb'][0] == near(ACCEL_N / 9.80665e-6)
     assert found['TauG'] == found['TauA'] == [200.0, 200.0, 200.0]
+
+
+def test_psins_gets_no_bias_at_the_start_that_nobody_measured(easy):
+    # kfinit takes eb and db for how well the biases are known at the start: 0 freezes them.
+    text = export(easy, 'psins').text
+    assert not re.search(r'^ *(eb|db) *=', text, re.MULTILINE)
+    assert 'set both before this runs, not to 0' in text
+    assert 'right, front, up' in text
 
 
 def test_gazebo_takes_the_deviation_of_a_sample_and_the_driving_density(easy):
@@ -623,6 +666,18 @@ def test_wishes_are_followed_and_written_down(drifting):
     assert inflated['gyroscope_random_walk'] == near(5 * plain['gyroscope_random_walk'])
 
 
+@pytest.mark.parametrize(('wish', 'words'), [
+    ({'aiding_s': 0.0}, 'aiding_s must be above zero, not 0'),
+    ({'coast_s': float('nan')}, 'coast_s must be above zero, not nan'),
+    ({'rate_hz': -1.0}, 'rate_hz must be above zero, not -1'),
+    ({'rate_hz': float('inf')}, 'rate_hz must be above zero, not inf'),
+    ({'inflate': {'K': float('nan')}}, 'inflate K must be above zero, not nan'),
+    ({'inflate': {'Q': 2.0}}, "inflate takes factors of N and K, not of 'Q'")])
+def test_wishes_that_make_no_sense_are_refused(wish, words):
+    with pytest.raises(ImuAllanError, match=re.escape(words)):
+        Wishes(**wish)
+
+
 @pytest.mark.parametrize('consumer', ['kf_gins', 'psins'])
 def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
     def expected(factor):
@@ -661,3 +716,60 @@ def test_one_correlation_time_serves_all_axes_of_kf_gins(drifting):
     found = yaml.safe_load(export_as_wished(drifting, 'kf_gins').text)['imunoise']
     assert 0 < found['corrtime'] < 1
     assert len(found['gbstd']) == 3
+
+
+# What the comment expects is expected of the numbers in the file.
+
+def said(text: str) -> dict[str, list[float]]:
+    """Read the range of the expected NIS, and of the squared error, of each sensor."""
+    found = re.findall(r'(gyro|accel): expected NIS (\S+)(?: to (\S+))?; squared error over '
+                       r'[^;]*?correction (\S+)(?: to (\S+))? times', text)
+    return {sensor: [float(low), float(high or low), float(least), float(most or least)]
+            for sensor, low, high, least, most in found}
+
+
+@pytest.mark.parametrize('consumer', ['basalt', 'rovio'])
+def test_where_each_axis_has_its_own_numbers_each_is_expected_to_be_right(drifting, consumer):
+    for nis_low, nis_high, least, most in said(
+            export_as_wished(drifting, consumer).text).values():
+        assert 0.8 < nis_low <= nis_high < 1.1
+        assert 0.7 < least <= most < 1.4
+    # Of the axis with a tenth of the noise the worst pair claims a hundred times the variance.
+    assert said(export_as_wished(drifting, 'kalibr').text)['gyro'][2] < 0.05
+
+
+def test_glim_says_what_the_larger_of_both_walks_makes_of_the_gyroscope(drifting):
+    text = export_as_wished(drifting, 'glim').text
+    found, own = said(text), said(export_as_wished(drifting, 'lio_sam').text)
+    assert found['accel'] == own['accel']
+    # The gyroscopes' bias may walk as far as the accelerometers' there, several times as far.
+    assert found['gyro'][3] < own['gyro'][3] / 10
+
+
+def test_the_state_space_is_no_tuned_number(drifting):
+    for consumer in ('state_space', 'state_space_cpp'):
+        text = export_as_wished(drifting, consumer).text
+        assert 'The whole drift model, as measured: NIS and' in text
+        assert 'uned for' not in text
+        assert not said(text)
+        for wishes in (Wishes(conservative=True), Wishes(inflate={'K': 2.0})):
+            with pytest.raises(ImuAllanError, match='is the drift model as measured: neither '
+                                                    '--conservative nor --inflate applies'):
+                export_as_wished(drifting, consumer, None, wishes)
+
+
+def test_one_process_for_three_axes_is_that_of_one_of_them(build):
+    # x has the larger sigma, y the longer time: together they would be neither's.
+    axes = dict(build().axes)
+    for name, sigma, time in (('gyro_x', 4e-4, 50.0), ('gyro_y', 1e-4, 200.0),
+                              ('gyro_z', 1e-4, 100.0)):
+        axes[name] = replace(axes[name], gauss_markov=GaussMarkov(sigma, time))
+    result = build(axes=axes)
+    root = ElementTree.fromstring(export(result, 'rotors').text)
+    # 4e-4 sqrt(2/50) = 8e-5.
+    assert float(root.find('gyroscopeRandomWalk').text) == near(8e-5)
+    assert float(root.find('gyroscopeBiasCorrelationTime').text) == 50.0
+    # One time for all axes of both sensors.
+    found = yaml.safe_load(export(result, 'ob_gins').text)['imumodel']
+    assert found['gbstd'] == near(4e-4 / DEGREE * 3600)
+    assert found['corrtime'] == near(50 / 3600)

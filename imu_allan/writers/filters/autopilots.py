@@ -69,7 +69,8 @@ def _parameters(numbers: Numbers, name: str, rate: float, names: _Parameters,
     yield f'# Per prediction step at F = {rate:g} Hz: N sqrt(F) and K sqrt(F).'
     yield '# Measured at rest, they are LOWER BOUNDS: in flight vibration dominates. This file is'
     yield f"# safe to load: where {name}'s default is larger, the default stands. Go towards the"
-    yield "# measured value only as far as the logs' innovation test ratios allow."
+    yield "# measured value only as far as the logs' innovation test ratios allow. What is"
+    yield '# expected above is of the numbers at rest.'
     root = sqrt(rate)
     for (sensor, key), (parameter, usual, highest) in names.items():
         entry = worst(numbers, sensor, key, lambda value: value * root, 'sqrt(F)',

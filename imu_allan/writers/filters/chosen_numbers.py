@@ -12,23 +12,26 @@ says so: a filter needs some number, and this one is not too small. A dead axis 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import sqrt
+from math import inf, sqrt
 from typing import Literal
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Result
+from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.wording import duration
 from imu_allan.writers.included import included
 
 Key = Literal['N', 'K', 'sigma', 'time']
 Sensor = Literal['accel', 'gyro']
+Share = Literal['axis', 'sensor', 'both', 'model']
 
 N: Key = 'N'
 K: Key = 'K'
 SIGMA: Key = 'sigma'
 TIME: Key = 'time'
+KEYS = (N, K, SIGMA, TIME)
 SENSORS: tuple[Sensor, ...] = ('accel', 'gyro')
 SENSOR_NAMES: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
 COAST_S = 60.0
@@ -58,6 +61,11 @@ class Wishes:
     inflate : mapping
         Factors by ``N`` and ``K``, on top.
 
+    Raises
+    ------
+    ImuAllanError
+        If a number is not above zero, or a factor is of something else.
+
     """
 
     rate_hz: float | None = None
@@ -67,14 +75,38 @@ class Wishes:
     conservative: bool = False
     inflate: Mapping[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Refuse what makes no sense."""
+        if unknown := [key for key in self.inflate if key not in (N, K)]:
+            raise ImuAllanError(f'inflate takes factors of N and K, not of {unknown[0]!r}')
+        for name, value in (('rate_hz', self.rate_hz), ('aiding_s', self.aiding_s),
+                            ('coast_s', self.coast_s),
+                            *((f'inflate {key}', factor) for key, factor in self.inflate.items())):
+            if value is not None and not 0 < value < inf:
+                raise ImuAllanError(f'{name} must be above zero, not {value:g}')
+
 
 @dataclass(frozen=True)
 class Number:
-    """One number of one axis: whether it is an upper bound, and its interval where measured."""
+    """
+    One number of one axis.
+
+    Attributes
+    ----------
+    value : float
+    bound : bool
+        Whether it is an upper bound.
+    interval : (float, float) or None
+        Where it was measured.
+    by_curve : bool
+        Whether the bound is that of the measured Allan deviation, below that of the fit.
+
+    """
 
     value: float
     bound: bool = False
     interval: tuple[float, float] | None = None
+    by_curve: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,6 +145,9 @@ class Numbers:
     wishes : Wishes
     one_time : bool, optional
         Whether it has one correlation time for all axes.
+    share : {'axis', 'sensor', 'both', 'model'}, optional
+        What has numbers of its own in the file: each axis; each sensor, those of its worst axis;
+        both sensors together one random walk, the larger; or the drift models themselves.
 
     Raises
     ------
@@ -122,10 +157,10 @@ class Numbers:
     """
 
     def __init__(self, result: Result, consumer: str, title: str, aiding: Aiding, bias: Bias,
-                 wishes: Wishes, one_time: bool = False) -> None:
+                 wishes: Wishes, one_time: bool = False, share: Share = 'sensor') -> None:
         self.result, self.consumer, self.title = result, consumer, title
         self.aiding, self.bias, self.wishes = aiding, bias, wishes
-        self.one_time = one_time
+        self.one_time, self.share = one_time, share
         self.aiding_s = wishes.aiding_s or aiding.interval_s
         self.coast_s = wishes.coast_s or max(aiding.coast_s, self.aiding_s or 0.0)
         self.tunings: dict[str, FilterTuning] = {}
@@ -133,6 +168,8 @@ class Numbers:
             self._tune()
         self.of_axis: dict[str, dict[Key, Number]] = {
             name: self._numbers(name, axis) for name, axis in result.axes.items()}
+        if one_time:
+            self._agree_on_a_time()
         if not any(self.of_axis.values()):
             why = ('a filter has taken out the slow part of every axis that has noise); take the '
                    'raw topic' if any(axis.high_passed_hz is not None
@@ -152,12 +189,28 @@ class Numbers:
                 if key in self.of_axis[name]}
 
     def worst(self, sensor: Sensor, key: Key) -> tuple[str, Number] | None:
-        """Return the axis with the largest number, or None where none has one."""
+        """
+        Return the axis with the largest number, or None where none has one.
+
+        The time and the driving density of a process are those of the axis with the largest sigma:
+        of three axes they would make a process that is none of theirs.
+        """
         known = self.known(sensor, key)
         if not known:
             return None
-        name = max(known, key=lambda axis: known[axis].value)
+        by = self.known(sensor, SIGMA) if key in (K, TIME) else known
+        name = max(known, key=lambda axis: by.get(axis, known[axis]).value)
         return name, known[name]
+
+    def given(self, sensor: Sensor, name: str) -> dict[Key, Number]:
+        """Return the numbers that an axis gets: its own, or those that it shares with others."""
+        if self.share == 'axis':
+            return self.of_axis[name]
+        found = {key: one[1] for key in KEYS if (one := self.worst(sensor, key)) is not None}
+        if self.share == 'both' and K in found:
+            walks = [one[1] for each in SENSORS if (one := self.worst(each, K)) is not None]
+            found[K] = max(walks, key=lambda number: number.value)
+        return found
 
     def dead(self, sensor: Sensor) -> list[str]:
         """Say which axes have no number, and why."""
@@ -225,6 +278,14 @@ class Numbers:
         for name, axis in axes.items():
             self.tunings[name] = self._tuned(axis, common)
 
+    def _agree_on_a_time(self) -> None:
+        """Give all axes the correlation time of the gyroscope that drifts furthest."""
+        found = self.worst('gyro', TIME) or self.worst('accel', TIME)
+        for numbers in self.of_axis.values():
+            if found is not None and SIGMA in numbers:
+                sigma, numbers[TIME] = numbers[SIGMA], found[1]
+                numbers[K] = Number(sigma.value * sqrt(2 / found[1].value), sigma.bound)
+
     def _tuned(self, axis: AxisResult, time_s: float | None) -> FilterTuning:
         assert self.aiding_s is not None
         return tune(axis, self.aiding_s, self.coast_s, self.bias, self.wishes.conservative,
@@ -238,7 +299,8 @@ class Numbers:
         factors[SIGMA] = factors[K]
         return {key: Number(number.value * factors.get(key, 1.0), number.bound,
                             number.interval and (number.interval[0] * factors.get(key, 1.0),
-                                                 number.interval[1] * factors.get(key, 1.0)))
+                                                 number.interval[1] * factors.get(key, 1.0)),
+                            number.by_curve)
                 for key, number in found.items()}
 
     def _tuned_numbers(self, name: str) -> dict[Key, Number]:
@@ -256,7 +318,11 @@ class Numbers:
 
     def _choice(self) -> list[str]:
         lines = []
-        if self.aiding_s is None:
+        if self.share == 'model':
+            lines.append('The whole drift model, as measured: NIS and squared errors without '
+                         'correction are expected to be what is claimed.')
+            lines += included(self.result.axes)
+        elif self.aiding_s is None:
             lines.append(f'Noise densities as measured: {self.aiding.reason}.')
         elif self.wishes.as_measured:
             lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
@@ -279,38 +345,25 @@ class Numbers:
         return lines
 
     def _consistency(self) -> list[str]:
-        """Say what a filter with the worst pair reaches on each sensor."""
-        if self.aiding_s is None or self.bias != 'random_walk':
-            return self._own_consistency()
+        """Say what filters with the numbers of the file reach on each sensor."""
+        if self.aiding_s is None or self.share == 'model':
+            return []
         lines = []
         for sensor in SENSORS:
-            n, k = self.worst(sensor, N), self.worst(sensor, K)
-            axes = {name: axis for name, axis in self.axes(sensor).items()
-                    if axis.drift_model is not None and self.of_axis[name]}
-            if n is None or k is None or not axes:
-                continue
-            found = [assess(axis, n[1].value, k[1].value, self.aiding_s, self.coast_s)
-                     for axis in axes.values()]
-            lines.append(_expectation(sensor, found))
-        return lines
-
-    def _own_consistency(self) -> list[str]:
-        lines = []
-        for sensor in SENSORS:
-            found = [self._met(name, axis) for name, axis in self.axes(sensor).items()
-                     if name in self.tunings]
+            found = [met for name, axis in self.axes(sensor).items()
+                     if axis.drift_model is not None
+                     and (met := self._met(sensor, name, axis)) is not None]
             if found:
                 lines.append(_expectation(sensor, found))
         return lines
 
-    def _met(self, name: str, axis: AxisResult) -> FilterTuning:
-        """Tell what an axis's own numbers reach, as tuned or as inflated on request."""
-        numbers = self.of_axis[name]
-        if not self.wishes.inflate or self.aiding_s is None or not numbers.keys() >= {N, SIGMA}:
-            return self.tunings[name]
-        time = numbers[TIME].value
-        return assess(axis, numbers[N].value, numbers[SIGMA].value * sqrt(2 / time), self.aiding_s,
-                      self.coast_s, time)
+    def _met(self, sensor: Sensor, name: str, axis: AxisResult) -> FilterTuning | None:
+        """Tell what a filter with the numbers that an axis gets reaches on it."""
+        own = self.of_axis[name] and self.given(sensor, name)
+        if not own or K not in own or self.aiding_s is None:
+            return None
+        return assess(axis, own[N].value, own[K].value, self.aiding_s, self.coast_s,
+                      own[TIME].value if TIME in own else None)
 
 
 def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
@@ -333,8 +386,8 @@ def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
         coefficient = axis.coefficients[name]
         if coefficient.observable and coefficient.value:
             found[key] = Number(coefficient.value, False, coefficient.ci95)
-        elif not coefficient.observable and coefficient.upper95:
-            found[key] = Number(coefficient.upper95, True)
+        elif not coefficient.observable and (bound := upper_bound(axis, name)):
+            found[key] = Number(bound, True, by_curve=bound < (coefficient.upper95 or 0.0))
     if N not in found:
         return {}
     if bias == 'gauss_markov':
@@ -350,7 +403,7 @@ def _process(axis: AxisResult) -> tuple[float, float, bool]:
     if axis.gauss_markov is not None:
         return axis.gauss_markov.sigma, axis.gauss_markov.correlation_time_s, False
     flat = axis.coefficients['bias_instability']
-    level = flat.value if flat.observable else flat.upper95
+    level = flat.value if flat.observable else upper_bound(axis, 'bias_instability')
     curve = axis.curve
     if not level or not curve.tau_s:
         return 0.0, _TIME_OF_NOTHING, True

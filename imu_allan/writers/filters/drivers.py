@@ -66,7 +66,8 @@ def autoware(numbers: Numbers) -> FilterConfig:
     f = numbers.rate()
     lines = [*heading(numbers), f'# Standard deviations per sample at f = {f:g} Hz; offsets are '
              'the means at rest, which hold until the', '# next start. Earth rate (up to '
-             '7.29e-05 rad/s) is in them.', '/**:', '  ros__parameters:']
+             '7.29e-05 rad/s) is in them. The defaults, 0.03 rad/s and 10000 m/s^2, have room for '
+             'motion;', '# these are the sensor alone.', '/**:', '  ros__parameters:']
     body = []
     for letter in 'xyz':
         name = f'gyro_{letter}'

@@ -18,7 +18,7 @@ from imu_allan.writers.filters import (
     simulators,
     visual,
 )
-from imu_allan.writers.filters.chosen_numbers import Aiding, Numbers, Wishes
+from imu_allan.writers.filters.chosen_numbers import Aiding, Numbers, Share, Wishes
 from imu_allan.writers.filters.layout import FilterConfig
 
 CAMERA = Aiding(0.05, 'camera frames at 20 Hz')
@@ -45,6 +45,8 @@ class Consumer:
         What it takes the bias for.
     one_time : bool
         Whether it has one correlation time for all axes.
+    share : {'axis', 'sensor', 'both', 'model'}
+        What has numbers of its own in its file.
 
     """
 
@@ -52,6 +54,7 @@ class Consumer:
     aiding: Aiding
     bias: Bias = 'random_walk'
     one_time: bool = False
+    share: Share = 'sensor'
 
     @property
     def name(self) -> str:
@@ -76,7 +79,7 @@ _CONSUMERS = (
     Consumer(lidar.lio_sam, LIDAR),
     Consumer(lidar.fast_lio, LIDAR),
     Consumer(graphs.gtsam, ESTIMATOR),
-    Consumer(visual.basalt, CAMERA),
+    Consumer(visual.basalt, CAMERA, share='axis'),
     Consumer(visual.msckf_vio, CAMERA),
     Consumer(drivers.robot_localization, NO_BIAS),
     Consumer(autopilots.px4, AUTOPILOT),
@@ -87,25 +90,25 @@ _CONSUMERS = (
     Consumer(visual.okvis2, CAMERA),
     Consumer(visual.kimera, CAMERA),
     Consumer(visual.maplab, CAMERA),
-    Consumer(visual.rovio, CAMERA),
+    Consumer(visual.rovio, CAMERA, share='axis'),
     Consumer(visual.svo_pro, CAMERA),
     Consumer(visual.rtabmap, CAMERA),
     Consumer(lidar.point_lio, LIDAR),
     Consumer(lidar.fast_livo2, LIDAR),
-    Consumer(lidar.glim, LIDAR),
-    Consumer(satellites.kf_gins, SATELLITES, 'gauss_markov', one_time=True),
+    Consumer(lidar.glim, LIDAR, share='both'),
+    Consumer(satellites.kf_gins, SATELLITES, 'gauss_markov', one_time=True, share='axis'),
     Consumer(satellites.ob_gins, SATELLITES, 'gauss_markov', one_time=True),
-    Consumer(satellites.navego, SATELLITES, 'gauss_markov'),
-    Consumer(satellites.psins, SATELLITES, 'gauss_markov'),
-    Consumer(simulators.gazebo, SIMULATION, 'gauss_markov'),
+    Consumer(satellites.navego, SATELLITES, 'gauss_markov', share='axis'),
+    Consumer(satellites.psins, SATELLITES, 'gauss_markov', share='axis'),
+    Consumer(simulators.gazebo, SIMULATION, 'gauss_markov', share='axis'),
     Consumer(simulators.rotors, SIMULATION, 'gauss_markov'),
     Consumer(simulators.matlab,
              replace(NO_BIAS, reason='imuSensor models white noise, flicker and walk itself')),
     Consumer(simulators.airsim, SIMULATION),
     Consumer(drivers.autoware, NO_BIAS),
     Consumer(drivers.drivers, NO_BIAS),
-    Consumer(graphs.state_space, ESTIMATOR),
-    Consumer(graphs.state_space_cpp, ESTIMATOR),
+    Consumer(graphs.state_space, ESTIMATOR, share='model'),
+    Consumer(graphs.state_space_cpp, ESTIMATOR, share='model'),
 )
 CONSUMERS: dict[str, Consumer] = {consumer.name: consumer for consumer in _CONSUMERS}
 
@@ -145,5 +148,5 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
     if rate_hz is not None:
         wishes = replace(wishes, rate_hz=rate_hz)
     numbers = Numbers(result, consumer, known.title, known.aiding, known.bias, wishes,
-                      known.one_time)
+                      known.one_time, known.share)
     return known.write(numbers)

@@ -88,6 +88,9 @@ def state_space_cpp(numbers: Numbers) -> FilterConfig:
 
 
 def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
+    if numbers.wishes.conservative or numbers.wishes.inflate:
+        raise ImuAllanError(f'{numbers.consumer} is the drift model as measured: neither '
+                            '--conservative nor --inflate applies; scale its matrices yourself')
     known = {name: axis for name, axis in numbers.result.axes.items()
              if axis.drift_model is not None}
     # Without a wish, the first step that every axis is known for.

@@ -105,8 +105,9 @@ def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale, scaling: str
 
 def _remarks(name: str, chosen: Number, scale: Scale) -> list[str]:
     if chosen.bound:
-        return [f'NOT OBSERVABLE on {name} in this recording: its 95 % upper bound, '
-                'the true value is smaller']
+        bound = ('the most that its Allan deviation allows' if chosen.by_curve
+                 else 'its 95 % upper bound')
+        return [f'NOT OBSERVABLE on {name} in this recording: {bound}, the true value is smaller']
     if chosen.interval is None:
         return [f'{name}, the worst axis']
     low, high = chosen.interval
@@ -122,6 +123,10 @@ def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
     bounds = [name[-1] for name, one in known.items() if one.bound]
     if bounds:
         remarks.append(f'not observable on {", ".join(bounds)}, there the 95 % upper bound')
+    allowed = [name[-1] for name, one in known.items() if one.by_curve]
+    if allowed:
+        remarks.append(f'on {", ".join(allowed)} the bound is the most that the Allan deviation '
+                       'allows')
     if len(known) < 3:
         return None, ['the result does not have all three axes']
     return [scale(one.value) for one in known.values()], remarks

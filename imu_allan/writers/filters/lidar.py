@@ -81,10 +81,12 @@ def point_lio(numbers: Numbers) -> FilterConfig:
     Point-LIO's ``mapping`` section: variances per sample, N^2 f and K^2 f.
 
     ``process_noise_cov_input`` (Estimator.cpp) puts them on the diagonal of Q, which a step
-    multiplies by ``dt^2``. ``acc_cov_output`` and ``gyr_cov_output`` are the motion model.
+    multiplies by ``dt^2``: that of a sample with ``prop_at_freq_of_imu``, the default, else that
+    of a lidar point. ``acc_cov_output`` and ``gyr_cov_output`` are the motion model.
     """
     f = numbers.rate()
-    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
+    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f, for '
+             'prop_at_freq_of_imu: true, the default.',
              '# acc_cov_output and gyr_cov_output describe the motion, not the sensor: leave them.'
              ' acc_norm is 9.81', '# for accelerations in m/s^2, 1 for a driver that gives g;'
              ' the numbers are the same for both.', 'mapping:']

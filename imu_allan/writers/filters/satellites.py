@@ -48,10 +48,14 @@ def kf_gins(numbers: Numbers) -> FilterConfig:
 
     ``loadConfig`` (kf_gins.cpp) converts them so (arw by pi/180/60, gbstd by pi/180/3600, abstd by
     1e-5, corrtime by 3600). ``GIEngine::GIEngine`` (gi_engine.cpp) drives biases and scale factors
-    by ``2 sigma^2/Tc``, and ``GIEngine::insPropagation`` lets them decay by ``-1/Tc``.
+    by ``2 sigma^2/Tc``, and ``GIEngine::insPropagation`` lets them decay by ``-1/Tc``. Where the
+    file has no ``initbgstd`` and ``initbastd``, the filter begins with gbstd and abstd.
     """
     lines = [*heading(numbers), '# gsstd and asstd, the scale factors, are not seen at rest: '
-             'leave them. corrtime is theirs, too.', 'imunoise:']
+             'leave them. corrtime is theirs, too.',
+             '# Without initbgstd and initbastd the filter begins with gbstd and abstd, but a '
+             'bias is off by more at the', '# start: set them to what it is off by then.',
+             'imunoise:']
     body: list[str] = []
     for pair, name, unit, text in _GINS:
         body += triples(numbers, {pair: name}, times(1 / unit), '', {pair: text})
@@ -87,17 +91,21 @@ def navego(numbers: Numbers) -> FilterConfig:
 
     That function makes of ``gb_dyn`` the driving density ``gb_dyn/sqrt(gb_corr)``, which is
     ``sigma sqrt(2/Tc)`` of the process: gb_dyn is sqrt(2) sigma. ``allan_imu.m`` writes rad/s and
-    m/s^2 under the same names, which are not to be given to imu_si_errors.
+    m/s^2 under the same names, which are not to be given to imu_si_errors. That reads ``arrw`` and
+    ``vrrw``, too, walks beside the process, of which the tuned numbers have none.
     """
     lines = [*heading(numbers, '%'),
              '% For imu_si_errors(imu, dt): deg/sqrt(h), m/s/sqrt(h), deg/s, mg, s. gb_dyn and '
              'ab_dyn are sqrt(2) sigma,', '% because imu_si_errors divides them by the root of '
              'the correlation time. (allan_imu gives rad/s and m/s^2', '% under these names: do '
-             'not mix the two.)']
+             'not mix the two.) gb_sta (deg/s) and ab_sta (mg), the biases at the start,',
+             '% are not seen in one recording: set them yourself.']
     for pair, name, unit, text in _NAVEGO:
         scaling = 'sqrt(2)' if name.endswith('dyn') else ''
         lines += triples(numbers, {pair: name}, times(1 / unit), scaling,
                          {pair: text}, 'imu.{name} = [{value}];', '%')
+    lines += ['', '% walks beside the process: the drift is in gb_dyn and ab_dyn',
+              'imu.arrw = [0.0, 0.0, 0.0];', 'imu.vrrw = [0.0, 0.0, 0.0];']
     return FilterConfig('navego_imu.m', joined(lines))
 
 
@@ -106,11 +114,17 @@ def psins(numbers: Numbers) -> FilterConfig:
     Arguments of PSINS' ``imuerrset``: deg/sqrt(h), ug/sqrt(Hz), deg/h, ug and s.
 
     imuerrset.m drives the bias by ``sqrtR0G sqrt(2/TauG)``: sqrtR0G is sigma. The constant biases
-    eb and db are those from one start to the next, which no recording at rest shows.
+    eb and db are those from one start to the next, which no recording at rest shows. The filters
+    of PSINS begin with them (``Pxk = diag([davp0; imuerr.eb; imuerr.db])^2``) and never learn a
+    bias that is certain to be zero: no value is written, so that none is taken unseen.
     """
     lines = [*heading(numbers, '%'),
-             '% eb and db are constant biases (deg/h, ug) after calibration: set them yourself.',
-             'eb = 0; db = 0;']
+             "% x, y, z are the axes of the recording. PSINS' own are right, front, up: where the "
+             'data is turned to', '% them, turn these columns with it.',
+             '% eb (deg/h) and db (ug) are what the biases are off by at the start; the filters '
+             'begin with them.',
+             '% They are not seen in one recording and have no value here: set both before this '
+             'runs, not to 0.']
     for pair, name, unit, text in _PSINS:
         lines += triples(numbers, {pair: name}, times(1 / unit), '',
                          {pair: text}, "{name} = [{value}]';", '%')

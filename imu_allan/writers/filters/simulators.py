@@ -134,7 +134,7 @@ def airsim(numbers: Numbers) -> FilterConfig:
         (('gyro', K), 'GyroBiasStability', _DEGREE / 3600 / sqrt(_AIRSIM_TIMES['gyro'])),
         (('accel', K), 'AccelBiasStability',
          STANDARD_GRAVITY * 1e-6 / sqrt(_AIRSIM_TIMES['accel'])))
-    remarks = numbers.provenance()
+    remarks = [*numbers.provenance(), 'Imu goes below Vehicles, NAME, Sensors of settings.json.']
     for (sensor, key), name, unit in names:
         entry = worst(numbers, sensor, key, times(1 / unit), '',
                       UNITS[sensor, key])

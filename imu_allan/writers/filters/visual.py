@@ -84,8 +84,9 @@ def vins_fusion(numbers: Numbers) -> FilterConfig:
     lines = ['%YAML:1.0', *heading(numbers), *_vins_lines(numbers),
              '# The midpoint step counts each sample twice by half, as if the halves were '
              'independent: it uses',
-             '# half the variance written here. The names vins_fusion_midpoint writes what it '
-             'strictly wants, sqrt(2) N sqrt(f).']
+             '# half the variance written here, so that its NIS may be twice that expected above. '
+             '--for vins_fusion_midpoint',
+             '# writes what it strictly wants, sqrt(2) N sqrt(f).']
     lines += _vins_pairs(numbers, 1.0)
     return FilterConfig('vins_fusion_imu.yaml', joined(lines))
 
@@ -269,11 +270,13 @@ def rtabmap(numbers: Numbers) -> FilterConfig:
     """
     RTAB-Map's odometry backends: N and K, each under the backend's own names.
 
-    Its list of parameters names the units of OpenVINS; ORB-SLAM3's and MSCKF-VIO's are handed
-    over as they are. RTAB-Map's values are strings.
+    Its list of parameters names the units of OpenVINS; ORB-SLAM3's, MSCKF-VIO's and LIO-SAM's
+    (OdometryORBSLAM3.cpp, OdometryLIOSAM.cpp) are handed over as they are. RTAB-Map's values are
+    strings.
     """
     lines = [*heading(numbers), '# Only the lines of the backend that Odom/Strategy chooses '
-             'are read.', '/**:', '  ros__parameters:']
+             'are read; those of OdomLIOSAM where', '# OdomLIOSAM/ConfigPath names no file.',
+             '/**:', '  ros__parameters:']
     backends: dict[str, dict[Pair, str]] = {
         'OdomOpenVINS': {('accel', N): 'AccelerometerNoiseDensity',
                          ('accel', K): 'AccelerometerRandomWalk',
@@ -282,7 +285,9 @@ def rtabmap(numbers: Numbers) -> FilterConfig:
         'OdomORBSLAM': {('accel', N): 'AccNoise', ('accel', K): 'AccWalk',
                         ('gyro', N): 'GyroNoise', ('gyro', K): 'GyroWalk'},
         'OdomMSCKF': {('accel', N): 'NoiseAcc', ('accel', K): 'NoiseAccBias',
-                      ('gyro', N): 'NoiseGyro', ('gyro', K): 'NoiseGyroBias'}}
+                      ('gyro', N): 'NoiseGyro', ('gyro', K): 'NoiseGyroBias'},
+        'OdomLIOSAM': {('accel', N): 'ImuAccNoise', ('accel', K): 'ImuAccBiasN',
+                       ('gyro', N): 'ImuGyrNoise', ('gyro', K): 'ImuGyrBiasN'}}
     body: list[str] = []
     for backend, names in backends.items():
         own = {pair: f'{backend}/{name}' for pair, name in names.items()}
