@@ -175,9 +175,11 @@ def fed(axis: AxisResult) -> dict[str, tuple[DriftModel, tuple[Any, ...]]]:
                 (axis.coefficients['noise_density'], axis.coefficients['rate_random_walk'])]
     n, k = (float(value or 1e-12) for value in measured)
     tuned = tune(axis, 1.0, 60.0)
+    careful = tune(axis, 1.0, 60.0, conservative=True)
     plain = functools.partial(DriftModel, processes=(), from_s=0.1, to_s=1e9)
     return {'drift model': (axis.drift_model, axis.tones),
             'tuned pair': (plain(tuned.noise_density, tuned.random_walk or 0.0), ()),
+            'conservative': (plain(careful.noise_density, careful.random_walk or 0.0), ()),
             'as measured': (plain(n, k), ()), 'ten times K': (plain(n, 10 * k), ())}
 
 

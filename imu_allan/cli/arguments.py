@@ -11,7 +11,7 @@ from typing import Literal, TYPE_CHECKING
 if TYPE_CHECKING:
     from imu_allan.result import Result
 
-_SECONDS = {'': 1.0, 's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
+_SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
 _LONGEST_S = 3.2e9
 """A hundred years: with any stamp of today it still fits into 64 bits of nanoseconds."""
 
@@ -25,7 +25,7 @@ def positive_number(text: str) -> float:
 
 
 def duration(text: str) -> float:
-    """Read a time above zero, in seconds or with a unit (``90``, ``90s``, ``10min``, ``3h``)."""
+    """Read a time above zero, in seconds or with a unit (``90``, ``50ms``, ``10min``, ``3h``)."""
     value = moment(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f'{text} is not above zero')
@@ -34,13 +34,13 @@ def duration(text: str) -> float:
 
 def moment(text: str) -> float:
     """Read a time of zero or above, in seconds or with a unit; return seconds."""
-    match = re.fullmatch(r'(.*?)\s*(s|min|h|d|)', text.strip())
+    match = re.fullmatch(r'(.*?)\s*(ms|s|min|h|d|)', text.strip())
     assert match is not None
     try:
         value = _number(match[1]) * _SECONDS[match[2]]
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f'{text!r} is not a length of time: write seconds (90), '
-                                         'or a number with s, min, h or d (10min)') from None
+                                         'or a number with ms, s, min, h or d (10min)') from None
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     if value > _LONGEST_S:

@@ -79,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
     console.print(forecast_table(result, args.calibration))
     for sentence in (*forecast_sentences(result, args.calibration),
                      *included_sentences(result),
-                     *_beyond(result, args.coast)):
+                     *_beyond(result, args.coast, 'without correction'),
+                     *_beyond(result, args.calibration, 'of averaging the bias')):
         console.print(sentence, markup=False)
     tables, verified = ([], {}) if args.verify is None else _verification(args, result)
     for table in tables:
@@ -96,16 +97,16 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _beyond(result: 'Result', coast_s: float) -> list[str]:
+def _beyond(result: 'Result', time_s: float, what: str) -> list[str]:
     from imu_allan.wording import duration as spoken
 
     known = [axis.drift_model.to_s for axis in result.axes.values()
              if axis.drift_model is not None]
-    if coast_s <= min(known) * (1 + 1e-6):
+    if time_s <= min(known) * (1 + 1e-6):
         return []
-    return [f'{spoken(coast_s)} without correction is beyond what this recording knows '
+    return [f'{spoken(time_s)} {what} is beyond what this recording knows '
             f'({spoken(min(known))}): the numbers are widened; record for '
-            f'{spoken(3 * coast_s)} to know.']
+            f'{spoken(3 * time_s)} to know.']
 
 
 def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any], dict[str, Any]]:

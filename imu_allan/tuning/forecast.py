@@ -45,8 +45,8 @@ class DriftForecast:
         Of the position (m); None for a gyroscope.
     position_ci95 : tuple of (float, float) or None
     known_to_s : float
-        The longest horizon that the recording speaks of; beyond it the values are widened by a
-        walk that it could not have shown.
+        The longest time, of an outage or of a calibration, that the recording speaks of; beyond it
+        the values are widened by a walk that it could not have shown.
 
     """
 
@@ -100,8 +100,8 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
         if not value > 0 or not np.isfinite(value):
             raise ImuAllanError(f'{name} must be positive times, not {value:g} s')
     h, c = np.asarray(horizons_s, dtype=np.float64), calibration_s
-    wide = np.exp(NORMAL95 * spread_of_forecast(axis, h))
-    beyond = hidden_variance(axis, h)
+    wide = np.exp(NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
+    beyond = hidden_variance(axis, h) + hidden_variance(axis, np.array([c]))
     angle = h * np.sqrt(_mean_about_mean(axis, model, h, c) + beyond)
     position, band = None, None
     if Quantity(axis.quantity) is Quantity.LINEAR_ACCELERATION:

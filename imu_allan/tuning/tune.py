@@ -17,6 +17,7 @@ processes from the Allan variance). T. Gneiting, A. Raftery, JASA 102 (2007) (sc
 
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 from weakref import ref
@@ -40,12 +41,16 @@ Bias = Literal['random_walk', 'gauss_markov']
 
 _HORIZONS = 7
 """Between one correction and the longest time without: a few to a decade, all of equal weight."""
-_CANDIDATES = 161
-"""A factor of 1.14 apart in density squared: 7 % of a random walk, finer than it is known."""
-_DECADES = 8.0
-"""Below all there is: with 4 or 16 the pair of a consumer gyroscope is the same."""
+_STEP = 9 / 160
+"""Decades of density squared: 7 % of a random walk, finer than it is known."""
+_UNSEEN = 1e-2
+"""Of N over the longest time without: a walk so weak makes 1 % of the variance then."""
+_EXCESS = 10 ** np.linspace(0, 1, 41)
+"""Factors of squared noise density for a filter that is to claim enough: 3 % of N apart."""
 _TIMES = 25
 """Correlation times, from one correction to ten times the longest time without."""
+_PEAK = 1.89
+"""Averaging time over correlation time where the Allan variance of a process is highest."""
 _WHITE_FLOOR = 0.05     # of the variance: a filter without white noise divides by nearly nothing
 
 
@@ -148,6 +153,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
     _check_times(aiding_interval_s, coast_s)
     if bias not in ('random_walk', 'gauss_markov'):
         raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
+    _check_correlation_time(correlation_time_s)
     known = tunings_of(axis)
     wish = (aiding_interval_s, coast_s, bias, conservative, correlation_time_s)
     if wish not in known:
@@ -159,19 +165,20 @@ def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias
           conservative: bool, correlation_time_s: float | None) -> FilterTuning:
     truth = Truth(axis)
     horizons = _horizons(aiding_interval_s, coast_s)
-    s2 = truth.allan_variance(aiding_interval_s, conservative=conservative)
+    s2 = truth.allan_variance(aiding_interval_s)
     if s2 <= 0:
         raise ImuAllanError('this axis has no noise: there is nothing to tune a filter with')
-    filters = (_walks(s2, aiding_interval_s) if bias == 'random_walk'
-               else _markovs(s2, aiding_interval_s, coast_s, correlation_time_s))
+    excess = _EXCESS if conservative else _EXCESS[:1]
+    filters = (_walks(s2, aiding_interval_s, coast_s, excess) if bias == 'random_walk'
+               else _markovs(s2, aiding_interval_s, coast_s, excess[::3], correlation_time_s))
     claimed = filters.claimed(horizons)
     expected = truth.expected(filters, horizons)
-    wanted = truth.upper(filters, horizons, expected) if conservative else expected
+    wanted = truth.upper(filters, horizons) if conservative else expected
     cost = np.mean(np.log(claimed) + wanted / claimed, axis=0)
     if conservative:
-        excess = np.max(wanted / claimed, axis=0)
+        doubt = np.max(wanted / claimed, axis=0)
         # Where none is safe at every horizon the least unsafe one is taken.
-        cost = np.where(excess <= max(1.0, 1.001 * float(excess.min())), cost, np.inf)
+        cost = np.where(doubt <= max(1.0, 1.001 * float(doubt.min())), cost, np.inf)
     best = int(np.argmin(cost))
     return _tuning(filters, best, truth, horizons, expected[:, best], claimed[:, best], coast_s)
 
@@ -216,8 +223,7 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
 
     """
     _check_times(aiding_interval_s, coast_s)
-    if correlation_time_s is not None and not 0 < correlation_time_s < np.inf:
-        raise ImuAllanError(f'correlation_time_s must be positive, not {correlation_time_s:g}')
+    _check_correlation_time(correlation_time_s)
     if not (noise_density > 0 and random_walk > 0 and np.isfinite(noise_density + random_walk)):
         raise ImuAllanError('noise_density and random_walk must be positive, '
                             f'not {noise_density:g} and {random_walk:g}')
@@ -343,22 +349,10 @@ class Truth:
         self.axis = axis
         self.model = drift_model_of(axis)
 
-    def allan_variance(self, interval_s: float, *, conservative: bool = False) -> float:
+    def allan_variance(self, interval_s: float) -> float:
         """Allan variance of the model with its lines, and what is measured above the band."""
-        model = float(drift_avar(self.model, self.axis.tones, interval_s))
-        if conservative:
-            white = self.model.noise_density**2 / interval_s
-            sampling, drift = upper_factors(self.axis, np.array([interval_s]))
-            model = float(white * sampling[0] + (model - white) * drift[0])
-        return model + self._above_band(interval_s)
-
-    def upper(self, filters: 'Filters', horizons: Array, expected: Array) -> Array:
-        """Upper 95 % end of what is expected: the white noise is steadier than the drift."""
-        h, weight = horizons[:, None], filters.weight(horizons)
-        memory = filters.gain**2 / (1 - filters.decay**2)
-        white = self.model.noise_density**2 * (weight**2 * memory / filters.aiding_s + 1 / h)
-        sampling, drift = (factor[:, None] for factor in upper_factors(self.axis, horizons))
-        return np.asarray(white * sampling + (expected - white) * drift)
+        return (float(drift_avar(self.model, self.axis.tones, interval_s))
+                + self._above_band(interval_s))
 
     def _above_band(self, interval_s: float) -> float:
         """Allan variance that stands above the model where the model does not reach."""
@@ -372,37 +366,52 @@ class Truth:
 
     def expected(self, filters: Filters, horizons: Array) -> Array:
         """E(h): mean square of what the filters get wrong, shape (horizons, filters)."""
+        return np.asarray(sum(part for _, part in self._parts(filters, horizons)))
+
+    def upper(self, filters: Filters, horizons: Array) -> Array:
+        """Upper 95 % end of what is expected, shape (horizons, filters)."""
+        total = np.zeros((len(horizons), len(filters.white)))
+        for scale_s, part in self._parts(filters, horizons):
+            if scale_s is None:
+                factor, _ = upper_factors(self.axis, horizons)
+            else:
+                # A process is known by how often it came and went, however short the horizon.
+                _, factor = upper_factors(self.axis, np.maximum(horizons, scale_s))
+            total = total + part * factor[:, None]
+        return total
+
+    def _parts(self, filters: Filters, horizons: Array) -> Iterator[tuple[float | None, Array]]:
+        """Terms of E(h), and the time over which each shows itself; None for what is fast."""
         t, h = filters.aiding_s, horizons[:, None]
         g, phi, weight = filters.gain, filters.decay, filters.weight(horizons)
         memory = g**2 / (1 - phi**2)    # variance of the state per variance of independent means
         above = self._above_band(t)
-        lines = line_power(self.axis.tones, t) + above
-        total = (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
-                 + weight**2 * memory * lines + line_power(self.axis.tones, h)
-                 + above * (t / h) ** 2)    # what is fast averages out as its phase does
-        for process in self._processes(filters):
+        # What is above the band averages out as its phase does.
+        yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
+                     + above * (weight**2 * memory + (t / h) ** 2))
+        yield 0.0, (weight**2 * memory * line_power(self.axis.tones, t)
+                    + line_power(self.axis.tones, h)
+                    + hidden_variance(self.axis, horizons)[:, None])
+        walk = self.model.rate_random_walk
+        processes = [(_PEAK * p.correlation_time_s, p) for p in self.model.processes]
+        if walk > 0:
+            # It shows from where it crosses the white noise on.
+            shows_s = min(float(np.sqrt(3)) * self.model.noise_density / walk, self.model.to_s)
+            if np.isfinite(filters.time).any():
+                # A walk leaves a filter that forgets behind in the end. It is followed for as long
+                # as the recording has seen it.
+                time = 10 * self.model.to_s
+                processes.append((shows_s, GaussMarkov(walk * float(np.sqrt(time / 2)), time)))
+            else:
+                yield shows_s, walk**2 * (h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
+        for scale_s, process in processes:
             time, variance = process.correlation_time_s, process.sigma**2
             e, a, ah = np.exp(-t / time), on_mean(time, t), on_mean(time, h)
             r0, c1 = mean_variance(time, t), a**2
             follow = 1 - phi * e
-            total = total + variance * (weight**2 * memory * (r0 + 2 * c1 * phi / follow)
-                                        - 2 * weight * ah * a * g / follow
-                                        + mean_variance(time, h))
-        if not np.isfinite(filters.time).any():
-            walk = self.model.rate_random_walk**2
-            total = total + walk * (h / 3 + t * (g**2 / 3 - g + 1) / (g * (2 - g)))
-        return np.asarray(total + hidden_variance(self.axis, horizons)[:, None])
-
-    def _processes(self, filters: Filters) -> tuple[GaussMarkov, ...]:
-        """Return the processes; for filters that forget, the walk too, as one that is bounded."""
-        processes = self.model.processes
-        walk = self.model.rate_random_walk
-        if np.isfinite(filters.time).any() and walk > 0:
-            # A walk leaves a filter that forgets behind in the end. It is followed for as long
-            # as the recording has seen it.
-            time = 10 * self.model.to_s
-            processes = (*processes, GaussMarkov(walk * float(np.sqrt(time / 2)), time))
-        return processes
+            yield scale_s, variance * (weight**2 * memory * (r0 + 2 * c1 * phi / follow)
+                                       - 2 * weight * ah * a * g / follow
+                                       + mean_variance(time, h))
 
 
 _TUNINGS: dict[int, tuple['ref[AxisResult]', dict[tuple[object, ...], FilterTuning]]] = {}
@@ -443,24 +452,30 @@ def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: 
     return replace(base, random_walk=float(np.sqrt(filters.walk[at])))
 
 
-def _walks(s2: float, aiding_s: float) -> Filters:
+def _walks(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters:
     """Pairs (N, K) to choose from: what the walk does not explain at the aiding interval is N."""
-    # From a walk that nobody would see to one that explains three times everything there is.
-    walk = s2 / aiding_s * 10 ** np.linspace(-_DECADES, 1, _CANDIDATES)
-    return Filters.walking(_white(s2, walk * aiding_s / 3, aiding_s), walk, aiding_s)
+    more, walk = (part.ravel() for part in np.meshgrid(excess, _driving(s2, aiding_s, coast_s)))
+    return Filters.walking(more * _white(s2, walk * aiding_s / 3, aiding_s), walk, aiding_s)
 
 
-def _markovs(s2: float, aiding_s: float, coast_s: float, time_s: float | None) -> Filters:
+def _markovs(s2: float, aiding_s: float, coast_s: float, excess: Array, time_s: float | None
+             ) -> Filters:
     """Triples (N, sigma, Tc) to choose from."""
     times = (np.geomspace(aiding_s, 10 * coast_s, _TIMES) if time_s is None
              else np.array([time_s]))
-    driving = s2 / aiding_s * 10 ** np.linspace(-_DECADES, 1, _CANDIDATES)
-    time, q = (part.ravel() for part in np.meshgrid(times, driving))
+    time, q, more = (part.ravel() for part in np.meshgrid(
+        times, _driving(s2, aiding_s, coast_s), excess))
     variance = q * time / 2
     x = aiding_s / time
     # Allan variance of the process: the variance of a mean less the covariance of neighbours.
     avar = variance * rest_of_mean(1.0, x)
-    return Filters.markov(_white(s2, avar, aiding_s), np.sqrt(variance), time, aiding_s)
+    return Filters.markov(more * _white(s2, avar, aiding_s), np.sqrt(variance), time, aiding_s)
+
+
+def _driving(s2: float, aiding_s: float, coast_s: float) -> Array:
+    """Squared densities: from what nobody would see to three times everything there is."""
+    decades = 1 - 2 * np.log10(_UNSEEN * aiding_s / coast_s)
+    return np.asarray(s2 / aiding_s * 10 ** (1 - _STEP * np.arange(decades / _STEP + 1)))
 
 
 def _white(s2: float, explained: Array, aiding_s: float) -> Array:
@@ -469,6 +484,11 @@ def _white(s2: float, explained: Array, aiding_s: float) -> Array:
 
 def _horizons(aiding_s: float, coast_s: float) -> Array:
     return np.geomspace(aiding_s, coast_s, _HORIZONS)
+
+
+def _check_correlation_time(time_s: float | None) -> None:
+    if time_s is not None and not 0 < time_s < np.inf:
+        raise ImuAllanError(f'correlation_time_s must be a positive time, not {time_s:g} s')
 
 
 def _check_times(aiding_s: float, coast_s: float) -> None:

@@ -142,7 +142,8 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path: Pat
     (['analyze', 'bag', '--al-topics'], 'did you mean --all-topics?'),
     (['export', 'r.json', '--for', 'kalbr'], 'did you mean kalibr?'),
     (['analyze', 'bag', '--duration', '5x'],
-     "'5x' is not a length of time: write seconds (90), or a number with s, min, h or d (10min)"),
+     "'5x' is not a length of time: write seconds (90), or a number with ms, s, min, h or d "
+     '(10min)'),
 ])
 def test_a_misspelt_word_is_told_with_the_right_one(words, meant, capsys):
     with pytest.raises(SystemExit) as stop:

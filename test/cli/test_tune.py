@@ -78,6 +78,15 @@ def test_an_outage_beyond_the_recording_is_said(result_file, capsys):
             in capsys.readouterr().out)
 
 
+def test_a_bias_averaged_for_longer_than_the_recording_knows_is_said(result_file, capsys):
+    assert main(['tune', str(result_file), '--aiding', '50ms', '--calibration', '3h']) == 0
+    out = ' '.join(capsys.readouterr().out.split())
+    assert 'corrected every 50 ms and' in out
+    assert '3 h of averaging the bias is beyond what this recording knows (' in out
+    # Every number of the table is in brackets.
+    assert re.search(r'gyro x heading, deg( \([^)]+\)){5}', out)
+
+
 def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording, capsys):
     assert main(['tune', str(result_file), '--verify', str(recording), '--no-progress']) == 0
     out = capsys.readouterr().out

@@ -81,6 +81,14 @@ def test_beyond_what_the_recording_knows_the_drift_is_widened():
     assert unknown.known_to_s == 200.0
 
 
+def test_a_bias_averaged_for_longer_than_the_recording_knows_widens_the_drift():
+    known, unknown = (predicted_drift(axis_of(1e-3, 1e-6, known=(0.01, to)), [60.0], 3600.0)
+                      for to in (1e5, 200.0))
+    assert unknown.integral[0] > 2 * known.integral[0]
+    ratios = [high / low for low, high in (*known.integral_ci95, *unknown.integral_ci95)]
+    assert ratios[1] > 1.5 * ratios[0]
+
+
 @pytest.mark.parametrize('bad', [0.0, -3.0, float('nan'), float('inf')])
 def test_times_that_make_no_sense_are_refused(bad):
     with pytest.raises(ImuAllanError, match=r'^horizons_s must be positive times, not .* s$'):
