@@ -18,15 +18,14 @@ import re
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.csv_header import (
-    apparent_unit,
     Columns,
     echoed_imu,
     is_remark,
     MOST_COMMENTS,
     read_header,
-    seconds_in,
     with_units_below,
 )
+from imu_allan.recordings.formats.csv_times import interval_of_no_imu, seconds_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic
 from imu_allan.wording import NO_TOPIC
@@ -44,12 +43,8 @@ _NAMED_COLUMNS = 10
 """Of those left out: more take more than a line or two."""
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
-_FEWEST_STEPS = 8
-"""Below, a table is no record of anything."""
 _FIRST_LINES = 64
 """By which times without a unit are judged: two batches of a FIFO of 32."""
-_SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
-"""Rates of IMUs; beyond, times without a unit are in another one than they seem to be."""
 _QUOTES = ' \t\r"'
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
@@ -123,7 +118,8 @@ class CsvRecording(FileRecording):
 
     def _with_known_times(self, columns: Columns, samples: str) -> Columns:
         """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
-        found = _interval_of_no_imu(samples.split('\n')[:_FIRST_LINES], columns)
+        found = interval_of_no_imu(
+            _first_times(samples.split('\n')[:_FIRST_LINES], columns))
         if found is None:
             return columns
         if self.options.rate_hz is not None:
@@ -296,39 +292,14 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
 
 
-def _interval_of_no_imu(lines: Sequence[str], columns: Columns,
-                        ) -> tuple[float, str, float] | None:
-    """
-    Judge times whose unit nobody stated.
-
-    Returns
-    -------
-    interval, unit, rate_hz : float, str, float
-        By how much they advance, in which unit that would be by their size, and the rate then;
-        None if that is an IMU's.
-
-    """
-    if columns.time is None or columns.time_unit is not None or columns.nanoseconds is not None:
-        return None
-    read = []
-    for line in lines:
-        with suppress(ValueError, IndexError):
-            read.append(float(line.split(columns.delimiter)[columns.time].strip(_QUOTES)))
-    times = np.array(read)
-    times = times[np.isfinite(times)]
-    # A clock that is set back says nothing of the rate.
-    steps = np.sort([step for step in np.diff(times) if step >= 0])
-    if len(steps) < _FEWEST_STEPS:
-        return None
-    unit = apparent_unit(float(times[0]))
-    # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
-    for interval, least_hz, most_hz in ((float(steps.mean()), 0.0, _FASTEST_HZ),
-                                        (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
-        if interval > 0:
-            rate_hz = 1 / (interval * seconds_in(unit, 0.0))
-            if not least_hz <= rate_hz <= most_hz:
-                return interval, unit, rate_hz
-    return None
+def _first_times(lines: Sequence[str], columns: Columns) -> NDArray[np.float64]:
+    """Read the times alone, those that are numbers; none where their unit is known."""
+    times = []
+    if columns.time is not None and columns.time_unit is None and columns.nanoseconds is None:
+        for line in lines:
+            with suppress(ValueError, IndexError):
+                times.append(float(line.split(columns.delimiter)[columns.time].strip(_QUOTES)))
+    return np.array(times)
 
 
 def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:

@@ -39,8 +39,6 @@ _LOOKED_AT = 1 << 14
 """Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
 _SHOWN = 80
 """Characters of a line that no name was found in."""
-_MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
-"""From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
 
 
 @dataclass(frozen=True)
@@ -236,16 +234,6 @@ def echoed_imu(line: str) -> Columns | None:
     return Columns(',', 0, 's', tuple(
         (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), (), 1,
         headless=True)
-
-
-def seconds_in(unit: str | None, first: float) -> float:
-    """Return how many seconds a unit of time is; the first number tells where it is None."""
-    return _converted('time', apparent_unit(first) if unit is None else unit, 's')
-
-
-def apparent_unit(first: float) -> str:
-    """Tell the unit of a time by its size."""
-    return next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')
 
 
 def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
