@@ -10,6 +10,7 @@ from imu_allan.result import (
     Coefficient,
     GoodnessOfFit,
     Inspection,
+    RecordingPart,
     Remark,
     Segment,
     Span,
@@ -133,6 +134,27 @@ def test_gravity_is_compared_only_where_every_mean_is_known(result, fields, reas
     verdict = only(replace(hidden, axes={**hidden.axes, 'accel_y': axis}),
                    'accel: {gravity_error: 1 m/s^2}')
     assert (verdict.verdict, verdict.reason) == ('cannot tell', f'accel gravity error: {reason}')
+
+
+def test_a_zero_bias_is_that_of_the_worst_start(result):
+    def starts(bias):
+        return replace(result, recordings=tuple(
+            RecordingPart(f'night{number}', None, 3600.0,
+                          {name: axis.mean for name, axis in result.axes.items()}
+                          | {'gyro_x': mean}) for number, mean in enumerate((0.002, bias))))
+
+    # The means of all samples say otherwise of each.
+    fails, passes = starts(-0.021), starts(-0.007)
+    assert only(fails, 'gyro: {x: {zero_bias: 0.02 rad/s}}').verdict == 'fail'
+    assert only(passes, 'gyro: {x: {zero_bias: 0.009 rad/s}}').verdict == 'pass'
+
+
+def test_a_node_that_was_switched_on_several_times_knows_its_zero_bias_no_better_than_it_differs(
+        result):
+    limit = 'gyro: {x: {zero_bias: 0.011 rad/s}}'
+    assert only(result, limit).verdict == 'pass'
+    several = replace(result, turn_on_bias={'gyro_x': TurnOnBias(0.002, (0.001, 0.01))})
+    assert only(several, limit).verdict == 'cannot tell'
 
 
 def test_a_sensor_that_froze_is_dead(result):

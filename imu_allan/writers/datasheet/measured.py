@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a result says of each quantity that a datasheet may limit, noise coefficients included."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
@@ -117,32 +118,33 @@ def coefficient(axis: AxisResult, key: str) -> Measured:
 
 
 def zero_bias(result: Result, axis: str, expected: float) -> Measured:
-    """Return the distance of the mean from what it should be."""
-    mean = result.axes[axis].mean
-    if mean is None:
+    """Return how far the mean is from what it should be; of several recordings the farthest."""
+    if result.axes[axis].mean is None:
         return Measured(doubt='there is no mean')
     if (doubt := _doubt_of_mean(result.axes[axis])) is not None:
         return Measured(doubt=doubt)
-    error = NORMAL95 * error_of_mean(result.axes[axis], recorded_s(result))
-    distance = mean - expected
-    return Measured(abs(distance), _magnitude((distance - error, distance + error)))
+    return _largest([(means[0] - expected, errors[0])
+                     for means, errors in _starts(result, [axis])])
 
 
 def gravity_error(result: Result) -> Measured:
-    """Return the distance of the length of the mean acceleration from standard gravity."""
+    """
+    Return the distance of the length of the mean acceleration from standard gravity.
+
+    Of several recordings the largest.
+    """
     names = [axis for axis in AXES if axis.startswith('accel')]
     for name in names:
         if (doubt := _doubt_of_mean(result.axes[name])) is not None:
             return Measured(doubt=f'{name}: {doubt}')
-    means = [result.axes[axis].mean or 0.0 for axis in names]
-    length = hypot(*means)
-    time = recorded_s(result)
-    # To first order an error counts as much as its axis takes part in the whole.
-    error = NORMAL95 * hypot(*(
-        mean / length * error_of_mean(result.axes[axis], time)
-        for axis, mean in zip(names, means, strict=True))) if length else 0.0
-    distance = length - STANDARD_GRAVITY
-    return Measured(abs(distance), _magnitude((distance - error, distance + error)))
+    found = []
+    for means, errors in _starts(result, names):
+        length = hypot(*means)
+        # To first order an error counts as much as its axis takes part in the whole.
+        found.append((length - STANDARD_GRAVITY, hypot(*(
+            mean / length * error for mean, error in zip(means, errors, strict=True)))
+            if length else 0.0))
+    return _largest(found)
 
 
 def band_limit(axis: AxisResult) -> Measured:
@@ -215,6 +217,34 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
         return turn_on_bias(result, axis)
     return {'band_limit': band_limit, 'lines': lines,
             'temperature_drift': temperature_drift}[key](result.axes[axis])
+
+
+def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], list[float]]]:
+    """
+    Give means and standard errors of some axes, of each recording that has them all.
+
+    Where there are none, the result is of one recording, or of a node that may have been through
+    several starts: the mean of all of them tells that of one no better than they differ.
+    """
+    starts = [(part.means, part.duration_s) for part in result.recordings
+              if all(name in part.means for name in names)]
+    if starts:
+        return [([means[name] for name in names],
+                 [error_of_mean(result.axes[name], time) for name in names])
+                for means, time in starts]
+    time = recorded_s(result)
+    spread = [result.turn_on_bias[name].sigma if name in result.turn_on_bias else 0.0
+              for name in names]
+    return [([result.axes[name].mean or 0.0 for name in names],
+             [hypot(error_of_mean(result.axes[name], time), sigma)
+              for name, sigma in zip(names, spread, strict=True)])]
+
+
+def _largest(found: Sequence[tuple[float, float]]) -> Measured:
+    """Give the largest of several distances with their standard errors."""
+    distance, error = max(found, key=lambda pair: abs(pair[0]))
+    half = NORMAL95 * error
+    return Measured(abs(distance), _magnitude((distance - half, distance + half)))
 
 
 def _doubt_of_mean(axis: AxisResult) -> str | None:
