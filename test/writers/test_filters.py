@@ -476,10 +476,13 @@ def test_fast_livo2_takes_variances_and_no_bias_that_it_never_reads(easy):
 
 
 def test_glim_takes_densities_and_the_larger_bias_step_of_a_frame(easy):
-    text = re.sub(r'/\*.*?\*/|//[^\n]*', '', export(easy, 'glim').text, flags=re.DOTALL)
-    assert json.loads(text) == {'sensors': {
-        'imu_acc_noise': ACCEL_N, 'imu_gyro_noise': GYRO_N,
-        'imu_bias_noise': near(ACCEL_K * 0.1**0.5)}}
+    # A stranger's frame does not end the comment that it stands in.
+    named = replace(easy, source=replace(easy.source, frame_id='*/ {"sensors": {}} /*'))
+    for result in (easy, named):
+        text = re.sub(r'//[^\n]*', '', export(result, 'glim').text)
+        assert json.loads(text) == {'sensors': {
+            'imu_acc_noise': ACCEL_N, 'imu_gyro_noise': GYRO_N,
+            'imu_bias_noise': near(ACCEL_K * 0.1**0.5)}}
 
 
 def test_kf_gins_takes_navigation_units_of_each_axis(easy):
@@ -585,6 +588,25 @@ def test_autoware_takes_deviations_and_the_means_at_rest(easy):
         'angular_velocity_stddev_zz': near(0.004), 'angular_velocity_offset_x': 0.01,
         'angular_velocity_offset_y': 0.01, 'angular_velocity_offset_z': 0.01,
         'acceleration_stddev': near(0.8)}
+
+
+def test_what_a_driver_says_of_a_message_is_at_the_rate_of_its_own_topic(easy):
+    halves = replace(easy, axes={
+        name: replace(axis, sample_rate_hz=100.0 if name.startswith('accel') else None)
+        for name, axis in easy.axes.items()})
+    found = yaml.safe_load(export(halves, 'drivers').text)
+    assert found['/**/camera']['ros__parameters'] == {
+        'linear_accel_cov': near(ACCEL_N**2 * 100), 'angular_velocity_cov': near(GYRO_N**2 * 400)}
+    assert found['/**/imu']['ros__parameters'] == {
+        'linear_acceleration_stdev': near(ACCEL_N * 10),
+        'angular_velocity_stdev': near(GYRO_N * 20)}
+    for consumer, key in (('robot_localization', 'linear_acceleration_stddev'),
+                          ('autoware', 'acceleration_stddev')):
+        text = export(halves, consumer).text
+        assert yaml.safe_load(text)['/**']['ros__parameters'][key] == near(ACCEL_N * 10)
+        assert 'at f = 100 Hz (accel), 400 Hz (gyro)' in text
+        text = export(halves, consumer, rate_hz=25.0).text
+        assert yaml.safe_load(text)['/**']['ros__parameters'][key] == near(ACCEL_N * 5)
 
 
 def test_drivers_get_covariances_and_deviations(easy):

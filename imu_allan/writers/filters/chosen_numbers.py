@@ -251,6 +251,12 @@ class Numbers:
                                 'which this result does not have; give it with --rate HZ')
         return rate
 
+    def rate_of(self, sensor: Sensor) -> float:
+        """Return the rate of the messages of a sensor, which may have a topic of its own."""
+        own = next((axis.sample_rate_hz for axis in self.axes(sensor).values()
+                    if axis.sample_rate_hz is not None), None)
+        return self.wishes.rate_hz or own or self.rate()
+
     def provenance(self) -> list[str]:
         """Say where the numbers come from and what they are expected to reach."""
         source, timeline = self.result.source, self.result.timeline

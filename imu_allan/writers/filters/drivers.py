@@ -6,6 +6,7 @@ What drivers put into the covariances of Imu messages, for filters that take the
 There is no bias state behind these: the noise density as measured, per sample.
 """
 
+from collections.abc import Callable, Mapping
 from math import sqrt
 
 from imu_allan.writers.filters.chosen_numbers import N, Numbers, Sensor
@@ -19,11 +20,16 @@ from imu_allan.writers.filters.layout import (
     pairs,
     real,
     SAMPLE_UNITS,
+    Scale,
+    times,
     triples,
 )
 
 _NAMES: dict[Sensor, str] = {'accel': 'linear_acceleration', 'gyro': 'angular_velocity'}
 _MICROSTRAIN: dict[Sensor, str] = {'accel': 'imu_linear_cov', 'gyro': 'imu_angular_cov'}
+_REALSENSE: dict[Sensor, str] = {'accel': 'linear_accel_cov', 'gyro': 'angular_velocity_cov'}
+
+Rows = Callable[..., list[str]]
 
 
 def robot_localization(numbers: Numbers) -> FilterConfig:
@@ -33,22 +39,39 @@ def robot_localization(numbers: Numbers) -> FilterConfig:
     REP-145 names the driver's parameters ``linear_acceleration_stddev`` and
     ``angular_velocity_stddev`` (N sqrt(f)); the 3 x 3 arrays are the message's own fields.
     """
-    f = numbers.rate()
     lines = [*heading(numbers),
              '# robot_localization takes the covariances from the Imu messages: these are '
              'parameters for the driver.',
-             f'# Per sample at f = {f:g} Hz: N sqrt(f) and N^2 f. A filter that runs slower and '
-             'averages has less.', '/**:', '  ros__parameters:']
-    names: dict[Pair, str] = {(sensor, N): f'{name}_stddev' for sensor, name in _NAMES.items()}
-    body = pairs(numbers, names, lambda value: value * sqrt(f), 'sqrt(f)', SAMPLE_UNITS)
+             f'# Per sample at {_rates(numbers)}: N sqrt(f) and N^2 f. A filter that runs slower '
+             'and averages has less.', '/**:', '  ros__parameters:']
+    body = _deviations(numbers, {sensor: f'{name}_stddev' for sensor, name in _NAMES.items()})
     for sensor, name in _NAMES.items():
         body += _matrix(numbers, sensor, f'{name}_covariance')
     return FilterConfig('imu_covariance.yaml', joined([*lines, *indented(body, 4)]))
 
 
+def _rates(numbers: Numbers) -> str:
+    """Say the rate, or those of sensors with a topic each."""
+    rates = {sensor: numbers.rate_of(sensor) for sensor in _NAMES}
+    if len(set(rates.values())) == 1:
+        return f'f = {rates["gyro"]:g} Hz'
+    return 'f = ' + ', '.join(f'{rate:g} Hz ({sensor})' for sensor, rate in rates.items())
+
+
+def _variance_at(rate_hz: float) -> Scale:
+    return lambda value: value**2 * rate_hz
+
+
+def _deviations(numbers: Numbers, names: Mapping[Sensor, str], rows: Rows = pairs) -> list[str]:
+    """Give N sqrt(f), each sensor at the rate of its own messages."""
+    return [line for sensor, name in names.items() for line in rows(
+        numbers, {(sensor, N): name}, times(sqrt(numbers.rate_of(sensor))), 'sqrt(f)',
+        SAMPLE_UNITS)]
+
+
 def _matrix(numbers: Numbers, sensor: Sensor, name: str) -> list[str]:
-    f = numbers.rate()
-    values, remarks = each(numbers, sensor, N, lambda value: value**2 * f)
+    f = numbers.rate_of(sensor)
+    values, remarks = each(numbers, sensor, N, _variance_at(f))
     lines = ['', f'# N^2 f of x, y, z on the diagonal [({SAMPLE_UNITS[sensor, N]})^2]']
     if values is None:
         return [*lines, *(f'# {name}: {remark}' for remark in remarks)]
@@ -63,9 +86,9 @@ def autoware(numbers: Numbers) -> FilterConfig:
     imu_corrector_core.cpp subtracts the offsets and squares the standard deviations into the
     covariances of the message.
     """
-    f = numbers.rate()
-    lines = [*heading(numbers), f'# Standard deviations per sample at f = {f:g} Hz; offsets are '
-             'the means at rest, which hold until the', '# next start. Earth rate (up to '
+    root = sqrt(numbers.rate_of('gyro'))
+    lines = [*heading(numbers), f'# Standard deviations per sample at {_rates(numbers)}; offsets '
+             'are the means at rest, which hold until the', '# next start. Earth rate (up to '
              '7.29e-05 rad/s) is in them. The defaults, 0.03 rad/s and 10000 m/s^2, have room for '
              'motion;', '# these are the sensor alone.', '/**:', '  ros__parameters:']
     body = []
@@ -75,14 +98,13 @@ def autoware(numbers: Numbers) -> FilterConfig:
         axis = numbers.result.axes.get(name)
         if N in own:
             body.append(f'angular_velocity_stddev_{letter}{letter}: '
-                        f'{real(own[N].value * sqrt(f))}')
+                        f'{real(own[N].value * root)}')
         else:
             body.append(f'# angular_velocity_stddev_{letter}{letter}: this result has no value '
                         'for it')
         if N in own and axis is not None and axis.mean is not None:
             body.append(f'angular_velocity_offset_{letter}: {real(axis.mean)}')
-    body += pairs(numbers, {('accel', N): 'acceleration_stddev'}, lambda value: value * sqrt(f),
-                  'sqrt(f)', SAMPLE_UNITS)
+    body += _deviations(numbers, {'accel': 'acceleration_stddev'})
     return FilterConfig('imu_corrector.param.yaml', joined([*lines, *indented(body, 4)]))
 
 
@@ -99,8 +121,8 @@ def drivers(numbers: Numbers) -> FilterConfig:
     xsens_mti_node.launch.py calls ``xsens_mti_node``.
     mavros: ``IMUPlugin::setup_covariance`` (plugins/imu.cpp) squares one.
     """
-    f = numbers.rate()
-    lines = [*heading(numbers), f'# Per sample at f = {f:g} Hz. Take the lines of your driver.']
+    lines = [*heading(numbers), f'# Per sample at {_rates(numbers)}. Take the lines of your '
+             'driver.']
     body = ['', '# microstrain_inertial_driver', 'microstrain_inertial_driver:',
             '  ros__parameters:']
     for sensor, name in _MICROSTRAIN.items():
@@ -112,17 +134,14 @@ def drivers(numbers: Numbers) -> FilterConfig:
     body += ['', '# realsense2_camera: one variance for a sensor; camera is the camera_name of '
              'its launch file', '/**/camera:', '  ros__parameters:']
     squared: dict[Pair, str] = {pair: f'({unit})^2' for pair, unit in SAMPLE_UNITS.items()}
-    body += indented(pairs(numbers, {('accel', N): 'linear_accel_cov',
-                                     ('gyro', N): 'angular_velocity_cov'},
-                           lambda value: value**2 * f, '^2 f', squared), 4)
+    for sensor, name in _REALSENSE.items():
+        f = numbers.rate_of(sensor)
+        body += indented(pairs(numbers, {(sensor, N): name}, _variance_at(f), '^2 f', squared), 4)
     body += ['', '# xsens_mti_ros2_driver: standard deviations of x, y, z; the node as its launch '
              'file names it', 'xsens_mti_node:', '  ros__parameters:']
-    root = sqrt(f)
-    stddev: dict[Pair, str] = {(sensor, N): f'{name}_stddev' for sensor, name in _NAMES.items()}
-    body += indented(triples(numbers, stddev, lambda value: value * root, 'sqrt(f)',
-                             SAMPLE_UNITS), 4)
+    body += indented(_deviations(numbers, {sensor: f'{name}_stddev' for sensor, name
+                                           in _NAMES.items()}, triples), 4)
     body += ['', '# mavros, plugin imu', '/**/imu:', '  ros__parameters:']
-    stdev: dict[Pair, str] = {(sensor, N): f'{name}_stdev' for sensor, name in _NAMES.items()}
-    body += indented(pairs(numbers, stdev, lambda value: value * root, 'sqrt(f)',
-                           SAMPLE_UNITS), 4)
+    body += indented(_deviations(numbers, {sensor: f'{name}_stdev' for sensor, name
+                                           in _NAMES.items()}), 4)
     return FilterConfig('imu_drivers.yaml', joined([*lines, *body]))

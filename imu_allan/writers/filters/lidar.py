@@ -133,9 +133,8 @@ def glim(numbers: Numbers) -> FilterConfig:
     larger.
     """
     frame = numbers.aiding_s or 0.1
-    lines = ['/*', *(line[2:] for line in heading(numbers)),
-             'Part of config_sensors.json, which allows comments: put these in place of its own.',
-             '*/', '{', '  "sensors": {']
+    lines = [*heading(numbers, '//'), '// Part of config_sensors.json, which allows comments: put '
+             'these in place of its own.', '{', '  "sensors": {']
     entries: list[str] = []
     for sensor, (name, unit) in _GLIM.items():
         entry = worst(numbers, sensor, N, lambda v: v, '', f'{unit}/sqrt(Hz)')
