@@ -12,11 +12,13 @@ from types import TracebackType
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu, Serialization
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.recordings.descriptions import Descriptions
 from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import (
     IMU_TYPES,
     imus_in,
+    is_parsed,
     TEMPERATURE_TYPES,
     thermometer_in,
 )
@@ -57,9 +59,6 @@ _MOST_REMARKS = 10
 """Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
 _MOST_THERMOMETERS = 64
 """Topics that may hold the temperature; a robot has a few."""
-_MOST_SEARCHED = 1000
-"""Topics in whose definitions an IMU is searched for in vain or found; a robot has a dozen."""
-_NOT_SEARCHED = f'not looked into, after {_MOST_SEARCHED} others'
 
 
 class Recording(ABC):
@@ -108,7 +107,7 @@ class Recording(ABC):
         self.size_bytes = 0
         self.remarks: list[Remark] = []
         self._withheld: dict[str, set[str]] = {}
-        self._searched = 0
+        self._descriptions = Descriptions()
 
     @abstractmethod
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
@@ -128,17 +127,15 @@ class Recording(ABC):
     ) -> bool:
         """Enter a topic among `topics` and return True where it holds an IMU, else the others."""
         found: dict[str, ImuMessages] = {}
-        by_definition = definition is not None and normal_name(type_name) not in IMU_TYPES
-        if by_definition and self._searched >= _MOST_SEARCHED:
-            self.reasons[topic] = _NOT_SEARCHED
+        if (definition is not None and is_parsed(topic, type_name, definition, self.options)
+                and not self._descriptions.search(definition)):
+            self.reasons[topic] = f'not looked into, after {self._descriptions.searched} others'
             self.other_topics[topic] = type_name
             return False
         try:
             found = imus_in(topic, type_name, serialization, definition, self.options)
         except ImuAllanError as error:
             self.reasons[topic] = str(error)
-        if by_definition and (found or topic in self.reasons):
-            self._searched += 1
         if not found:
             self.other_topics[topic] = type_name
         self.topics += [ImuTopic(name, count, messages, topic)
@@ -151,6 +148,14 @@ class Recording(ABC):
                 self.thermometers.append(ImuTopic(topic, count, thermometer_in(
                     type_name, serialization, definition)))
         return bool(found)
+
+    def keeps(self, size: int) -> bool:
+        """Whether a description of so many bytes is kept; where not, that is told."""
+        kept = self._descriptions.keep(size)
+        if not kept:
+            self.remark('many_definitions', 'what it says about its topics is longer than any '
+                        'recorder writes; the topics from there on are not read')
+        return kept
 
     def list_own_thermometer(self, imu: ImuTopic) -> None:
         """Enter the temperature that the messages of an Imu topic hold, if they do."""

@@ -107,7 +107,7 @@ class McapRecording(FileRecording):
         self._counts: dict[int, int] = {}
         self._counted = False
         self._chunk_starts: list[int] = []
-        self._descriptions = 0
+        self._described = 0
         with stored.open('rb') as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise ImuAllanError(f'{printable(path)}: not an MCAP file')
@@ -223,8 +223,8 @@ class McapRecording(FileRecording):
         known = self._schemas if opcode == Opcode.SCHEMA else self._channels
         if number in known or len(body) > _LARGEST_DESCRIPTION:
             return None
-        self._descriptions += 1
-        if self._descriptions > _MOST_DESCRIPTIONS:
+        self._described += 1
+        if self._described > _MOST_DESCRIPTIONS or not self.keeps(len(body)):
             return None
         if opcode == Opcode.SCHEMA:
             schema = _parsed(Schema.read, body)

@@ -162,12 +162,20 @@ class Ros1Recording(FileRecording):
 
     def _describe(self, header: Ros1Header, data: bytes) -> None:
         """Remember a connection record."""
-        if len(self._connections) > _MOST_CONNECTIONS:
-            return
         with suppress(DamagedHeader):
+            number = header.number('conn', 4)
+            if number in self._connections:
+                return
+            topic = header.text('topic')
+            if not self.keeps(len(topic) + len(data)):
+                return
+            if len(self._connections) == _MOST_CONNECTIONS:
+                self.remark('many_topics', f'its first {_MOST_CONNECTIONS:,} connections are '
+                            'listed, the others are not read')
+                return
             fields = Ros1Header(data)
-            self._connections[header.number('conn', 4)] = _Connection(
-                header.text('topic'), fields.text('type'),
+            self._connections[number] = _Connection(
+                topic, fields.text('type'),
                 fields.get('message_definition').decode('utf-8', 'replace'))
 
     def _list_topics(self) -> None:

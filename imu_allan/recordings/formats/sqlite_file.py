@@ -22,6 +22,7 @@ import tempfile
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.descriptions import Descriptions
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.message_compression import is_compressed, unpacked_message
 from imu_allan.recordings.formats.rollback_journal import copy_plain, left_beside, roll_back
@@ -229,7 +230,7 @@ class SqliteRecording(Recording):
     def _list_topics(self) -> None:
         with self._database() as database:
             self._numbers, self.topics, self.other_topics = {}, [], {}
-            self.reasons, self._searched, self.thermometers = {}, 0, []
+            self.reasons, self.thermometers, self._descriptions = {}, [], Descriptions()
             database.execute('SELECT id, topic_id, timestamp, data FROM messages LIMIT 0')
             kinds: dict[str, str] = {}
             room = self._room

@@ -52,6 +52,18 @@ def may_hold_imu(type_name: str) -> bool:
     return type_name.partition('/')[0] not in _OF_ROS
 
 
+def is_parsed(topic: str, type_name: str, definition: Definition, options: RecordingOptions
+              ) -> bool:
+    """Whether it takes the definition itself, not its name alone, to read or to refuse a topic."""
+    kind = normal_name(type_name)
+    if _named(topic, options) != (None, None):
+        return True
+    if kind in IMU_TYPES:
+        return False
+    return kind in KNOWN or kind in TEMPERATURE_TYPES or (
+        may_hold_imu(kind) and _shows_imu(definition))
+
+
 def imus_in(
     topic: str, type_name: str, serialization: Serialization,
     definition: Definition | None, options: RecordingOptions,
@@ -104,8 +116,7 @@ def _imus_in(
     topic: str, kind: str, serialization: Serialization,
     definition: Definition | None, options: RecordingOptions,
 ) -> dict[str, ImuMessages]:
-    gyro = options.gyro if options.gyro_topic in (None, topic) else None
-    accel = options.accel if options.accel_topic in (None, topic) else None
+    gyro, accel = _named(topic, options)
     if gyro is not None or accel is not None:
         types = _types(kind, serialization, definition, options)
         fields = _chosen(types, kind, gyro, accel, options.stamp)
@@ -125,7 +136,7 @@ def _imus_in(
     carried = definition or _outside(kind, options)
     if carried is None:
         raise NotRead(_undefined(kind))
-    if not any(sign in carried.text for sign in _SIGNS):
+    if not _shows_imu(carried):
         return {}
     types = parse(kind, carried, serialization)
     found = found_by_shape(types, kind)
@@ -133,6 +144,16 @@ def _imus_in(
         topic if len(found) == 1 else f'{topic}.{fields.gyro.paths[0].rpartition(".angular")[0]}':
         ImuMessages(kind, serialization, fields, types, factors)
         for fields in found if fields.gyro is not None}
+
+
+def _named(topic: str, options: RecordingOptions) -> tuple[str | None, str | None]:
+    """Give the fields of gyroscope and accelerometer that the user names for a topic."""
+    return (options.gyro if options.gyro_topic in (None, topic) else None,
+            options.accel if options.accel_topic in (None, topic) else None)
+
+
+def _shows_imu(definition: Definition) -> bool:
+    return any(sign in definition.text for sign in _SIGNS)
 
 
 def thermometer_in(type_name: str, serialization: Serialization, definition: Definition | None,

@@ -10,6 +10,7 @@ from bags import block, IMU, read, ros1_record, write_bag, write_mcap
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.recordings.formats import effort
 from imu_allan.recordings.formats.gather import gather, in_batches
+from imu_allan.recordings.open_recording import open_recording
 from measured_command import run
 import numpy as np
 import pytest
@@ -84,6 +85,86 @@ def test_messages_that_expand_within_a_chunk_that_expands_are_not_held(tmp_path)
     status, _, complaint, _, kilobytes = run('analyze', path, '--no-progress')
     assert (status, complaint.count('\n')) == (1, 1)
     assert kilobytes < 500_000
+
+
+def text(content: bytes) -> bytes:
+    return struct.pack('<I', len(content)) + content
+
+
+def channels(first: int, definitions: list[bytes]) -> bytes:
+    """Describe topics of an MCAP, of a type each."""
+    return b''.join(
+        record(3, struct.pack('<H', number) + text(b'a/msg/T%d' % number) + text(b'ros2msg')
+               + text(definition))
+        + record(4, struct.pack('<HH', number, number) + text(b'/t%d' % number) + text(b'cdr')
+                 + bytes(4)) for number, definition in enumerate(definitions, first))
+
+
+def connections(first: int, definitions: list[bytes]) -> bytes:
+    """Describe topics of a ROS 1 bag of a type each."""
+    return b''.join(
+        ros1_record(b''.join(map(text, (b'topic=/t%d' % number, b'type=a/T%d' % number,
+                                        b'md5sum=*', b'message_definition=' + definition))),
+                    op=b'\7', conn=struct.pack('<I', number), topic=b'/t%d' % number)
+        for number, definition in enumerate(definitions, first))
+
+
+LONG = 15 * [b'#' + b'a' * 4_190_000]
+"""A chunk of them has 63 MB."""
+
+
+def mcap_of_definitions(path: Path) -> Path:
+    return with_chunks(path, b''.join(
+        chunk(channels(first, LONG)) for first in range(100, 145, 15)))
+
+
+def bag_of_definitions(path: Path) -> Path:
+    """Write a ROS 1 bag whose index is left out, and chunks of definitions."""
+    write_bag(path, MESSAGES)
+    content = path.read_bytes()
+    index = struct.unpack('<Q', content[content.index(b'index_pos=') + 10:][:8])[0]
+    added = b''
+    for first in range(100, 145, 15):
+        plain = connections(first, LONG)
+        added += ros1_record(bz2.compress(plain, 1), op=b'\5', compression=b'bz2',
+                             size=struct.pack('<I', len(plain)))
+    path.write_bytes(content[:index] + added)
+    return path
+
+
+@pytest.mark.parametrize(('write', 'most_kb'), [
+    (mcap_of_definitions, 220_000),
+    pytest.param(bag_of_definitions, 350_000, marks=pytest.mark.slow)])
+def test_definitions_that_a_few_kilobytes_expand_to_are_not_kept(tmp_path, write, most_kb):
+    path = write(tmp_path / 'a')
+    assert path.stat().st_size < 500_000
+    status, out, complaint, _, kilobytes = run('info', path, '--no-progress')
+    assert (status, complaint) == (0, '')
+    assert '/imu' in out
+    assert 'says about its topics is longer than any recorder writes' in ' '.join(out.split())
+    assert kilobytes < most_kb
+
+
+def test_definitions_that_take_long_to_parse_are_not_all_searched(tmp_path):
+    # Whatever is wrong with them costs little; what is right with them took 3 s a megabyte.
+    path = with_chunks(tmp_path / 'a', chunk(channels(100, 60 * [
+        b'sensor_msgs/Imu ] ' + b'a' * 100_000])))
+    with open_recording(path) as recording:
+        assert [imu.name for imu in recording.topics] == ['/imu']
+        told = list(recording.reasons.values())
+    assert len(told) == 60
+    assert all('cannot be parsed' in reason for reason in told[:20])
+    assert set(told[20:]) == {'not looked into, after 20 others'}
+
+
+@pytest.mark.slow
+def test_connections_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path):
+    path = write_bag(tmp_path / 'a.bag', MESSAGES)
+    with path.open('ab') as file:
+        file.write(connections(100, 70_000 * [b'']))
+    after, [remark] = read(path)
+    assert len(after) == len(MESSAGES)
+    assert 'its first 65,536 connections are listed, the others are not read' in remark.message
 
 
 def test_messages_whose_size_always_changes_are_decoded_a_few_at_a_time():
