@@ -33,6 +33,7 @@ from imu_allan.wording import duration
 
 if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
+    from imu_allan.noise.axis_fit import AxisFit
 
 _WHOLE_PART = 0.99
 """Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
@@ -116,10 +117,19 @@ def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
     return _as_one([stream for stream, *_ in taken], results)
 
 
-def result_of(taken: Sequence[Taken]) -> Result:
-    """Return the result of what was taken so far of a recording, of one stream or two halves."""
-    return _as_one([stream for stream, *_ in taken],
-                   [characterization.result(remarks) for _, characterization, remarks in taken])
+def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:
+    """
+    Return the result of what was taken so far of a recording, of one stream or two halves.
+
+    With it the fit of every axis that it was made of.
+    """
+    results: list[Result] = []
+    fits: dict[str, AxisFit | None] = {}
+    for stream, characterization, remarks in taken:
+        result, own = characterization.fitted(remarks)
+        results.append(result)
+        fits |= {name: fit for name, fit in own.items() if name.startswith(stream.half or '')}
+    return _as_one([stream for stream, *_ in taken], results), fits
 
 
 def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),  # noqa: B008

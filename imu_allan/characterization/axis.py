@@ -30,7 +30,6 @@ from imu_allan.noise.outlook import outlook
 from imu_allan.noise.saturation import cut_off
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import white_ratio
-from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import (
@@ -119,7 +118,6 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
                  fits: Sequence[AxisFit | None] | None = None,
-                 temperature: TemperatureCourse | None = None,
                  corners_hz: Sequence[float | None] | None = None
                  ) -> list[tuple[AxisResult, list[Remark]]]:
     """
@@ -134,9 +132,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     quantities : sequence of Quantity
         What each axis measures.
     fits : sequence of AxisFit or None, optional
-        Of every axis, where they are not those of the estimator alone.
-    temperature : TemperatureCourse, optional
-        Over the same record.
+        Of every axis, where they are there already, or not those of the estimator alone.
     corners_hz : sequence of float or None, optional
         Of a high-pass that each axis is known to have come through, whatever `fits` show.
 
@@ -154,7 +150,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     columns = finished.signal.columns()
     signals = _signals(finished, columns, dt)
     found = []
-    fits = fit_axes(finished, dt, temperature) if fits is None else fits
+    fits = fit_axes(finished, dt) if fits is None else fits
     for axis, (quantity, fitted_axis) in enumerate(zip(quantities, fits, strict=True)):
         base = replace(_empty(quantity, float(mean[axis]) if finished.samples else None),
                        signal=signals[axis])

@@ -25,6 +25,7 @@ from imu_allan.characterization.findings import (
 from imu_allan.characterization.group import Group
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import AXES
@@ -232,6 +233,12 @@ class Characterization:
             If a recording is mostly motion, or the timeline cannot make sense of it.
 
         """
+        return self.fitted(remarks, tested=tested)[0]
+
+    def fitted(self, remarks: Iterable[Remark] = (), *,
+               tested: Mapping[str, Backtest | None] | None = None
+               ) -> tuple[Result, dict[str, AxisFit | None]]:
+        """Return the result, as `result` does, and the fit of every axis that it was made of."""
         twin = self.snapshot()
         try:
             twin.finish()
@@ -246,12 +253,12 @@ class Characterization:
                 f'{self._path}, topic {self._topic}: the IMU moves during most of the recording; '
                 'record it at rest, choose a still part with --start and --duration, or keep '
                 'everything with --motion keep')
-        axes, found = twin._axes(summary, tested)
+        axes, found, fits = twin._axes(summary, tested)
         source = Source(self._kind, self._path, self._topic, summary.frame_id,
                         summary.start_time, summary.clock)
         return Result(__version__, source, summary.timeline, axes,
                       (*remarks, *summary.remarks, *found),
-                      temperature=twin._shown_temperature(summary))
+                      temperature=twin._shown_temperature(summary)), fits
 
     def _shown_temperature(self, summary: TimelineSummary) -> Signal | None:
         """Return the temperature over time, as a picture shows it."""
@@ -262,32 +269,35 @@ class Characterization:
         return first.thermometer.signal(first.estimator.finished().signal.columns(), 1 / rate)
 
     def _axes(self, summary: TimelineSummary, tested: Mapping[str, Backtest | None] | None
-              ) -> tuple[dict[str, AxisResult], list[Remark]]:
+              ) -> tuple[dict[str, AxisResult], list[Remark], dict[str, AxisFit | None]]:
         rate = summary.timeline.sample_rate_hz
         if not self._groups:
-            return {}, []
+            return {}, [], {}
         if rate is None:
             return {}, [Remark('unknown_rate',
-                               'the sample rate cannot be told from so few stamps')]
+                               'the sample rate cannot be told from so few stamps')], {}
         axes: dict[str, AxisResult] = {}
+        fits: dict[str, AxisFit | None] = {}
         remarks: list[Remark] = []
         unclear: set[str] = set()
         for group in self._groups:
-            axes |= self._fitted(group, rate, remarks, unclear, tested)
+            axes |= self._fit_group(group, rate, remarks, unclear, tested, fits)
         axes = {name: bounded(axes[name]) if name in summary.turned else axes[name]
                 for name in AXES if name in axes}
         unclear.update(summary.turned)
         remarks += warm_up_remarks(axes, summary.timeline.duration_s)
-        return axes, remarks + length_remarks(axes, summary, unclear)
+        return axes, remarks + length_remarks(axes, summary, unclear), fits
 
-    def _fitted(self, group: Group, rate: float, remarks: list[Remark], unclear: set[str],
-                tested: Mapping[str, Backtest | None] | None) -> dict[str, AxisResult]:
-        """Fit a group; what is worth telling goes to `remarks`, and to `unclear` its names."""
+    def _fit_group(self, group: Group, rate: float, remarks: list[Remark], unclear: set[str],
+                   tested: Mapping[str, Backtest | None] | None,
+                   fits: dict[str, AxisFit | None]) -> dict[str, AxisResult]:
+        """Fit a group into `fits`; what is worth telling goes to `remarks`, names to `unclear`."""
         names, finished = group.names, group.estimator.finished()
         series = finished.periodogram
         heat = group.temperature(finished, rate)
-        fitted = axis_results(finished, rate, [AXES[name] for name in names],
-                              temperature=heat.course if heat is not None else None)
+        own_fits = fit_axes(finished, 1 / rate, heat.course if heat is not None else None)
+        fits.update(zip(names, own_fits, strict=True))
+        fitted = axis_results(finished, rate, [AXES[name] for name in names], own_fits)
         if tested is None:
             tested = dict(zip(names, backtest(series.series, series.cell, 1 / rate), strict=True))
         axes = {name: replace(axis, backtest=tested.get(name) if axis.drift_model else None)

@@ -135,7 +135,7 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
 def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read until the verdict is certain, and say after how long it was."""
-    from imu_allan.analysis import growing, result_of
+    from imu_allan.analysis import fitted_of, growing
     from imu_allan.timeline import TimelineOptions
     from imu_allan.wording import duration as said
     from imu_allan.writers.datasheet.live import next_look, standing
@@ -147,11 +147,11 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
                     duration_s=args.duration)
     with closing(looks):
         for taken in looks:
-            result = result_of(taken)
+            result, fits = fitted_of(taken)
             found = standing({f'{stream.half or ""}': characterization
                               for stream, characterization, _ in taken}, specification,
                              margin=args.margin / 100, shortest_s=args.min_duration,
-                             result=result)
+                             result=result, fits=fits)
             if found.decided:
                 break
         print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')

@@ -10,14 +10,15 @@ the IMU off, and goes on with the power-on that it finds.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import turn_on_bias
 from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.stream import FinishedRecord
+from imu_allan.noise.saturation import is_cut_off
 from imu_allan.result import Result, TurnOnBias
 
 MOST = 1000
@@ -27,6 +28,22 @@ _SHORTEST_S = 10.0
 _ABSURD = 2.0**62
 """More samples do not come in a life time, and no sensor's mean is so large."""
 _BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
+
+
+class End(NamedTuple):
+    """
+    An end of the values that an axis gave.
+
+    Attributes
+    ----------
+    value : float
+    samples : int
+        How many stood there.
+
+    """
+
+    value: float
+    samples: int
 
 
 @dataclass(frozen=True)
@@ -43,12 +60,18 @@ class Mark:
     first : float
         The first of them, of the first axis: where a run that has begun on a moving robot has
         begun anew with its first stop, the first is another.
+    ends : mapping of str to (End, End)
+        By axis, how many of all samples stood at the lowest and at the highest value.
+    cut_off : tuple of str
+        The axes whose samples of this power-on were cut off at an end: their mean is none.
 
     """
 
     samples: int
     means: Mapping[str, float]
     first: float
+    ends: Mapping[str, tuple[End, End]] = field(default_factory=dict)
+    cut_off: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -74,7 +97,7 @@ class PowerOns:
         if boot and boot == self.boot:
             return self
         record = characterization.record()
-        ended = self.ended if record is None else (*self.ended, _mark(record))[-MOST:]
+        ended = self.ended if record is None else (*self.ended, self._mark(record))[-MOST:]
         return PowerOns(boot, ended)
 
     def entered(self, result: Result, characterization: Characterization) -> Result:
@@ -92,7 +115,7 @@ class PowerOns:
         record = characterization.record() if self.ended else None
         if record is None:
             return result
-        now = _mark(record)
+        now = self._mark(record)
         spread: dict[str, TurnOnBias] = {}
         for name, axis in result.axes.items():
             if not mean_is_known(axis):
@@ -104,6 +127,20 @@ class PowerOns:
                 spread[name] = turn_on_bias(
                     [mean for mean, _ in means], axis, [duration_s for _, duration_s in means])
         return replace(result, turn_on_bias=spread)
+
+    def _mark(self, record: FinishedRecord) -> Mark:
+        """Return where the run stands at the end of its latest power-on."""
+        estimator = record.estimator
+        first = 0.0 if estimator.reference is None else float(estimator.reference[0])
+        # Where the run has begun anew, or nothing is known of the ends, all samples count.
+        before = self.ended[-1] if self.ended and self.ended[-1].first == first else None
+        ends = _ends(record)
+        cut_off = [name for axis, name in enumerate(record.names)
+                   if any(is_cut_off(estimator, axis, count, samples)
+                          for count, samples in _own(name, ends[name], estimator.samples, before))]
+        return Mark(estimator.samples,
+                    dict(zip(record.names, estimator.mean.tolist(), strict=True)), first, ends,
+                    tuple(cut_off))
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold of them."""
@@ -122,7 +159,8 @@ class PowerOns:
         """
         marks = [Mark(int(mark['samples']),
                       {str(name): float(mean) for name, mean in mark['means'].items()},
-                      float(mark['first']))
+                      float(mark['first']), _ends_from(mark.get('ends', {})),
+                      tuple(map(str, mark.get('cut_off', ()))))
                  for mark in document['ended'][-MOST:]]
         if not all(0 <= mark.samples < _ABSURD and abs(mean) < _ABSURD
                    for mark in marks for mean in mark.means.values()):
@@ -138,11 +176,30 @@ def boot_id() -> str:
         return ''
 
 
-def _mark(record: FinishedRecord) -> Mark:
-    first = record.estimator.reference
-    return Mark(record.estimator.samples,
-                dict(zip(record.names, record.estimator.mean.tolist(), strict=True)),
-                0.0 if first is None else float(first[0]))
+def _ends(record: FinishedRecord) -> dict[str, tuple[End, End]]:
+    """Return the lowest and the highest value of every axis, about the first sample."""
+    estimator = record.estimator
+    return {name: (End(float(estimator.lowest[axis]), int(estimator.at_ends[0, axis])),
+                   End(float(estimator.highest[axis]), int(estimator.at_ends[1, axis])))
+            for axis, name in enumerate(record.names)}
+
+
+def _ends_from(document: Mapping[str, Any]) -> dict[str, tuple[End, End]]:
+    """Go on from what JSON holds of them."""
+    return {str(name): (End(float(low[0]), int(low[1])), End(float(high[0]), int(high[1])))
+            for name, (low, high) in document.items()}
+
+
+def _own(name: str, ends: tuple[End, End], samples: int, before: Mark | None
+         ) -> Iterator[tuple[int, int]]:
+    """Give how many of how many samples since a mark stand at either end."""
+    own = samples - (before.samples if before is not None else 0)
+    for number, end in enumerate(ends):
+        earlier = before.ends[name][number] if before and name in before.ends else End(0.0, 0)
+        # At an end that has moved on no earlier sample stands.
+        count = end.samples - (earlier.samples if earlier.value == end.value else 0)
+        if own > 0:
+            yield count, own
 
 
 def _of_each(name: str, marks: tuple[Mark, ...]) -> Iterator[tuple[float, int]]:
@@ -151,5 +208,6 @@ def _of_each(name: str, marks: tuple[Mark, ...]) -> Iterator[tuple[float, int]]:
     for mark in marks:
         if name in mark.means and mark.first == marks[-1].first and mark.samples > samples:
             own = mark.samples - samples
-            yield (mark.means[name] * mark.samples - mean * samples) / own, own
+            if name not in mark.cut_off:
+                yield (mark.means[name] * mark.samples - mean * samples) / own, own
             samples, mean = mark.samples, mark.means[name]

@@ -2,14 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs that start from a result: export, check, report."""
 
+import functools
 import json
 from pathlib import Path
 import re
 import xml.etree.ElementTree as ElementTree
 
 import imu_allan
+from imu_allan.characterization import stream
 from imu_allan.cli.main import main
 from imu_allan.noise.terms import AXES
+from imu_allan.writers.datasheet import live
 from imu_allan.writers.filters import CONSUMERS
 from imu_allan.writers.result_file import save_result
 import pytest
@@ -212,6 +215,18 @@ def test_a_live_check_of_a_constant_sensor_fails_at_once(tmp_path, capsys):
                  '--live']) == 3
     assert capsys.readouterr().out.splitlines()[-1] == \
         '  gyro_x N: the axis is constant: every sample is 0.5 rad/s'
+
+
+def test_a_live_check_fits_once_a_look(recording, tmp_path, monkeypatch):
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 deg/s/sqrt(Hz)}')
+    fits, looks = [], []
+    for module, called, calls in ((stream, 'fit_axes', fits), (live, 'fit_axes', fits),
+                                  (live, 'check', looks)):
+        monkeypatch.setattr(module, called, functools.partial(
+            lambda calls, real, *args, **options: calls.append(1) or real(*args, **options),
+            calls, getattr(module, called)))
+    assert main(['check', str(recording), '--spec', str(tmp_path / 'spec.yaml'), '--live']) == 0
+    assert len(fits) == len(looks) > 0
 
 
 def test_a_live_check_of_a_result_is_one_line(result_file, tmp_path, capsys):

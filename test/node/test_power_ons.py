@@ -34,13 +34,14 @@ def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return path
 
 
-def feed(run: Run, mean: float, seed: int) -> float:
+def feed(run: Run, mean: float, seed: int, count: int = SAMPLES, most: float = np.inf) -> float:
     """Give samples of one power-on; return their own mean of the first axis."""
-    samples = np.random.default_rng(seed).normal(0, SIGMA, (SAMPLES, 6))
+    samples = np.random.default_rng(seed).normal(0, SIGMA, (count, 6))
     samples[:, :3] += mean
-    stamps = np.rint((seed * 10**5 + np.arange(SAMPLES) / RATE_HZ) * 1e9).astype(np.int64)
+    samples = np.minimum(samples, most)
+    stamps = np.rint((seed * 10**5 + np.arange(count) / RATE_HZ) * 1e9).astype(np.int64)
     run.lanes[0].characterization.update(ImuBlock(stamps, stamps, samples,
-                                         np.zeros((SAMPLES, 2), bool), 'imu'))
+                                         np.zeros((count, 2), bool), 'imu'))
     return float(samples[:, 0].mean())
 
 
@@ -99,10 +100,46 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
 
+@pytest.mark.parametrize('cut_off', [0, 2, 3])
+def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: int) -> None:
+    run = new_run(SETUP)
+    for number in range(4):
+        if number:
+            boot.write_text(f'boot {number}')
+            run = resumed(run)
+        if number == cut_off:
+            # Two fifths of it stand at the limit, but less than a hundredth of the run.
+            feed(run, 0.5, number, count=int(12 * RATE_HZ), most=0.5 + 0.25 * SIGMA)
+        else:
+            feed(run, 0.02 * number, number, count=int(200 * RATE_HZ))
+    others = [0.02 * number for number in range(4) if number != cut_off]
+    result = run.snapshot().result()
+    assert result.axes['gyro_x'].saturated is None
+    assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(others, ddof=1), rel=0.02)
+
+
+def test_power_ons_of_a_state_without_ends_are_read(boot: Path) -> None:
+    run = new_run(SETUP)
+    for number in range(3):
+        if number:
+            boot.write_text(f'boot {number}')
+            run = resumed(run)
+        feed(run, 0.1 * number, number)
+    found = run.lanes[0].power_ons
+    document = found.to_dict()
+    for mark in document['ended']:
+        del mark['ends'], mark['cut_off']
+    old = PowerOns.from_dict(json.loads(json.dumps(document)))
+    characterization = run.lanes[0].characterization
+    result = characterization.result()
+    assert old.entered(result, characterization) == found.entered(result, characterization)
+
+
 @pytest.mark.parametrize('document', [
     {}, {'boot': 'a', 'ended': 3}, {'boot': 'a', 'ended': [{}]},
     {'boot': 'a', 'ended': [{'samples': 'many', 'means': {}, 'first': 0}]},
-    {'boot': 'a', 'ended': [{'samples': 3, 'means': [], 'first': 0}]}])
+    {'boot': 'a', 'ended': [{'samples': 3, 'means': [], 'first': 0}]},
+    {'boot': 'a', 'ended': [{'samples': 3, 'means': {}, 'first': 0, 'ends': {'gyro_x': 1}}]}])
 def test_what_is_no_list_of_power_ons_is_refused(document: Any) -> None:
     with pytest.raises((KeyError, TypeError, ValueError, AttributeError)):
         PowerOns.from_dict(document)

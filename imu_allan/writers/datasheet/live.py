@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from imu_allan.characterization import Characterization
+from imu_allan.characterization.stream import FinishedRecord
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.fit import COLUMNS
 from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
@@ -45,7 +46,8 @@ class Standing:
 
 def standing(stream: Characterization | Mapping[str, Characterization],
              specification: NoiseModel, *, margin: float = MARGIN, error: float = ERROR,
-             shortest_s: float = 0.0, result: Result | None = None) -> Standing:
+             shortest_s: float = 0.0, result: Result | None = None,
+             fits: Mapping[str, AxisFit | None] | None = None) -> Standing:
     """
     Look how a unit stands against its datasheet.
 
@@ -68,6 +70,8 @@ def standing(stream: Characterization | Mapping[str, Characterization],
         From a shorter record nothing passes.
     result : Result, optional
         What `stream` makes; needed where it is two halves.
+    fits : mapping of axis name to AxisFit or None, optional
+        What the result was made of, which spares making it again.
 
     Returns
     -------
@@ -82,23 +86,22 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     halves = {'': stream} if isinstance(stream, Characterization) else stream
     if result is None:
         [alone] = halves.values()
-        result = alone.result(tested={})
+        result, fits = alone.fitted(tested={})
     verdicts = check(result, specification, shortest_s=shortest_s)
     records = {half: each.record() for half, each in halves.items()}
-    fits: dict[str, AxisFit | None] = {}
     recorded = float('inf')
-    for half, record in records.items():
+    for record in records.values():
         if record is None or record.estimator.samples < SMALLEST_RECORD:
             return Standing(False, tuple(_open(verdict) for verdict in verdicts),
                             result.timeline.duration_s)
         recorded = min(recorded, record.estimator.samples / record.rate_hz)
-        fitted = zip(record.names, fit_axes(record.estimator, 1 / record.rate_hz,
-                                            record.temperature), strict=True)
-        # The test knows the terms of a sensor, not what a filter behind it leaves of them.
-        fits |= {name: fit for name, fit in fitted if name.startswith(half)
-                 and result.axes[name].high_passed_hz is None}
+    if fits is None:
+        fits = _fits(records)
     limited = sum(verdict.key in COLUMNS for verdict in verdicts)
-    settled = [_settled(verdict, fits.get(verdict.axis), margin, error, max(limited, 1), recorded)
+    # The test knows the terms of a sensor, not what a filter behind it leaves of them.
+    raw = {name: fit for name, fit in fits.items()
+           if name in result.axes and result.axes[name].high_passed_hz is None}
+    settled = [_settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
                if verdict.key in COLUMNS else (verdict, verdict.verdict != 'cannot tell')
                for verdict in verdicts]
     found = [verdict for verdict, _ in settled]
@@ -111,6 +114,17 @@ def standing(stream: Characterization | Mapping[str, Characterization],
         found = [verdict if done else _open(verdict, why) for verdict, done in settled]
         return Standing(True, tuple(found), recorded)
     return Standing(all(done for _, done in settled), tuple(found), recorded)
+
+
+def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | None]:
+    """Fit every axis of an IMU, of one in halves those of either half."""
+    fits: dict[str, AxisFit | None] = {}
+    for half, record in records.items():
+        if record is not None:
+            fitted = fit_axes(record.estimator, 1 / record.rate_hz, record.temperature)
+            fits |= {name: fit for name, fit in zip(record.names, fitted, strict=True)
+                     if name.startswith(half)}
+    return fits
 
 
 def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float, limited: int,
