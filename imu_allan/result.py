@@ -327,6 +327,14 @@ class Saturation:
 
 
 @dataclass(frozen=True)
+class Deadband:
+    """Small values of an axis given as zero: up to which magnitude, and the share of zeros."""
+
+    width: float
+    share: float
+
+
+@dataclass(frozen=True)
 class AxisResult:
     """
     Everything known about one axis.
@@ -334,9 +342,9 @@ class AxisResult:
     `band_limit_s` is the effective window of a low-pass, where one was found, and `band_edge_hz`
     the highest frequency that was fitted, where what lies above was left out. An axis that
     `stood_still` gave one value for so long, and has no coefficients; no more has one that is
-    `saturated`, or came through a filter that takes out what is slower than `high_passed_hz`, of
-    the mean too. Of several recordings the one with the fault gives no coefficients; those of the
-    others are told.
+    `saturated`, has a `deadband`, or came through a filter that takes out what is slower than
+    `high_passed_hz`, of the mean too. Of several recordings the one with the fault gives no
+    coefficients; those of the others are told.
     """
 
     quantity: str
@@ -359,6 +367,7 @@ class AxisResult:
     stood_still: Span | None = None
     high_passed_hz: float | None = None
     saturated: Saturation | None = None
+    deadband: Deadband | None = None
 
     @property
     def constant(self) -> bool:
@@ -366,13 +375,15 @@ class AxisResult:
         return bool(self.curve.adev) and not any(self.curve.adev)
 
     @property
-    def fault(self) -> Literal['constant', 'dead', 'saturated'] | None:
-        """Why the axis does not measure, where it does not: dead, for a while or in one record."""
+    def fault(self) -> Literal['constant', 'dead', 'saturated', 'zeroed'] | None:
+        """Why the axis does not measure, for a while or in one record: zeroed is by a deadband."""
         if self.constant:
             return 'constant'
         if self.stood_still is not None:
             return 'dead'
-        return None if self.saturated is None else 'saturated'
+        if self.saturated is not None:
+            return 'saturated'
+        return None if self.deadband is None else 'zeroed'
 
     def __str__(self) -> str:
         """Return the coefficients in a line, SI units, with their 95 % intervals."""

@@ -8,6 +8,7 @@ from math import floor, log10
 
 from imu_allan.characterization.findings import (
     constant_remark,
+    deadband_remark,
     fit_remarks,
     high_pass_remark,
     leaving_remark,
@@ -19,6 +20,7 @@ from imu_allan.characterization.findings import (
 from imu_allan.noise.axis_fit import AxisFit, fit_axes, sample_noise, still_stretch
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
+from imu_allan.noise.deadband import deadband
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
@@ -36,6 +38,7 @@ from imu_allan.result import (
     AxisResult,
     Coefficient,
     Curve,
+    Deadband,
     DriftModel,
     GaussMarkov,
     GoodnessOfFit,
@@ -159,6 +162,10 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             if finished.samples and finished.lowest[axis] == finished.highest[axis]:
                 remarks = [constant_remark(float(mean[axis]), quantity)]
                 curve = _flat_curve(points, dt)
+            elif (dead := deadband(finished, axis)) is not None:
+                base = replace(base, deadband=Deadband(dead.width, dead.share))
+                remarks = [deadband_remark(dead, quantity)]
+                curve = _curve(points, axis, dt, FittedModel({}), {})
             elif (still := still_stretch(finished, axis)) is not None:
                 span = Span(still[0] * dt, still[1] * dt)
                 remarks = [still_remark(span)]

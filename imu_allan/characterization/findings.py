@@ -7,6 +7,7 @@ from math import ceil, inf, isfinite, isinf
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
+from imu_allan.noise.deadband import Deadband
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
@@ -49,6 +50,15 @@ def saturated_remark(end: CutOff, quantity: Quantity) -> Remark:
                   f'{quantity.unit}, the {"highest" if end.is_highest else "lowest"} value: the '
                   'output is cut off there, noise is higher than it seems; no coefficient is '
                   'told, choose a larger range or another position')
+
+
+def deadband_remark(found: Deadband, quantity: Quantity) -> Remark:
+    """Say that small values are given as zero."""
+    return Remark('deadband',
+                  f'{100 * found.share:.0f} % of the samples are exactly 0, and none lies between '
+                  f'0 and {found.width:.3g} {quantity.unit}: the driver gives small values as 0 '
+                  '(a deadband), noise is higher than it seems; no coefficient is told, switch '
+                  'the deadband off')
 
 
 def high_pass_remark(corner_hz: float) -> Remark:

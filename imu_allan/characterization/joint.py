@@ -267,8 +267,10 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
             still = Span(start + span.start_s, span.duration_s)
         start += length
     ends = [end for part in parts if (end := part.result.axes[name].saturated) is not None]
+    bands = [band for part in parts if (band := part.result.axes[name].deadband) is not None]
     return replace(axis, stood_still=still,
-                   saturated=max(ends, key=lambda end: end.share, default=axis.saturated))
+                   saturated=max(ends, key=lambda end: end.share, default=axis.saturated),
+                   deadband=max(bands, key=lambda band: band.share, default=axis.deadband))
 
 
 def _timeline(timelines: Sequence[Timeline], rate_hz: float) -> Timeline:

@@ -128,6 +128,7 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
                              'the noise; take the raw topic')
     if any(axis.fault is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
-                             'range, or stood still; see the warnings of the axes')
+                             'range, stood still or has a deadband; see the warnings of the '
+                             'axes')
     return ImuAllanError(f'{path}: no coefficient: {result.timeline.samples} samples are too few; '
                          'record for longer')

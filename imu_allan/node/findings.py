@@ -14,6 +14,7 @@ _REMEDIES = {
     'mostly_motion': 'let the IMU rest, or set motion to keep',
     'stood_still': 'look at the sensor and its driver, then call ~/reset',
     'saturated': 'then call ~/reset',
+    'deadband': 'then call ~/reset',
     'unit_g': 'set accel_unit to g to say so, to m/s^2 to take the numbers as they are',
 }
 

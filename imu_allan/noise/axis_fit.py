@@ -8,6 +8,7 @@ from functools import partial
 from itertools import pairwise
 
 from imu_allan.noise.agreement import PARTS
+from imu_allan.noise.deadband import deadband
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit, Spectra
 from imu_allan.noise.groups import bins_of, grouped, Groups
@@ -84,8 +85,8 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     Returns
     -------
     list of AxisFit or None
-        None for an axis that is constant, all the time or for a part of it, or is cut off, or a
-        record that is too short.
+        None for an axis that is constant, all the time or for a part of it, is cut off, has a
+        deadband, or a record that is too short.
 
     """
     pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
@@ -131,8 +132,9 @@ def sample_noise(finished: Estimator) -> NDArray[np.float64]:
 
 
 def tells_nothing(finished: Estimator, axis: int) -> bool:
-    """Tell whether an axis gave one value, all the time or for a part of it, or is cut off."""
+    """Tell whether an axis is constant, for a while or throughout, cut off, or has a deadband."""
     return (finished.lowest[axis] == finished.highest[axis]
+            or deadband(finished, axis) is not None
             or still_stretch(finished, axis) is not None
             or cut_off(finished, axis) is not None)
 

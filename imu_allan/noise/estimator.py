@@ -1,12 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""The streaming estimator: evenly spaced samples in, everything the fit needs out."""
+"""The streaming estimator, in one class as every part takes in the same chunks of samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise.cells import MOST_RUNS
 from imu_allan.noise.ends import count_ends, merge_ends
+from imu_allan.noise.near_zero import BINS, count_near_zero
 from imu_allan.noise.periodogram import BLOCK, Periodogram
 from imu_allan.noise.pyramid import Pyramid
 from imu_allan.noise.signal_over_time import Signal
@@ -75,6 +76,8 @@ class Estimator:
         self.highest = np.full(axes, -np.inf)
         self.step = np.full(axes, np.inf)
         self.at_ends = np.zeros((2, axes), dtype=np.int64)
+        self.at_zero = np.zeros(axes, dtype=np.int64)
+        self.near_zero = np.zeros((axes, BINS), dtype=np.int64)
         self._chunk = np.zeros((axes, CHUNK))
         self._n = _Counters()
 
@@ -182,6 +185,7 @@ class Estimator:
         twin.reference = None if self.reference is None else self.reference.copy()
         twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
         twin.step, twin.at_ends = self.step.copy(), self.at_ends.copy()
+        twin.at_zero, twin.near_zero = self.at_zero.copy(), self.near_zero.copy()
         twin._chunk = self._chunk.copy()
         twin._n = _Counters(**vars(self._n))
         return twin
@@ -211,6 +215,7 @@ class Estimator:
         twin.lowest, twin.highest = self.lowest[some], self.highest[some]
         twin.step, twin._chunk = self.step[some], self._chunk[some]
         twin.at_ends = self.at_ends[:, some]
+        twin.at_zero, twin.near_zero = self.at_zero[some], self.near_zero[some]
         return twin
 
     @property
@@ -254,6 +259,8 @@ class Estimator:
         merge_ends((self.lowest, self.highest, self.at_ends),
                    (theirs.lowest + shift, theirs.highest + shift, theirs.at_ends))
         self.step = np.minimum(self.step, theirs.step)
+        self.at_zero += theirs.at_zero
+        self.near_zero += theirs.near_zero
         self._n.samples += theirs.samples
         self._n.bridged += theirs.bridged
         self._n.runs += runs
@@ -265,6 +272,8 @@ class Estimator:
             return
         rows = self._chunk[:, :n.held]
         count_ends(rows, self.lowest, self.highest, self.at_ends)
+        assert self.reference is not None
+        count_near_zero(rows, self.reference, self.at_zero, self.near_zero)
         if n.resolved < _RESOLUTION_SAMPLES:
             n.resolved += n.held
             jumps = np.abs(np.diff(rows, axis=1))
@@ -292,6 +301,8 @@ class Estimator:
             'chunk': self._chunk[:, :self._n.held].copy(),
             'range': np.array([self.lowest, self.highest, self.step]),
             'at_ends': self.at_ends.copy(),
+            'at_zero': self.at_zero.copy(),
+            'near_zero': self.near_zero.copy(),
         }
         if self.reference is not None:
             state['reference'] = self.reference
@@ -318,17 +329,23 @@ class Estimator:
         chunk = np.array(state['chunk'], dtype=np.float64)
         ranges = np.array(state['range'], dtype=np.float64)
         # A state of an earlier release has no counts: they begin here, and are too low then.
-        at_ends = np.array(state.get('at_ends', np.zeros((2, len(chunk)))), dtype=np.int64)
+        at_ends, at_zero, near_zero = (
+            np.array(state.get(key, np.zeros(shape)), dtype=np.int64) for key, shape in (
+                ('at_ends', (2, len(chunk))), ('at_zero', len(chunk)),
+                ('near_zero', (len(chunk), BINS))))
         counters = _Counters(*(int(value) for value in state['counters']))
         if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
                 or ranges.shape != (3, len(chunk)) or at_ends.shape != (2, len(chunk))
-                or np.any((at_ends < 0) | (at_ends > counters.samples))
+                or at_zero.shape != (len(chunk),) or near_zero.shape != (len(chunk), BINS)
+                or any(np.any((counts < 0) | (counts > counters.samples))
+                       for counts in (at_ends, at_zero, near_zero))
                 or not 0 <= counters.runs < MOST_RUNS):
             raise ValueError('arrays of the estimator do not fit together')
         self = cls(len(chunk))
         self._n = counters
         self._chunk[:, :counters.held] = chunk
         (self.lowest, self.highest, self.step), self.at_ends = ranges.copy(), at_ends
+        self.at_zero, self.near_zero = at_zero, near_zero
         if 'reference' in state:
             self.reference = np.array(state['reference'], dtype=np.float64)
         self.pyramid = Pyramid.from_state(part('pyramid'))

@@ -175,6 +175,26 @@ def test_an_axis_that_is_cut_off_is_told_in_a_result_that_fails_its_limit():
     assert 'the axis is saturated: 50.0 % of the samples stand at' in verdicts['accel_z'].reason
 
 
+def test_a_deadband_is_told_in_a_result_that_fails_its_limit():
+    rows = still_imu(20_000)
+    rows[:, 0] -= rows[:, 0].mean()
+    rows[np.abs(rows[:, 0]) < 2 * rows[:, 0].std(), 0] = 0.0
+    result = characterized(rows)
+    (text,) = [w.message for w in result.warnings if w.code == 'deadband']
+    assert re.fullmatch(
+        r'gyro_x: 9\d % of the samples are exactly 0, and none lies between 0 and [\d.e-]+ rad/s: '
+        r'the driver gives small values as 0 \(a deadband\), noise is higher than it seems; no '
+        'coefficient is told, switch the deadband off', text)
+    assert not any(c.observable for c in result.axes['gyro_x'].coefficients.values())
+    assert [name for name, axis in result.axes.items() if axis.fault] == ['gyro_x']
+    assert Result.from_dict(json.loads(result.to_json())) == result
+    verdicts = {verdict.axis: verdict for verdict in check(
+        result, parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}'))}
+    assert verdicts['gyro_y'].verdict == 'pass'
+    assert verdicts['gyro_x'].verdict == 'fail'
+    assert 'the axis has a deadband: 9' in verdicts['gyro_x'].reason
+
+
 def test_no_message_gives_no_axis():
     result = Characterization(kind='topic', topic='/imu').result()
     assert result.axes == {}
@@ -247,7 +267,7 @@ def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
             bag = write_recording(tmp_path / f'{storage}_{compression}_{beside}', messages,
                                   storage=storage, compression=compression)
             document = analyze(bag).to_dict()
-            document['source']['path'] = None
+            document['source'] |= {'path': None, 'files': None}
             expected = expected or document
             assert document == expected
     stream = Characterization(kind='recording', topic='/imu/data_raw')

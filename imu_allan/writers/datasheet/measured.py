@@ -61,7 +61,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     Returns
     -------
     str or None
-        A sentence with the word: missing, constant, dead or saturated.
+        A sentence with the word: missing, constant, dead, saturated or deadband.
 
     """
     if axis is None:
@@ -73,6 +73,9 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.saturated is not None:
         return (f'the axis is saturated: {100 * axis.saturated.share:.1f} % of the samples stand '
                 f'at {axis.saturated.value:.6g} {axis.unit}, noise is higher than it seems')
+    if axis.deadband is not None:
+        return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
+                'exactly 0, noise is higher than it seems')
     density = axis.coefficients['noise_density']
     highest = density.ci95[1] if density.ci95 is not None else density.upper95
     if density_limit and highest is not None and highest < DEAD * density_limit:
@@ -254,6 +257,8 @@ def _doubt_of_mean(axis: AxisResult) -> str | None:
         return _FILTERED
     if axis.saturated is not None:
         return 'the axis is saturated, and its mean with it; choose a larger range'
+    if axis.deadband is not None:
+        return 'the axis has a deadband, and its mean is not known; switch the deadband off'
     return ('the noise density does not show, and with it what the mean is worth; record for '
             'longer')
 

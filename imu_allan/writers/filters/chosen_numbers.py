@@ -228,7 +228,8 @@ class Numbers:
             elif not self.of_axis[name]:
                 why = ('every sample is the same' if axis.constant else
                        f'its output is cut off at {axis.saturated.value:.6g} {axis.unit}'
-                       if axis.saturated is not None else 'too few samples'
+                       if axis.saturated is not None else 'small values are given as zero'
+                       if axis.deadband is not None else 'too few samples'
                        if axis.stood_still is None else
                        f'it stood still for {duration(axis.stood_still.duration_s)}')
                 said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '

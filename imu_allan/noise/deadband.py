@@ -1,0 +1,80 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether small values of an axis are given as zero: samples at zero, and a hole on both sides of it.
+
+A sensor that rounds has a value at every step beside zero; a deadband has none between zero and
+its width, but many just beyond. Magnitudes are counted in bins of constant ratio, so that records
+add up and the step of the output need not be known.
+"""
+
+from typing import NamedTuple
+
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.near_zero import BINS_PER_OCTAVE, lower_edge
+import numpy as np
+
+_LEAST_SHARE = 0.01
+"""A deadband of a fiftieth of sigma holds that many, and takes next to nothing off the noise."""
+_FEWEST = 20
+"""Samples beyond the hole: where values are as dense within, none there is one in e^20."""
+
+
+class Deadband(NamedTuple):
+    """
+    Where small values are given as zero.
+
+    Attributes
+    ----------
+    width : float
+        No magnitude lies between zero and this one, in the unit of a sample.
+    share : float
+        Of the samples that are zero.
+
+    """
+
+    width: float
+    share: float
+
+
+def deadband(finished: Estimator, axis: int) -> Deadband | None:
+    """
+    Tell whether an axis gives small values as zero.
+
+    Parameters
+    ----------
+    finished : Estimator
+        As `Estimator.finished` returns it.
+    axis : int
+        Its number.
+
+    Returns
+    -------
+    Deadband or None
+        None where there is none, where values lie on one side of zero alone, or where the output
+        steps so coarsely that the next value is twice the first.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).normal(size=2000)
+    >>> estimator = Estimator()
+    >>> estimator.update(np.where(abs(noise) < 1.0, 0.0, noise))
+    >>> found = deadband(estimator.finished(), 0)
+    >>> round(found.width, 2), round(found.share, 2)
+    (1.0, 0.69)
+
+    """
+    zeros, sizes = int(finished.at_zero[axis]), finished.near_zero[axis]
+    if (finished.reference is None or zeros < max(1, _LEAST_SHARE * finished.samples)
+            or not finished.lowest[axis] < -finished.reference[axis] < finished.highest[axis]):
+        return None
+    # Samples that stand in for missing ones are means of others, and may lie anywhere.
+    beyond = np.flatnonzero(np.cumsum(sizes) > finished.bridged)
+    if not len(beyond):
+        return None
+    first = int(beyond[0])
+    # Of an output that steps, the second value lies an octave above the first.
+    behind = int(sizes[first + 1:first + BINS_PER_OCTAVE - 1].sum())
+    if behind < _FEWEST + finished.bridged:
+        return None
+    return Deadband(lower_edge(first), zeros / finished.samples)

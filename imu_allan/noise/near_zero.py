@@ -1,0 +1,54 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""How many samples are zero, and how large the others are, in constant memory."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+BINS_PER_OCTAVE = 8
+"""Steps of 9 %: they tell 2 from 3 units of a step, and both from 4."""
+_LOWEST_OCTAVE, _OCTAVES = -40, 64
+"""From 1e-12 to 1e7, in any unit that a sample has."""
+BINS = BINS_PER_OCTAVE * _OCTAVES
+_MANY = 0.01
+"""Share of zeros in a chunk from which on magnitudes are looked at, which takes its time."""
+
+
+def count_near_zero(rows: Array, reference: Array, zeros: Counts, sizes: Counts) -> None:
+    """
+    Count the samples that are zero, and where these are many the magnitudes of the others.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (axes, n)
+        The next samples about `reference`, one at least.
+    reference : ndarray, shape (axes,)
+        What was subtracted from them.
+    zeros : ndarray of int64, shape (axes,)
+        How many samples are zero, which is changed.
+    sizes : ndarray of int64, shape (axes, BINS)
+        How many are of each magnitude, see `lower_edge`; changed, too.
+
+    """
+    here = np.count_nonzero(rows == -reference[:, None], axis=1)
+    zeros += here
+    for axis in np.flatnonzero(here >= _MANY * rows.shape[1]):
+        magnitude = np.abs(rows[axis] + reference[axis])
+        places = np.floor(BINS_PER_OCTAVE * (np.log2(magnitude[magnitude > 0]) - _LOWEST_OCTAVE))
+        sizes[axis] += np.bincount(np.clip(places, 0, BINS - 1).astype(np.intp), minlength=BINS)
+
+
+def lower_edge(place: int) -> float:
+    """
+    Return the least magnitude in a bin.
+
+    Examples
+    --------
+    >>> lower_edge(320)
+    1.0
+
+    """
+    return float(2.0**(_LOWEST_OCTAVE + place / BINS_PER_OCTAVE))

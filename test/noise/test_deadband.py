@@ -1,0 +1,79 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.deadband import deadband
+from imu_allan.noise.estimator import Estimator
+import numpy as np
+import pytest
+
+WHITE = np.random.default_rng(7).normal(size=30_000)
+
+
+def shown(samples, bridged=0):
+    estimator = Estimator(1 if samples.ndim == 1 else samples.shape[1])
+    estimator.update(samples, bridged)
+    return estimator.finished()
+
+
+def without_small(samples, width):
+    return np.where(np.abs(samples) < width, 0.0, samples)
+
+
+@pytest.mark.parametrize('width', [0.25, 0.5, 1.0, 2.0, 2.5])
+@pytest.mark.parametrize('step', [1e-4, 0.02, 0.1])
+@pytest.mark.parametrize('mean', [0.0, 0.4])
+def test_a_deadband_is_told(width, step, mean):
+    for unit in (1e-5, 1.0):
+        stepped = step * np.round((WHITE + mean) / step)
+        found = deadband(shown(unit * without_small(stepped, width)), 0)
+        assert found.width == pytest.approx(unit * width, rel=0.1, abs=unit * step)
+        assert found.share == np.mean(np.abs(stepped) < width)
+        assert deadband(shown(unit * stepped), 0) is None
+
+
+@pytest.mark.parametrize('rounded', [np.round, np.trunc, np.floor])
+def test_noise_in_steps_has_no_deadband(rounded):
+    rng = np.random.default_rng(3)
+    for sigma in np.geomspace(0.1, 30, 40):
+        rows = sigma * rng.normal(size=(4000, 20)) + rng.uniform(-2, 2, 20)
+        rows[2000:2040] *= rng.choice([1, 30], 20)
+        for unit in (1.0, np.deg2rad(0.061)):
+            finished = shown((rounded(rows) * unit).astype(np.float32))
+            assert [axis for axis in range(20) if deadband(finished, axis)] == []
+
+
+def test_samples_that_stand_in_for_missing_ones_make_and_hide_no_deadband():
+    rng = np.random.default_rng(5)
+    missing = rng.random(len(WHITE)) < 0.02
+    for samples, there in ((without_small(WHITE, 1.0), True), (np.round(WHITE), False)):
+        filled = np.where(missing, np.convolve(samples, np.full(16, 1 / 16), 'same'), samples)
+        assert (deadband(shown(filled, int(missing.sum())), 0) is not None) == there
+
+
+def test_zeros_in_place_of_readings_are_no_deadband():
+    lost = np.random.default_rng(5).random(len(WHITE)) < 0.05
+    for mean in (0.0, 2.0, 300.0):
+        assert deadband(shown(np.where(lost, 0.0, WHITE + mean)), 0) is None
+
+
+def test_zeros_are_counted_however_samples_arrive():
+    rows = without_small(WHITE, 1.0) + 0.0
+    whole = shown(rows)
+    bits = Estimator()
+    for part in np.array_split(rows, 77):
+        bits.update(part)
+        bits = Estimator.from_state(bits.to_state()).copy().taken([0])
+    merged = shown(rows[:9001])
+    merged.merge(shown(rows[9001:]))
+    bits = bits.finished()
+    for other in (bits, merged):
+        assert other.at_zero.tolist() == whole.at_zero.tolist()
+    assert bits.near_zero.tolist() == whole.near_zero.tolist()
+    assert merged.near_zero.sum() == whole.near_zero.sum()
+    assert deadband(merged, 0).width == pytest.approx(1.0, rel=0.1)
+
+
+def test_an_axis_with_a_deadband_has_no_fit():
+    fits = fit_axes(shown(np.stack((WHITE, without_small(WHITE, 1.0)), axis=1)), 0.01)
+    assert fits[0] is not None
+    assert fits[1] is None
