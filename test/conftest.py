@@ -5,6 +5,7 @@
 import os
 import signal
 
+from hypothesis import settings
 import pytest
 
 # A suite that a script starts in the background inherits that Ctrl-C is ignored, and so would
@@ -13,6 +14,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 # Workers of pytest-xdist are told that they are 80 columns wide; what is tested is a pipe.
 os.environ.pop('COLUMNS', None)
+# GNU readline, which pytest imports, says so to children alone, past os.environ.
+os.unsetenv('COLUMNS')
+# Hypothesis judges one example by the clock, the first of them with its imports; on a machine that
+# is shared that says nothing. Who must be fast has a test of its own.
+settings.register_profile('unhurried', deadline=None)
+settings.load_profile('unhurried')
 
 
 @pytest.fixture

@@ -26,9 +26,10 @@ from imu_allan.recordings.formats.csv_header import (
     with_units_below,
 )
 from imu_allan.recordings.formats.csv_times import interval_of_no_imu, seconds_in
+from imu_allan.recordings.formats.csv_written_times import written_time, WrittenTimes
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, ImuTopic
-from imu_allan.wording import NO_TOPIC
+from imu_allan.wording import NO_TOPIC, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -92,11 +93,14 @@ class CsvRecording(FileRecording):
         first_rejected = ''
         line = self._first_line
         time_unit_s: float | None = None
+        written = (WrittenTimes(columns.delimiter, columns.time)
+                   if columns.written and columns.time is not None else None)
         for text, position in self._texts():
             lines = (text.replace(',', '.') if self._decimal_comma else text).split('\n')
             if lines[-1] == '':
                 lines.pop()
-            table, stamps, time_unit_s, bad = _parse(lines, columns, time_unit_s)
+            table, stamps, time_unit_s, bad = _parse(
+                lines if written is None else written.counted(lines), columns, time_unit_s)
             if bad:
                 first_rejected = first_rejected or (
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
@@ -118,6 +122,8 @@ class CsvRecording(FileRecording):
 
     def _with_known_times(self, columns: Columns, samples: str) -> Columns:
         """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
+        if _are_written(samples.split('\n')[:_FIRST_LINES], columns):
+            return replace(columns, time_unit='ns', written=True)
         found = interval_of_no_imu(
             _first_times(samples.split('\n')[:_FIRST_LINES], columns))
         if found is None:
@@ -203,11 +209,15 @@ class CsvRecording(FileRecording):
 
     def _read_header(self, header: str) -> Columns:
         try:
-            return read_header(header, self.options)
+            return read_header(header, self.options, self.path.name)
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
 
     def _tell_ignored(self, columns: Columns) -> None:
+        if columns.by_file_name is not None:
+            self.remark('guessed_columns', f'x, y and z are taken for the '
+                        f'{SENSORS[columns.by_file_name].lower()}, which the name of the file '
+                        'speaks of; --columns gyro_x=x,gyro_y=y,gyro_z=z (or accel_x=...) decides')
         if columns.lookalikes:
             self.remark('ignored_columns', 'columns that may be axes were not understood: '
                         f'{_listed(columns.lookalikes)}; --columns '
@@ -290,6 +300,17 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     if columns.nanoseconds is not None:
         stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
+
+
+def _are_written(lines: Sequence[str], columns: Columns) -> bool:
+    """Whether the first time of all is a date, or a time of day."""
+    if columns.time is None or columns.nanoseconds is not None:
+        return False
+    for line in lines:
+        cells = line.split(columns.delimiter)
+        if len(cells) > columns.time and cells[columns.time].strip(_QUOTES):
+            return written_time(cells[columns.time]) is not None
+    return False
 
 
 def _first_times(lines: Sequence[str], columns: Columns) -> NDArray[np.float64]:

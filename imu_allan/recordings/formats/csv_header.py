@@ -1,13 +1,16 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the columns of a CSV file are, by its header line.
+What the columns of a CSV file are, by its header line, in one module as names share marks.
 
 Known are the project's own names (``time_s``, ``gyro_x``), those of EuRoC and TUM-VI
 (``#timestamp [ns],w_RS_S_x [rad s^-1]``), of ``rostopic echo -p``
 (``%time,field.angular_velocity.x``), of PlotJuggler (``__time,/imu/angular_velocity/x``), of
-phyphox (``"Gyroscope x (rad/s)"``), of UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), short ones
-(``t,gx,ay``), and whatever the user names or, where there is no header line, numbers.
+phyphox (``"Gyroscope x (rad/s)"``), of UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), of bagpy
+(``header.stamp.secs,header.stamp.nsecs,angular_velocity.x``), of phones (SensorLog, AndroSensor),
+short ones (``t,gx,ay``), and whatever the user names or, where there is no header line, numbers.
+Where names say no more than x, y and z, their unit tells the sensor (``X (rad/s)``), or the file's
+name does (``Gyroscope.csv``, as Sensor Logger writes it).
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,17 +19,20 @@ import re
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
+from imu_allan.recordings.formats.csv_guesses import guessed_axes
 from imu_allan.recordings.formats.csv_names import (
     is_better_clock,
-    is_later_clock,
     is_temperature,
     lookalikes,
+    may_stand_beside,
     meaning_of,
     name_and_unit,
+    numbered_axes,
+    split_seconds,
     unit_in_name,
     WORDS,
 )
-from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 
@@ -39,6 +45,9 @@ _LOOKED_AT = 1 << 14
 """Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
 _SHOWN = 80
 """Characters of a line that no name was found in."""
+_WRITTEN_UNIT = re.compile(r'te?xt|text|iso.*|utc.*|gmt.*|local.*|[+-]\d\d:?\d\d|[yhd]+\W.*',
+                           re.IGNORECASE)
+"""What stands in the place of a unit where times are written out."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,10 @@ class Columns:
         Those of `ignored` that look like the axes of a sensor that was not found.
     axes : tuple of (int, int, float)
         Column of the file, column of the samples, factor to SI units.
+    by_file_name : str or None
+        'gyro' or 'accel', where nothing but the name of the file tells the sensor.
+    written : bool
+        Whether times are dates, or times of day.
     ignored : tuple of str
         Names of the others.
 
@@ -78,6 +91,8 @@ class Columns:
     temperature: int | None = None
     headless: bool = False
     lookalikes: tuple[str, ...] = ()
+    by_file_name: str | None = None
+    written: bool = False
 
     @property
     def used(self) -> list[int]:
@@ -86,9 +101,18 @@ class Columns:
         return time + [column for column, _, _ in self.axes]
 
 
-def read_header(header: str, options: RecordingOptions) -> Columns:
+def read_header(header: str, options: RecordingOptions, file_name: str = '') -> Columns:
     """
     Understand the header line of a file.
+
+    Parameters
+    ----------
+    header : str
+        The line.
+    options : RecordingOptions
+        With the columns that the user names.
+    file_name : str, optional
+        Which may tell the sensor where the line does not.
 
     Raises
     ------
@@ -107,18 +131,20 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
     time: int | None = None
     time_name, time_unit = '', None
     axes: dict[str, tuple[int, int, float]] = {}
-    ignored: list[str] = []
+    others: list[int] = []
     temperature: int | None = None
-    for column, cell in enumerate(cells):
-        name, unit = name_and_unit(cell)
+    plain = [name_and_unit(cell) for cell in cells]
+    counted = numbered_axes([name for name, _ in plain])
+    parts = None if headless or chosen else split_seconds([name for name, _ in plain])
+    for column, (name, unit) in enumerate(plain):
         meaning, stated = chosen.get(column, (None, None))
         unit = stated or unit
         if by_name and meaning is None and not headless:
-            meaning = meaning_of(name)
-            # The user has named another.
-            meaning = None if chosen and meaning == 'time' else meaning
+            meaning = counted.get(name) or meaning_of(name)
+            # The user has named another, or two columns say it to the nanosecond.
+            meaning = None if (chosen or parts) and meaning == 'time' else meaning
         if meaning == 'time':
-            if time is not None and not is_later_clock(time_name, name):
+            if time is not None and not may_stand_beside(time_name, name):
                 raise ImuAllanError('two time columns')
             if time is None or is_better_clock(time_name, name):
                 time, time_name, time_unit = column, name, _time_unit(name, unit)
@@ -131,8 +157,17 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
                 [str(column + 1)] if headless else [name, names[column]], options.temperature,
                 temperature is not None):
             temperature = column
-        else:
-            ignored.append(cell.strip())
+        elif parts is None or column not in parts:
+            others.append(column)
+    by_file_name = None
+    if by_name and not headless:
+        known = {axis.partition('_')[0] for axis in axes}
+        guessed, by_file_name = guessed_axes(plain, others, known, file_name)
+        axes |= {axis: (column, list(AXES).index(axis),
+                        _factor('', plain[column][1], axis, options))
+                 for axis, column in guessed.items()}
+    taken = {column for column, _, _ in axes.values()}
+    ignored = [cells[column].strip() for column in others if column not in taken]
     if not axes:
         shown = ','.join(cell.strip() for cell in cells)[:_SHOWN]
         raise ImuAllanError(
@@ -141,10 +176,12 @@ def read_header(header: str, options: RecordingOptions) -> Columns:
             'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
     if headless:
         ignored = []
+    if parts is not None:
+        time, time_unit = parts[0], 's'
     missing = any(all(not axis.startswith(sensor) for axis in axes) for sensor in WORDS)
     return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
-                   temperature=temperature, headless=headless,
-                   lookalikes=tuple(lookalikes(ignored)) if missing and not chosen else ())
+                   parts[1] if parts is not None else None, temperature, headless,
+                   tuple(lookalikes(ignored)) if missing and not chosen else (), by_file_name)
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
@@ -188,7 +225,7 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
 def _cells(header: str) -> tuple[str | None, list[str]]:
     """Tell what stands between the cells of a line, and take them apart."""
     plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
-    marks = [mark for mark in (',', ';', '\t') if mark in plain]
+    marks = [mark for mark in (',', ';', '\t', '|') if mark in plain]
     if len(marks) > 1 and all(map(_is_number, filter(str.strip, plain.split(marks[1])))):
         # Numbers with decimal commas.
         del marks[0]
@@ -272,18 +309,22 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
 
 
 def _time_unit(name: str, unit: str | None) -> str | None:
-    if unit is not None:
+    if unit is not None and _WRITTEN_UNIT.fullmatch(unit.strip()) is None:
         _converted(name, unit.strip(), 's')
         return unit.strip()
     return unit_in_name(name)
 
 
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
+    unit = unit or unit_in_name(name)
     if unit is None:
         return options.factors[0 if axis.startswith('gyro') else 1]
-    # EuRoC writes rad s^-1.
+    # EuRoC writes rad s^-1, others m/s2, and phones G.
     spelled = re.sub(r'(?<=\w)\s+(?=\w)', '*', unit.strip())
-    return _converted(name, spelled, AXES[axis].unit)
+    spelled = re.sub(r'(?<=s)(?=-?2$)', '^', spelled)
+    if spelled == 'G' and axis.startswith('accel'):
+        spelled = 'g'
+    return _converted(name, spelled, RAD_PER_S if axis.startswith('gyro') else M_PER_S2)
 
 
 def _converted(name: str, unit: str, si_unit: str) -> float:

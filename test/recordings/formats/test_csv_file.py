@@ -221,13 +221,98 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('time;gx;gy;gz;ax;ay;az\n1,5;1,0;2,0;3;4;5;6,0\n', [1_500_000_000]),
     ('# A Logger, device 4\n# gyro_range = 250.0 dps\nt,a_x,a_y,a_z,g_x,g_y,g_z\n1,4,5,6,1,2,3\n',
      [10**9]),
+    ('Timestamp,X_acc,Y_acc,Z_acc,pitch,X_gyro,Y_gyro,Z_gyro\n1,4,5,6,0,1,2,3\n', [10**9]),
+    ('timestamp,acc1,acc2,acc3,gyro1,gyro2,gyro3\n1,4,5,6,1,2,3\n', [10**9]),
+    ('t,gyro_0,gyro_1,gyro_2,accel_0,accel_1,accel_2\n1,1,2,3,4,5,6\n', [10**9]),
+    ('Time,header.seq,header.stamp.secs,header.stamp.nsecs,header.frame_id,angular_velocity.x,'
+     'angular_velocity.y,angular_velocity.z,linear_acceleration.x,linear_acceleration.y,'
+     f'linear_acceleration.z\n7.5,1,{STAMP // 10**9},{STAMP % 10**9},imu,1,2,3,4,5,6\n', [STAMP]),
+    ('secs,nsecs,imu.wx,imu.wy,imu.wz,imu.ax,imu.ay,imu.az\n1,5,1,2,3,4,5,6\n', [10**9 + 5]),
+    ('timestamp_ms,seconds_elapsed,ax_mps2,ay_mps2,az_mps2,gx_rad_s,gy_rad_s,gz_rad_s\n'
+     '1,9,4,5,6,1,2,3\n', [1_000_000]),
+    ('loggingTime(txt)|accelerometerTimestamp_sinceReboot(s)|accelerometerAccelerationX(m/s^2)|'
+     'accelerometerAccelerationY(m/s^2)|accelerometerAccelerationZ(m/s^2)|'
+     'gyroTimestamp_sinceReboot(s)|gyroRotationX(rad/s)|gyroRotationY(rad/s)|gyroRotationZ(rad/s)|'
+     'motionUserAccelerationX(m/s^2)|motionUserAccelerationY(m/s^2)|'
+     'motionUserAccelerationZ(m/s^2)\n2019-07-10 14:51:07.234 +0900|2.5|4|5|6|2.5|1|2|3|7|8|9\n',
+     [2_500_000_000]),
+    ('ACCELEROMETER X (m/s²);ACCELEROMETER Y (m/s²);ACCELEROMETER Z (m/s²);GYROSCOPE X (rad/s);'
+     'GYROSCOPE Y (rad/s);GYROSCOPE Z (rad/s);MAGNETIC FIELD X (μT);Time since start in ms ;'
+     'YYYY-MO-DD HH-MI-SS_SSS\n4;5;6;1;2;3;0;250;2019-07-10 14:51:07:234\n', [250_000_000]),
+    ('local_time,X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
+     '1970-01-01T00:00:02.5,1,2,3,4,5,6\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'short', 'omega',
-        'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments'])
+        'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments',
+        'axis first', 'counted from one', 'counted from zero', 'bagpy', 'seconds in two',
+        'units in names', 'sensorlog', 'androsensor', 'units alone'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     path.write_text(text)
     messages, _ = read(path)
     assert messages.header_ns.tolist() == stamps
     assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6]] * len(stamps)
+
+
+@pytest.mark.parametrize(('header', 'factors'), [
+    ('gx_dps,gy_dps,gz_dps,ax_g,ay_g,az_g', (pi / 180, 9.80665)),
+    ('Gyro X (deg/s),Gyro Y (deg/s),Gyro Z (deg/s),Acc X (G),Acc Y (G),Acc Z (G)',
+     (pi / 180, 9.80665)),
+    ('x-axis (deg/s),y-axis (deg/s),z-axis (deg/s),Acc X (m/s2),Acc Y (m/s2),Acc Z (m/s2)',
+     (pi / 180, 1.0)),
+])
+def test_units_stand_in_names_in_many_ways(path, header, factors):
+    path.write_text(f't,{header}\n1,1,2,3,4,5,6\n')
+    messages, _ = read(path)
+    assert messages.samples[0] == pytest.approx(
+        np.arange(1, 7) * np.repeat(factors, 3), rel=1e-15)
+
+
+@pytest.mark.parametrize('header', [
+    't,magX (G),magY (G),magZ (G)', 't,FreeAcc_X (m/s^2),FreeAcc_Y (m/s^2),FreeAcc_Z (m/s^2)',
+    't,a.x (rad/s),a.y (rad/s),a.z (rad/s),b.x (rad/s),b.y (rad/s),b.z (rad/s)', 't,x,y,z',
+    't,gyro0,gyro1,gyro2,gyro3', 't,gyro_x_raw,gyro_y_raw,gyro_z_raw', 't,xgyro,ygyro,zgyro'])
+def test_what_may_be_something_else_is_not_taken(path, header):
+    text = f'{header}\n' + ','.join('1' * (header.count(',') + 1)) + '\n'
+    assert refusal(path, text).startswith('the first line names none of the axes')
+
+
+@pytest.mark.parametrize(('name', 'columns'), [
+    ('Gyroscope.csv', [0, 1, 2]), ('TotalAcceleration.csv', [3, 4, 5])])
+def test_the_name_of_a_file_tells_the_sensor_of_x_y_and_z(tmp_path, name, columns):
+    path = tmp_path / name
+    path.write_text(f'time,seconds_elapsed,z,y,x\n{STAMP},1.5,3,2,1\n')
+    messages, remarks = read(path)
+    assert messages.header_ns.tolist() == [STAMP]
+    assert messages.samples[0, columns].tolist() == [1, 2, 3]
+    assert messages.absent.tolist() == [[columns[0] != 0, columns[0] == 0]]
+    sensor = 'gyroscope' if columns[0] == 0 else 'accelerometer'
+    assert remarks[0].message == (
+        f'{path}: x, y and z are taken for the {sensor}, which the name of the file speaks of; '
+        '--columns gyro_x=x,gyro_y=y,gyro_z=z (or accel_x=...) decides')
+
+
+@pytest.mark.parametrize(('first', 'second', 'start', 'step'), [
+    ('2014-06-24T19:02:59.758555392Z', '2014-06-24T19:02:59.763555392Z', STAMP, 5_000_000),
+    ('2014-06-25 04:02:59.758 +0900', '2014-06-24 19:02:59.760+00:00', STAMP - 555_392, 2_000_000),
+    ('2014/06/24 07:02:59.5 PM', '2014/06/24 07:03:00.5 pm', STAMP - 258_555_392, 10**9),
+    ('12:34:56.789', '12:34:56.790', 45_296_789_000_000, 1_000_000),
+    ('"4/5/2024 23:59:59.999"', '"4/6/2024 0:00:00.001"', 86_399_999_000_000, 2_000_000),
+    ('23:59:59:500', '00:00:00:000', 86_399_500_000_000, 500_000_000),
+])
+def test_times_may_be_written_out(path, first, second, start, step):
+    path.write_text(f'time,gx\n{first},1\n{second},2\n')
+    messages, remarks = read(path)
+    assert messages.header_ns.tolist() == [start, start + step]
+    assert messages.samples[:, 0].tolist() == [1, 2]
+    assert remarks == []
+
+
+@pytest.mark.parametrize('time', ['2014-02-30T00:00:00', '25:00:00', '12:61:00', 'noon', '12:34'])
+def test_a_written_time_that_is_none_costs_its_line(path, time):
+    path.write_text(f'time [UTC],gx\n12:34:56,1\n{time},2\n12:34:57,3\n')
+    messages, [remark] = read(path)
+    assert np.diff(messages.header_ns).tolist() == [10**9]
+    assert messages.samples[:, 0].tolist() == [1, 3]
+    assert f'line 3: {time},2' in remark.message
 
 
 def test_columns_of_any_name_can_be_named(path):
@@ -335,8 +420,8 @@ def test_units_below_may_be_marked_in_any_way(path, units):
 
 
 def test_a_unit_below_that_nobody_knows_is_told(path):
-    assert refusal(path, 'time,gyro_x,accel_z\ns,deg/s,G\n0.5,180,1\n1.0,90,2\n') == (
-        'column accel_z: G cannot be turned into m/s^2')
+    assert refusal(path, 'time,gyro_x,accel_z\ns,deg/s,LSB\n0.5,180,1\n1.0,90,2\n') == (
+        'column accel_z: LSB cannot be turned into m/s^2')
 
 
 def test_a_temperature_once_a_second_needs_no_unit_of_time(path):
