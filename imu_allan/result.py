@@ -212,6 +212,9 @@ class Segment:
     ci95 : (float, float) or None
     drift_sigma : float or None
         Standard deviation of the slow part of the signal within the segment.
+    drift_ci95 : (float, float) or None
+        95 % interval of that of such segments: a slow drift is hardly more than a slope in each,
+        and what one shows says little about another.
 
     """
 
@@ -221,6 +224,7 @@ class Segment:
     noise_density: float | None
     ci95: Interval | None
     drift_sigma: float | None
+    drift_ci95: Interval | None = None
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from imu_allan.noise.axis_fit import AxisFit, fit_axes, sample_noise, still_stre
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.deadband import deadband
+from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
@@ -31,7 +32,7 @@ from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.saturation import cut_off
 from imu_allan.noise.signal_over_time import Columns
-from imu_allan.noise.stationarity import white_ratio
+from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import (
@@ -190,13 +191,13 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         fitted, lines = fitted_axis.fit, fitted_axis.lines
         remarks = [*fit_remarks(fitted, quantity),
                    *step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)]
-        parts = _stationarity(fitted_axis, axis, dt, finished)
-        if parts is not None and fitted_axis.steadiness is not None:
-            remarks += steadiness_remarks(fitted_axis.steadiness, parts.segments)
         values = {key: e.value for key, e in fitted.estimates.items()}
         drift = fit_drift_model(fitted_axis.groups, dt,
                                 fitted.gauss_markov.correlation_time_s if fitted.gauss_markov
                                 else None)
+        parts = _stationarity(fitted_axis, axis, dt, finished, drift)
+        if parts is not None and fitted_axis.steadiness is not None:
+            remarks += steadiness_remarks(fitted_axis.steadiness, parts.segments)
         seen = {key: e.observable for key, e in fitted.estimates.items()}
         forecast = outlook(values, seen, dt, finished.samples * dt)
         if fitted.walk_unclear:
@@ -254,18 +255,19 @@ def _gauss_markov(fitted: Fit) -> GaussMarkov | None:
         process.correlation_time_ci95)
 
 
-def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
-                  ) -> Stationarity | None:
+def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
+                  model: DriftModel | None) -> Stationarity | None:
     """Give the segments of an axis, each with its own mean, density and drift."""
     powers, steady = found.segments, found.steadiness
     if powers is None or steady is None or finished.reference is None:
         return None
     values = {key: e.value for key, e in found.fit.estimates.items()}
-    model = FittedModel(values)
     frequency = powers.frequency / dt
     density = found.fit.estimates['noise_density']
-    ratio = white_ratio(powers, axis, values['noise_density']**2, model.density(frequency, dt),
+    ratio = white_ratio(powers, axis, values['noise_density']**2,
+                        FittedModel(values).density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
+    drift = _drift_levels(powers, axis, dt, density.value**2, model)
     segments = []
     for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
         own, interval = None, None
@@ -273,13 +275,25 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator
             own = float(density.value * ratio[0][number])
             error = NORMAL95 * float(ratio[1][number])
             interval = own * (1 - error), own * (1 + error)
-        # What white noise leaves in the means of a part is no drift.
-        white = density.value**2 / (powers.drift_samples[number] * dt)
-        drift = float(np.sqrt(max(powers.drift[axis, number]**2 - white, 0.0)))
         segments.append(Segment(
             float(start * dt), float(count * dt),
-            float(finished.reference[axis] + powers.mean[axis, number]), own, interval, drift))
+            float(finished.reference[axis] + powers.mean[axis, number]), own, interval,
+            *drift[number]))
     return Stationarity(steady.steady, steady.p_value, tuple(segments))
+
+
+def _drift_levels(powers: SegmentPowers, axis: int, dt: float, white: float,
+                  model: DriftModel | None) -> list[tuple[float, Interval]]:
+    """Tell the level of the drift in every segment; most of them have parts of one length."""
+    found: dict[int, tuple[float, Interval]] = {}
+    for length in np.unique(powers.drift_samples):
+        here = np.flatnonzero(powers.drift_samples == length)
+        parts = round(float(powers.duration[here[0]] / length))
+        shape = np.zeros((parts, parts)) if model is None else drift_of_means(
+            model, float(length) * dt, parts)
+        levels = drift_levels(powers.drift[axis, here]**2, white / (float(length) * dt), shape)
+        found |= dict(zip(here.tolist(), levels, strict=True))
+    return [found[number] for number in range(len(powers.start))]
 
 
 def _trend(fitted: Fit) -> Trend:

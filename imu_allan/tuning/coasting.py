@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well a filter that holds the whole drift model predicts the mean over an outage."""
 
+from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.result import AxisResult, DriftModel, Tone
-from imu_allan.tuning.processes import drift_model_of, line_power, on_mean, rest_of_mean
+from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.state_space import space_of, StateSpace
 import numpy as np
 from numpy.typing import NDArray

@@ -1,12 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Moments of means over an interval of what a drift model is made of.
-
-A filter sees the rate as its mean over the time between two corrections, and a coast is the mean
-over an outage. Everything here is exact for such means; time enters through ``x``, the interval
-over the correlation time.
-"""
+"""What tuning takes of the result of an axis: its drift model, and what its lines leave."""
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import AxisResult, DriftModel, Tone
@@ -14,9 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-
-_SMALL = 1e-3
-"""Of x: there both series err by 1e-10, the formulas, which cancel, by 1e-9 at half of it."""
 
 
 def drift_model_of(axis: AxisResult) -> DriftModel:
@@ -38,41 +29,6 @@ def drift_model_of(axis: AxisResult) -> DriftModel:
         raise ImuAllanError('this axis has no drift model (it is constant, too short, or from a '
                             'result of an older version): analyze the recording again')
     return axis.drift_model
-
-
-def on_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
-    """
-    Weight of the state at the beginning in the mean over an interval.
-
-    Parameters
-    ----------
-    time_s : array_like
-        Correlation time of the process; infinite for a constant.
-    interval_s : array_like
-        Broadcast against `time_s`.
-
-    Returns
-    -------
-    ndarray
-
-    """
-    x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
-    return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0)
-
-
-def mean_variance(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
-    """Variance of the mean over an interval of a stationary process of unit variance."""
-    x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
-    # 2 (x - 1 + exp(-x))/x^2 cancels for a small x.
-    full = 2 / np.where(x > 0, x, 1) * (1 - on_mean(1.0, x))
-    return np.where(x < _SMALL, 1 - x / 3 + x * x / 12, full)
-
-
-def rest_of_mean(time_s: ArrayLike, interval_s: ArrayLike) -> Array:
-    """Variance of the mean over an interval about what the state at the beginning tells."""
-    x = np.asarray(interval_s, dtype=np.float64) / np.asarray(time_s)
-    full = mean_variance(1.0, x) - on_mean(1.0, x) ** 2
-    return np.where(x < _SMALL, 2 * x / 3 * (1 - 3 * x / 4 + 7 * x * x / 20), full)
 
 
 def line_power(tones: tuple[Tone, ...], interval_s: ArrayLike) -> Array:

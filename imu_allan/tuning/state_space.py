@@ -12,8 +12,9 @@ observation a, measurement s^2 (2 (tau/T)(1 - a) - a^2), cross s^2 a (1 - e). Th
 from dataclasses import dataclass
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.result import AxisResult, DriftModel, Tone
-from imu_allan.tuning.processes import drift_model_of, line_power, on_mean, rest_of_mean
+from imu_allan.tuning.processes import drift_model_of, line_power
 import numpy as np
 from numpy.typing import NDArray
 

@@ -24,14 +24,9 @@ from weakref import ref
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
+from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.result import AxisResult, GaussMarkov
-from imu_allan.tuning.processes import (
-    drift_model_of,
-    line_power,
-    mean_variance,
-    on_mean,
-    rest_of_mean,
-)
+from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
 from numpy.typing import NDArray

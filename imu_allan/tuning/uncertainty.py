@@ -3,10 +3,11 @@
 """What a recording does not know about the drift that it shows."""
 
 from imu_allan.noise import chi_square
+from imu_allan.noise.drift_level import drift_of_means
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
-from imu_allan.result import AxisResult, GaussMarkov
-from imu_allan.tuning.processes import drift_model_of, mean_variance, on_mean
+from imu_allan.result import AxisResult
+from imu_allan.tuning.processes import drift_model_of
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import polygamma
@@ -61,16 +62,7 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
     """
     model = drift_model_of(axis)
     part = duration_s / SEGMENT_PARTS
-    lag = np.abs(np.subtract.outer(np.arange(SEGMENT_PARTS), np.arange(SEGMENT_PARTS)))
-    # To a segment a walk is a process of a hundred times its length.
-    slowest = 100 * duration_s
-    walk = GaussMarkov(model.rate_random_walk * float(np.sqrt(slowest / 2)), slowest)
-    drift = np.zeros(lag.shape)
-    for process in (*model.processes, walk):
-        time = process.correlation_time_s
-        drift += process.sigma**2 * np.where(
-            lag == 0, mean_variance(time, part),
-            on_mean(time, part)**2 * np.exp(-np.maximum(lag - 1, 0) * part / time))
+    drift = drift_of_means(model, part, SEGMENT_PARTS)
     centre = np.eye(SEGMENT_PARTS) - 1 / SEGMENT_PARTS
     whole = centre @ (drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part) @ centre
     of_drift = float(np.trace(centre @ drift @ centre))

@@ -22,7 +22,7 @@ from imu_allan.characterization.mean import error_of_mean
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import AxisResult, Coefficient, Result, Span
+from imu_allan.result import AxisResult, Coefficient, Result, Segment, Span
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import (
@@ -288,7 +288,7 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
     rows = []
     for name, stationarity in known.items():
         for place, segment in enumerate(stationarity.segments):
-            density, interval, spread = '', '', ''
+            density, interval, spread, drift, around = '', '', '', '', ''
             mean = number(convert(segment.mean, axis.unit, mean_unit), 5)
             if segment.noise_density is not None and segment.ci95 is not None:
                 density, *bounds = measured(*(engineering(v, n_unit)[0] for v in (
@@ -298,11 +298,12 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
                 mean, *bounds = measured(*(convert(v, axis.unit, mean_unit) for v in (
                     segment.mean, segment.mean - half, segment.mean + half)))
                 spread = ' – '.join(bounds)
+            if segment.drift_sigma is not None:
+                drift, around = _drift_of(segment, axis.unit)
             rows.append({
                 'axis': spoken(name) if not place else '', 'start': duration(segment.start_s),
                 'mean': mean, 'spread': spread, 'density': density, 'interval': interval,
-                'drift': '' if segment.drift_sigma is None else
-                number(engineering(segment.drift_sigma, axis.unit)[0], 3)})
+                'drift': drift, 'around': around})
     # Without the p-value: in a long record a change far too small to matter is significant.
     verdicts = [f'{spoken(name)} {"steady" if s.steady else "not steady"}'
                 for name, s in known.items()]
@@ -310,6 +311,18 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
             'verdict': ', '.join(verdicts), 'mean_unit': typeset(mean_unit),
             'unit': typeset(engineering(1.0, n_unit)[1]),
             'drift_unit': typeset(engineering(1.0, axis.unit)[1])}
+
+
+def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
+    """Say the level of the drift in a segment and its interval, or that none shows."""
+    level = engineering(segment.drift_sigma or 0.0, unit)[0]
+    if segment.drift_ci95 is None:
+        return number(level, 3), ''
+    low, high = (engineering(value, unit)[0] for value in segment.drift_ci95)
+    if low == 0:
+        return f'< {number(high, 2)}', ''
+    value, *bounds = measured(level, low, high)
+    return value, ' – '.join(bounds)
 
 
 def _spans(spans: Sequence[Span]) -> dict[str, Any]:

@@ -4,7 +4,7 @@
 
 from decimal import Decimal, localcontext
 
-from imu_allan.tuning.processes import mean_variance, on_mean, rest_of_mean
+from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
 import pytest
 
 
