@@ -20,7 +20,7 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import bounded, duration, measured
 from imu_allan.writers.curves import limits_of
-from imu_allan.writers.figure_style import COLOURS, empty_figure, plot_style, Theme
+from imu_allan.writers.figure_style import COLOURS, DASHES, empty_figure, plot_style, Theme
 from imu_allan.writers.frames import frame_allan, write_in_a_row
 from imu_allan.writers.panels import draw_curve
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 MARKERS = 'os^Dv*Ph'
+_DASHES = tuple(DASHES.values())
 
 
 @dataclass(frozen=True)
@@ -214,7 +215,8 @@ def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 
                 for place, result in enumerate(results.values()):
                     if axis in result.axes:
                         draw_curve(panel, result.axes[axis], colours[place],
-                                   MARKERS[place % len(MARKERS)])
+                                   MARKERS[place % len(MARKERS)],
+                                   dashes=_DASHES[place % len(_DASHES)])
         return figure
 
 

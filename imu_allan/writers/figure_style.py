@@ -3,8 +3,8 @@
 """
 The look of every figure: colours, markers, fonts and lines.
 
-The three axes have colours that stay apart in colour-blind vision and markers that stay apart in
-print.
+The three axes have colours that stay apart in colour-blind vision, and markers and dashes that
+stay apart in print.
 """
 
 from collections.abc import Iterator
@@ -28,6 +28,9 @@ COLOURS: dict[Theme, dict[str, str]] = {
              'good': '#232a33'},
 }
 MARKERS = {'x': 'o', 'y': 's', 'z': '^'}
+DASHES: dict[str, str | tuple[int, tuple[float, ...]]] = {
+    'x': '-', 'y': (0, (5.0, 1.3)), 'z': (0, (8.0, 1.3, 1.6, 1.3))}
+"""Of the model's lines where several axes share a panel: in grey x and y are alike."""
 
 
 def empty_figure(width: float, height: float) -> 'Figure':

@@ -52,7 +52,7 @@ _WIDER = 1.1
 
 
 def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
-               timeline: Timeline | None = None) -> None:
+               timeline: Timeline | None = None, dashes: Any = '-') -> None:
     """
     Draw the Allan deviation and the fitted model.
 
@@ -68,6 +68,8 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
     timeline : Timeline, optional
         With the sample rate: the model is drawn on a fine grid, and shaded where 95 % of the
         points should fall if it is right. Without, with the intervals of the points.
+    dashes : optional
+        Line style of the model, as matplotlib takes it.
 
     """
     curve = axis.curve
@@ -89,7 +91,8 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         panel.fill_between(tau[seen], np.maximum(low, adev * 1e-3)[seen], high[seen],
                            color=colour, alpha=0.17, linewidth=0, zorder=2)
     fitted = (model > 0) & (fine >= shortest_fitted_s(axis))
-    panel.plot(fine[fitted], model[fitted], color=colour, linewidth=1.3, zorder=3)
+    panel.plot(fine[fitted], model[fitted], color=colour, linewidth=1.3, linestyle=dashes,
+               zorder=3)
     few = np.array(few_degrees(axis))
     for chosen, face in ((seen & ~few, colour), (seen & few, panel.get_facecolor())):
         panel.plot(tau[chosen], adev[chosen], marker, color=colour, markersize=4.4, zorder=4,

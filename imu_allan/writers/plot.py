@@ -25,7 +25,14 @@ from imu_allan.wording import (
     SENSORS,
 )
 from imu_allan.writers.curves import axes_of, beyond, density_limits, limits_of, sensors_of
-from imu_allan.writers.figure_style import COLOURS, empty_figure, MARKERS, plot_style, Theme
+from imu_allan.writers.figure_style import (
+    COLOURS,
+    DASHES,
+    empty_figure,
+    MARKERS,
+    plot_style,
+    Theme,
+)
 from imu_allan.writers.frames import frame_allan, frame_density, label_ends
 from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
 
@@ -77,7 +84,7 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
             for name, axis in axes.items():
                 if any(axis.curve.adev):
                     draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
-                               result.timeline)
+                               result.timeline, DASHES[name[-1]])
             label_ends(panel, axes, theme)
             strip = figure.add_axes((left + 0.135 * width, 0.065, 0.735 * width, 0.105))
             draw_signal(strip, axes, result, theme)
@@ -184,7 +191,7 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
             frame_allan(panel, sensor, limits_of(axes.values()))
             for name, axis in axes.items():
                 draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
-                           result.timeline)
+                           result.timeline, DASHES[name[-1]])
             label_ends(panel, axes, theme)
             panel.set_title(SENSORS[sensor], loc='left')
         return figure

@@ -69,7 +69,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
         for name, axis in known.items():
             tau, adev = model_curve(axis, timeline)
             inside.append(group(name[-1], f'axis-{name[-1]}', [
-                panel.line(tau, adev * factor, 'curve'),
+                panel.line(tau, adev * factor, 'curve model'),
                 _measured_points(panel, axis, factor, shown, f'{name[-1]} axis',
                                  shape_of(name[-1]))]))
         for name, axis in known.items():
@@ -191,7 +191,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
             inside.append(group(place, f'detail {kind}', [
                 panel.band(np.array(item.curve.tau_s)[seen], bands[0], bands[1], 'expected')]))
             inside.append(group(place, kind, [
-                panel.line(tau, adev * factor, 'curve'),
+                panel.line(tau, adev * factor, 'curve model'),
                 _measured_points(panel, item, factor, shown, name,
                                  SHAPES[int(place) % len(SHAPES)])]))
         drawing.add(panel, inside)
