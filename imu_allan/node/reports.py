@@ -110,7 +110,7 @@ class Reports:
     def _look(self, now: float, lane: Lane, facts: Facts, announcements: Announcements
               ) -> TimelineSummary:
         """Look at the timeline, and tell the log of it."""
-        snapshot = lane.characterization.snapshot()
+        snapshot = lane.snapshot().characterization
         try:
             snapshot.finish()
         except ImuAllanError as error:

@@ -111,8 +111,12 @@ class Lane:
         return self._loop.looping
 
     def snapshot(self) -> LaneSnapshot:
-        """Return an independent copy."""
-        return LaneSnapshot(self.characterization.snapshot(), self.power_ons, self.half,
+        """Return an independent copy, with the messages that wait for their unit."""
+        copy = self.characterization.snapshot()
+        if self.unit is not None:
+            for block in self.unit.waiting:
+                self._pass_on(block, copy)
+        return LaneSnapshot(copy, self.power_ons, self.half,
                             [] if self.unit is None else self.unit.remarks)
 
     def learn(self, result: Result) -> None:
@@ -128,14 +132,14 @@ class Lane:
         for block in blocks:
             self.fed += len(block)
             self.stamp_ns = int(block.header_ns[-1] or block.receive_ns[-1])
-            if self.unit is not None:
-                block = self.unit(block)
-            if self.half is not None:
-                block = block.only(self.half)
-            try:
-                self.characterization.update(block)
-            except ImuAllanError as error:
-                self.error = str(error)
+            for known in [block] if self.unit is None else self.unit(block):
+                self._pass_on(known, self.characterization)
+
+    def _pass_on(self, block: ImuBlock, to: Characterization) -> None:
+        try:
+            to.update(block if self.half is None else block.only(self.half))
+        except ImuAllanError as error:
+            self.error = str(error)
 
     def changed(self, blocks: Sequence[ImuBlock]) -> tuple[UnusableState, list[ImuBlock]] | None:
         """Tell of a change of rate or frame_id that has lasted, with the messages since."""

@@ -1,0 +1,125 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether acceleration is in g: the same however the messages come."""
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+from hypothesis import given, settings, strategies as st
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.node.run import Lane
+from imu_allan.sensor.acceleration_unit import AccelerationUnit
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+RATE_HZ = 200
+START_NS = 1_700_000_000 * 10**9
+Faulty = Callable[[NDArray[np.float64], np.random.Generator], None]
+
+
+def zeros(samples: NDArray[np.float64], _: np.random.Generator) -> None:
+    samples[:40] = 0
+
+
+def bump(samples: NDArray[np.float64], noise: np.random.Generator) -> None:
+    samples[10:30, 3:] += noise.normal(0, 0.5, (20, 3))
+
+
+def set_down(samples: NDArray[np.float64], noise: np.random.Generator) -> None:
+    samples[:1500, 3:] += noise.normal(0, 0.5, (1500, 3))
+
+
+def unusable(samples: NDArray[np.float64], _: np.random.Generator) -> None:
+    samples[:20, 4] = np.nan
+    samples[20:30, 3:] = 1e300
+    samples[40:60, 3:] = 0
+
+
+def nothing(_: NDArray[np.float64], __: np.random.Generator) -> None:
+    pass
+
+
+def messages(faulty: Faulty, count: int = 6000) -> ImuBlock:
+    """Return an IMU at rest in g, with a fault at the start."""
+    noise = np.random.default_rng(0)
+    samples = noise.normal(0, 0.002, (count, 6))
+    samples[:, 5] += 1
+    faulty(samples, noise)
+    stamps = START_NS + np.arange(count) * (10**9 // RATE_HZ)
+    return ImuBlock(stamps, stamps + 10**6, samples, np.zeros((count, 2), np.bool_), 'imu')
+
+
+def in_parts(block: ImuBlock, size: int) -> Iterator[ImuBlock]:
+    for first in range(0, len(block), size):
+        yield block.part(slice(first, first + size))
+
+
+@pytest.mark.parametrize('faulty', [nothing, zeros, bump, set_down, unusable])
+def test_node_and_recording_find_the_same_unit_whatever_comes_first(faulty):
+    block = messages(faulty)
+    whole = np.concatenate([part.samples for part in AccelerationUnit().each([block])])
+    expected = block.samples.copy()
+    expected[:, 3:] *= 9.80665
+    np.testing.assert_array_equal(whole, expected)
+    lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
+    for part in in_parts(block, 100):
+        lane.update([part])
+    recorded = Characterization(kind='topic', topic='/imu')
+    for part in AccelerationUnit().each(in_parts(block, 5000)):
+        recorded.update(part)
+    expected_state = recorded.to_state()
+    for key, array in lane.characterization.to_state().items():
+        np.testing.assert_array_equal(array, expected_state[key])
+    assert lane.snapshot().remarks[0].code == 'unit_g'
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.sampled_from([nothing, zeros, bump, set_down, unusable]),
+       st.sampled_from([1, 9.8, 0.01]), st.lists(st.integers(1, 400), min_size=1, max_size=30))
+def test_any_split_gives_the_same_samples(faulty, scale, sizes):
+    block = messages(faulty, 3000)
+    block.samples[:, 3:] *= scale
+    [*whole] = AccelerationUnit().each([block])
+    places = np.cumsum([0, *sizes, 3000])
+    [*parts] = AccelerationUnit().each(
+        block.part(slice(first, end)) for first, end in pairwise(places))
+    for name in ('samples', 'header_ns', 'receive_ns', 'absent'):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]),
+                                      np.concatenate([getattr(part, name) for part in whole]))
+
+
+@pytest.mark.parametrize(('gravity', 'noise', 'most'), [
+    (9.81, 0.02, 32), (9.81, 2.0, 32), (9.0, 0.02, 32), (0.0, 0.02, 32), (0.0, 0.7, 2048)],
+    ids=['at rest', 'driving', 'poor scale', 'without gravity', 'driving without gravity'])
+def test_what_is_not_in_g_stays_as_it_is_and_hardly_waits(gravity, noise, most):
+    block = messages(nothing, 3000)
+    block.samples[:, 3:] = np.random.default_rng(1).normal([0, 0, gravity], noise, (3000, 3))
+    unit = AccelerationUnit()
+    came = [len(unit(part)) for part in in_parts(block, 1)]
+    assert came.index(most) == most - 1
+    assert unit.decision is False
+    assert unit.remarks == []
+
+
+@pytest.mark.parametrize('nothing_told', ['not a number', 'zero', 'absent'])
+def test_messages_without_acceleration_do_not_wait(nothing_told):
+    block = messages(nothing, 100)
+    if nothing_told == 'absent':
+        block.absent[:, 1] = True
+    else:
+        block.samples[:, 3:] = 0.0 if nothing_told == 'zero' else np.nan
+    assert [len(part) for part in AccelerationUnit()(block)] == [100]
+
+
+def test_messages_that_wait_are_in_the_result():
+    block = messages(nothing, 20)
+    lane = Lane(Characterization(kind='topic', topic='/imu'), unit=AccelerationUnit())
+    for part in in_parts(block, 1):
+        lane.update([part])
+    for _ in range(2):
+        result = lane.snapshot().result()
+        assert result.timeline.samples == 20
+        assert result.axes['accel_z'].mean == pytest.approx(9.80665, rel=2e-3)
+        assert 'unit_g' in {remark.code for remark in result.warnings}
