@@ -23,6 +23,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.plot import render
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 import numpy as np
 from numpy.typing import NDArray
 
@@ -143,7 +144,11 @@ def run(rates: Array, densities: Densities, seed: int) -> tuple[Array, Array]:
             nis.append(float(innovation @ np.linalg.solve(s, innovation)) / 3)
         kalman = p[:, :3] @ np.linalg.inv(s)
         state = state + kalman @ innovation
-        p = p - kalman @ s @ kalman.T
+        # Joseph's form: heading is not observed at rest, and the rest must not drown in its error.
+        rest = np.eye(15)
+        rest[:, :3] -= kalman
+        p = rest @ p @ rest.T + FIX_SIGMA**2 * kalman @ kalman.T
+        p = (p + p.T) / 2
     # The first outages still show how the filter began.
     return np.array([one for one in nees if len(one) == OUTAGE_S][3:]), np.array(nis)
 
@@ -157,8 +162,13 @@ def figure(found: Mapping[str, tuple[Array, Array]]) -> Figure:
     left.axhline(1, color='0.5', linewidth=0.8)
     left.set(yscale='log', xlabel='seconds without a fix', ylabel='NEES of the position / 3',
              title='outages: 1 is right, above 1 overconfident')
+    left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    left.yaxis.set_minor_formatter(NullFormatter())
     left.legend()
-    right.bar(list(found), [float(nis.mean()) for _, nis in found.values()])
+    # The colours of the lines.
+    right.bar(list(found), [float(nis.mean()) for _, nis in found.values()],
+              color=[line.get_color() for line in left.lines[:len(found)]])
     right.axhline(1, color='0.5', linewidth=0.8)
     right.set(ylabel='NIS of the fixes / 3', title='while corrected')
     right.tick_params(axis='x', rotation=20)

@@ -35,6 +35,15 @@ def test_the_filter_is_consistent_on_noise_that_it_is_told(consistency):
     assert doubtful[:, -1].mean() > 4
 
 
+def test_the_covariance_stays_one_where_the_heading_is_lost(consistency):
+    # Nobody sees the heading of an IMU at rest: with so much walk its variance drowns the rest.
+    n, k = np.array([8e-5] * 3 + [1e-3] * 3), np.array([1.4e-2] * 3 + [0.16] * 3)
+    rates = np.random.default_rng(1).standard_normal((3600, 6)) * n
+    nees, nis = consistency.run(rates, (n, k), 7)
+    assert nees.min() > 0
+    assert nis.min() > 0
+
+
 def test_the_dynamics_are_those_of_an_imu_at_rest(consistency):
     f = consistency.transition(2.0)
     assert f[0, 3] == 2.0
