@@ -34,6 +34,9 @@ class ImuBlock:
         provided (first covariance element -1, REP-145).
     frame_id : str
         header.frame_id of every message of the block: another frame_id starts another block.
+    numbers : ndarray of int64, shape (n,), or None
+        Which of its messages the publisher's middleware says each one is: what is lost on the way
+        leaves a number out. None where that is not known, as in most recordings.
 
     """
 
@@ -42,6 +45,7 @@ class ImuBlock:
     samples: NDArray[np.float64]
     absent: NDArray[np.bool_]
     frame_id: str
+    numbers: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         """Messages in the block."""
@@ -50,7 +54,8 @@ class ImuBlock:
     def part(self, rows: slice | NDArray[np.bool_]) -> ImuBlock:
         """Give some of the messages; of a slice nothing is copied."""
         return ImuBlock(self.header_ns[rows], self.receive_ns[rows], self.samples[rows],
-                        self.absent[rows], self.frame_id)
+                        self.absent[rows], self.frame_id,
+                        None if self.numbers is None else self.numbers[rows])
 
     def only(self, half: Literal['gyro', 'accel']) -> ImuBlock:
         """Return the block with the other sensor declared as not provided."""

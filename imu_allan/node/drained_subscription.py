@@ -47,6 +47,9 @@ class Batch:
     interleaved : int
         How often a number is not above the one before: once where a publisher restarts, over and
         over where two of them take turns.
+    numbers : ndarray of int64, shape (n,), or None
+        Which of its messages the publisher says each one is; None where the middleware does not
+        tell.
 
     """
 
@@ -54,6 +57,7 @@ class Batch:
     receive_ns: NDArray[np.int64]
     lost: int
     interleaved: int = 0
+    numbers: NDArray[np.int64] | None = None
 
 
 class _Taken(NamedTuple):
@@ -164,8 +168,11 @@ class DrainedSubscription:
             now = time.time_ns()
             receive = [stamp or info.get('source_timestamp') or now
                        for stamp, info in zip(receive, taken.infos, strict=True)]
+        numbers = [number for info in taken.infos
+                   if (number := info.get('publication_sequence_number')) is not None]
+        known = np.array(numbers, np.int64) if len(numbers) == len(taken.infos) else None
         return Batch(taken.messages, np.array(receive, dtype=np.int64),
-                     *self._count_lost(taken.infos))
+                     *self._count_lost(numbers), known)
 
     def _subscribe(self, topic: str) -> Subscription:
         group = _OutOfWaitSet() if self.draining else None
@@ -181,10 +188,8 @@ class DrainedSubscription:
         self._collected.messages.append(message)
         self._collected.infos.append(info)
 
-    def _count_lost(self, infos: Sequence[Info]) -> tuple[int, int]:
+    def _count_lost(self, numbers: Sequence[int]) -> tuple[int, int]:
         """Numbers that were left out, and numbers that did not rise."""
-        numbers = [number for info in infos
-                   if (number := info.get('publication_sequence_number')) is not None]
         if not numbers:
             return 0, 0
         first = numbers[0] - 1 if self._sequence is None else self._sequence

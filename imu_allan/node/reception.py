@@ -7,7 +7,8 @@ Samples of two publishers look like one sensor with the noise of both. The numbe
 publisher gives its messages tell them apart: those of one publisher only rise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import inf
 
 from imu_allan.block import ImuBlock
@@ -16,6 +17,7 @@ from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import Batch, DrainedSubscription
 from imu_allan.node.imu_type import Decode
 import numpy as np
+from numpy.typing import NDArray
 
 MIXED_STEPS = 2
 """So many falling numbers within `MIXED_WITHIN_S` mean two publishers; a restart makes one."""
@@ -77,7 +79,8 @@ class Reception:
             return []
         messages = [message for batch in batches for message in batch.messages]
         receive_ns = np.concatenate([batch.receive_ns for batch in batches])
-        blocks = self._decode(messages, receive_ns, self._count_malformed)
+        blocks = _numbered(self._decode(messages, receive_ns, self._count_malformed),
+                           [batch.numbers for batch in batches])
         self.facts.mixed = now < self._mixed_until
         # Of publishers with frame_ids of their own the timeline keeps to the first.
         if self.facts.mixed and len({block.frame_id for block in blocks}) == 1:
@@ -98,3 +101,17 @@ class Reception:
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
         self.facts.malformed += count
         self._on_malformed(self.subscription.topic, error)
+
+
+def _numbered(blocks: list[ImuBlock], batches: Sequence[NDArray[np.int64] | None]
+              ) -> list[ImuBlock]:
+    """Give each sample the number of its message, where both are known to go together."""
+    known = [numbers for numbers in batches if numbers is not None]
+    if len(known) < len(batches) or sum(map(len, known)) != sum(map(len, blocks)):
+        # A message that was left out, or held several samples, says no longer which is which.
+        return blocks
+    numbers, first, numbered = np.concatenate(known), 0, []
+    for block in blocks:
+        numbered.append(replace(block, numbers=numbers[first:first + len(block)]))
+        first += len(block)
+    return numbered

@@ -232,6 +232,12 @@ def in_order(stamps: Stamps, last: int | None, interval_ns: float) -> Stamps:
     return np.where(newest - stamps < _JUMP_MESSAGES * interval_ns, newest, stamps)
 
 
+def lost_before(numbers: NDArray[np.int64], before: int) -> NDArray[np.int64]:
+    """Count the numbers left out before each message; one that starts anew has lost nothing."""
+    lost: NDArray[np.int64] = np.maximum(np.diff(numbers, prepend=before) - 1, 0)
+    return lost
+
+
 def iso_time(stamp_ns: int) -> str | None:
     """Nanoseconds since 1970 as ISO-8601 with UTC, None where no date can be made of them."""
     try:

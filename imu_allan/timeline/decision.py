@@ -53,6 +53,8 @@ class Decision(Record):
         Batches of header stamps reach back into those before.
     spiky : bool
         Single wild values come all the time, and are left out.
+    numbered : bool
+        Publication numbers tell which messages were lost on the way.
     restart : bool
         The next samples given make those before void.
     remarks : dict
@@ -73,6 +75,7 @@ class Decision(Record):
     ticks: bool = False
     overlaps: bool = False
     spiky: bool = False
+    numbered: bool = False
     restart: bool = False
     remarks: dict[str, str] = field(default_factory=dict)
 

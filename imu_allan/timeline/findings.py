@@ -138,9 +138,12 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
         error = decision.rate_error(counts.paced_steps)
         if error > _LITTLE_HIDDEN:
             bound += f'; the record is short, its rate may be up to {error:.1%} off'
+        seen = ('what was lost on the way is known by the numbers that the publisher gave them, '
+                'and of the rest only gaps that last are seen' if decision.numbered else
+                'and only gaps that last are seen')
         remarks['uneven_stamps'] = (
             f'{decision.clock} stamps come too unevenly to see a single missing sample: messages '
-            f'are counted, and only gaps that last are seen{bound}')
+            f'are counted, {seen}{bound}')
     if counts.gaps > len(counts.listed_gaps):
         remarks['gaps_not_listed'] = (
             f'{counts.gaps} gaps of {counts.gaps_ns / SECOND:.6g} s in all; only the first '

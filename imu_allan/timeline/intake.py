@@ -18,6 +18,7 @@ from imu_allan.timeline.clock import (
     bounded,
     in_order,
     judge_clock,
+    lost_before,
     order_stamps,
     overlaps,
     place_in_burst,
@@ -40,16 +41,17 @@ from imu_allan.timeline.pace import (
     longest_at_one_rate,
     measure_pace,
     Pace,
+    pace_by_numbers,
     spread_about,
 )
 from imu_allan.timeline.pending import Window
-from imu_allan.timeline.placing import SPARSE
 from imu_allan.timeline.presence import Presence
 from imu_allan.timeline.sleepers import Sleepers
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _LARGEST = 1e9
@@ -72,6 +74,8 @@ _FITS_BADLY = 0.1
 """Of an interval: a tick four times as wide hides a sample. A judgment."""
 _MUCH_HIDDEN = 0.3
 """Share of the samples: ticks hide less, and the other clock would not show the loss either."""
+_RESTARTS = 1
+"""Numbers that do not rise, of the first messages: a driver may begin anew, once."""
 _FEWEST_FOR_RATE = 64
 """Stamps from which a rate is known well enough to contradict the stated one."""
 
@@ -182,8 +186,7 @@ class Intake:
             one.
 
         """
-        window = Window(bounded(window.header), bounded(window.receive), window.samples,
-                        window.absent, window.consumed)
+        window = replace(window, header=bounded(window.header), receive=bounded(window.receive))
         decision, c = self.decision, window.consumed
         before = np.array(self.content.last) if self.content.last else None
         if self.content.is_fresh(window.samples[:c]):
@@ -231,7 +234,7 @@ class Intake:
         if held is not None:
             twice = held if twice is None else twice | held
         self._count(window)
-        samples = window.samples
+        samples, numbers = window.samples, window.numbers
         none = np.zeros(len(stamps), dtype=bool)
         void = unusable
         if unusable is not None or frozen is not None or twice is not None:
@@ -244,9 +247,10 @@ class Intake:
             c = int(np.searchsorted(rows, c))
             stamps, other, samples, void = stamps[rows], other[rows], samples[rows], void[rows]
             away = None if away is None else away[rows]
+            numbers = None if numbers is None else numbers[rows]
         if away is not None:
             samples = np.where(away, np.nan, samples)
-        return Messages(stamps, other, samples, c, void)
+        return Messages(stamps, other, samples, c, void, numbers)
 
     def _woken(self, window: Window, away: Bools | None) -> Bools | None:
         """Let an axis that comes to life begin anew: it is not there for some messages."""
@@ -254,14 +258,14 @@ class Intake:
         if away is not None:
             unknown |= away
         samples = np.where(unknown, np.nan, window.samples)
-        woke = self.sleepers.look(samples, window.consumed)
-        if not woke:
+        not_yet = self.sleepers.look(samples, window.consumed)
+        if not not_yet:
             return away
         away = np.zeros(samples.shape, dtype=bool) if away is None else away.copy()
-        for axis, row in woke.items():
-            away[max(row - SPARSE, 0):max(row, 1), axis] = True
+        for axis, part in not_yet.items():
+            away[part, axis] = True
         self.presence.changed = True
-        if any(axis >= 3 for axis in woke):
+        if any(axis >= 3 for axis in not_yet):
             # What a dead accelerometer measured is no gravity.
             self._counts.gravity, self._counts.gravity_samples = [0.0, 0.0, 0.0], 0
         return away
@@ -383,15 +387,18 @@ class Intake:
             if left_out is not None:
                 rows = rows[~left_out[rows]]
         own, other = (stamps[rows] for stamps in self.stamps(window))
+        numbers = self._numbers(window, repeats)
+        decision.numbered = numbers is not None
+        numbers = None if numbers is None else numbers[rows]
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
-        pace, count = _pace_of(own, other, bursts=decision.unties)
+        pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
         if (pace is None or decision.clock != 'header' or self._options.clock != 'auto'
                 or len(own) < _FEWEST_FOR_RATE or _is_beyond_doubt(pace, own)
                 or pace.hidden > _MUCH_HIDDEN):
             return pace, count
         usable = judge_clock(window.receive, _repeats(window.samples), bursts=True).usable
-        second, seen = _pace_of(other, own, bursts=True) if usable else (None, 0)
+        second, seen = _pace_of(other, own, numbers, bursts=True) if usable else (None, 0)
         if second is not None and pace.counting and second.counting:
             # What either clock may hide is hidden.
             return replace(pace, hidden=max(pace.hidden, second.hidden)), count
@@ -412,6 +419,15 @@ class Intake:
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False
         decision.remarks |= even_receive_clock()
         return second, seen
+
+    def _numbers(self, window: Window, repeats: Repeats) -> Ints | None:
+        """Publication numbers, where they are those of the samples: rising, of one sensor."""
+        numbers = window.numbers
+        if (numbers is None or len(numbers) < _FEWEST_FOR_RATE or repeats.held is not None
+                or self._counts.other_frames
+                or np.count_nonzero(numbers[1:] <= numbers[:-1]) > _RESTARTS):
+            return None
+        return numbers
 
     def _doubt_header(self, window: Window) -> str:
         """Go on by receive stamps where header stamps have become unusable; tell their flaw."""
@@ -472,20 +488,30 @@ class Intake:
         return gone if gone.any() else None, spoilt if spoilt.any() else None
 
 
-def _pace_of(stamps: Stamps, other: Stamps, bursts: bool) -> tuple[Pace | None, int]:
+def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
+             ) -> tuple[Pace | None, int]:
     """Measure the pace on the longest run of the clock at one rate; give the stamps used too."""
     since = place_in_burst(stamps, None, 0) if bursts else None
     if since is not None:
         stamps = stamps + since
     order = order_stamps(stamps, None)
+    place = None if numbers is None else np.cumsum(1 + lost_before(numbers, int(numbers[0]) - 1))
     if order is not None:
         stamps, other = stamps[order.keep], other[order.keep]
+        place = None if place is None else place[order.keep]
         if order.jumps.any():
             starts = np.append(np.flatnonzero(order.jumps[order.keep]), len(stamps))
             starts = np.insert(starts, 0, 0)
             longest = int(np.argmax(np.diff(starts)))
             run = slice(starts[longest], starts[longest + 1])
             stamps, other = stamps[run], other[run]
+            place = None if place is None else place[run]
+    if place is not None:
+        # Known losses are no change of rate.
+        pace, told = measure_pace(stamps, other), pace_by_numbers(stamps, place)
+        if (pace is not None and told is not None and place[-1] - place[0] >= len(place)
+                and (pace.counting or abs(told.interval_ns / pace.interval_ns - 1) > _OTHER_GRID)):
+            return told, len(stamps)
     part = longest_at_one_rate(stamps)
     return measure_pace(stamps[part], other[part]), len(stamps[part])
 

@@ -33,6 +33,8 @@ class Messages:
         The first so many are to be placed; the others only show what comes next.
     void : ndarray of bool, shape (n,), or None
         Those whose values are unusable: they have a place, which stays empty.
+    numbers : ndarray of int64, shape (n,), or None
+        As in `ImuBlock`.
 
     """
 
@@ -41,11 +43,13 @@ class Messages:
     samples: Floats
     consumed: int
     void: Bools | None = None
+    numbers: Ints | None = None
 
     def pick(self, rows: slice | Bools, consumed: int) -> 'Messages':
         """Give some of the messages, `consumed` of them to be placed."""
         return Messages(self.stamps[rows], self.other[rows], self.samples[rows], consumed,
-                        None if self.void is None else self.void[rows])
+                        None if self.void is None else self.void[rows],
+                        None if self.numbers is None else self.numbers[rows])
 
     def part(self, first: int, last: int, look_ahead: bool) -> 'Messages':
         """Give messages `first` up to `last`, and where wanted what comes next."""

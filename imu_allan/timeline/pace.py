@@ -33,6 +33,9 @@ FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 
 _MOSTLY_IN_BURSTS = 0.55
 """Share of short steps: pairs have a half, longer bursts more."""
+_TOGETHER, _MOST_LATE, _CROWDED = 8, 1.5, 0.05
+"""So many messages take as many places, but for jitter. Where they have less time by a place and
+a half, and that in more than 5 % of all, a grid's places are those of batches."""
 _FEWEST_RECEIVED = 0.5
 """Of all samples at least: with fewer, messages apart say nothing about the interval."""
 _FEWEST_PLACES, _SINGLES, _SINGLE_PERCENT = 0.15, 0.15, 10
@@ -42,12 +45,15 @@ _SPARSEST = 0.37
 """Share of places taken: with 0.4 the bound on bridges holds, with 0.3 it does not."""
 _EXACT = 0.05
 """In intervals: a driver's header stamps lie closer, batches and ticks do not."""
+_NEAR = 0.15
+"""The same for receive stamps, of which some are a little late. A judgment."""
 _SHORTEST_STEP_NS = 1e5
 """No IMU samples faster than 10 kHz: evenly closer messages were read from a FIFO."""
 _SHORTEST_ON = 0.1
 """Share of the time that even stretches take up at least; bursts take up a few percent."""
 _LONGEST_BATCH_NS = 5e8
 """A FIFO is read more often: it overflows after some tenths of a second."""
+_TICKS_NS = (100_000, 1_000_000, 10_000_000)
 _SHORT_PERCENT, _MOST_PERCENT = 20, 95
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
@@ -145,6 +151,8 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     if overall is None:
         overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
         sparse = _sparse_grid(time, steps, overall)
+        if sparse is not None and _is_tick(stamps, steps, sparse.interval_ns):
+            return _on_a_line(time)[0]
         if sparse is not None and sparse.interval_ns > _SPARSEST * overall:
             return _grid_or_line(time, sparse, other)
         if sparse is not None:
@@ -163,8 +171,14 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     near = steps[np.abs(steps - candidates[0]) < 0.3 * candidates[0]]
     if 2 * len(near) > len(steps):
         candidates.append(float(near.mean()))
-    for interval in [*candidates, float(np.percentile(steps, _SHORT_PERCENT))]:
-        if not _FEWEST_RECEIVED * overall < interval < 1.1 * overall:
+    short = float(np.percentile(steps, _SHORT_PERCENT))
+    # Its own neighbours make it sure: a phase of many steps shows no interval that is 2 % off.
+    close = steps[np.abs(steps - short) < 0.2 * short]
+    if len(close):
+        candidates.append(float(close.mean()))
+    for interval in candidates:
+        if (not _FEWEST_RECEIVED * overall < interval < 1.1 * overall
+                or _overfull(time, interval)):
             continue
         if best is not None and _CLEARLY_LESS * best.spread < _AT_LEAST_LESS:
             # No spread is so much less any more.
@@ -177,6 +191,31 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     return _grid_or_line(time, best, other)
 
 
+def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
+    """
+    Measure the sample interval of stamps whose places are known.
+
+    Parameters
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        Rising stamps in nanoseconds.
+    place : ndarray of int64, shape (n,)
+        Rising numbers that the publisher gave its messages.
+
+    Returns
+    -------
+    Pace or None
+        None for fewer than eight stamps.
+
+    """
+    if len(stamps) < _FEW_LOSSES:
+        return None
+    time, numbers = (stamps - stamps[0]).astype(np.float64), place.astype(np.float64)
+    line, _ = _on_a_line(time, numbers)
+    # A batch may lie on the places of its own grid: what counts is how late it is.
+    return Pace(line.interval_ns, line.spread, counting=line.spread > COUNTING_SPREAD)
+
+
 def _sparse_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
     """Find an exact grid of which half the places or more are empty."""
     shortest = float(np.percentile(steps, _SINGLE_PERCENT))
@@ -185,17 +224,31 @@ def _sparse_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
     # Where one of two, then one of three is kept, no two messages are one interval apart.
     for parts in (1, 2):
         one = steps[np.abs(steps - shortest) < 0.1 * shortest] / parts
-        interval = float(one.mean())
-        if (not _FEWEST_PLACES * overall < interval < 1.3 * _FEWEST_RECEIVED * overall
-                or len(one) < _SINGLES * len(steps)):
+        # Of few steps there may be none near the tenth part of them.
+        interval = float(one.mean()) if len(one) > _SINGLES * len(steps) else 0.0
+        if not _FEWEST_PLACES * overall < interval < 1.3 * _FEWEST_RECEIVED * overall:
             continue
-        far = steps[steps < PHASE_GROUP * interval] / interval
-        whole = np.rint(far)
-        if np.mean(np.abs(far - whole) < _EXACT) > 0.9 and np.mean(whole % 2) > _SINGLES:
-            pace = _refine(time, interval)
-            if pace.spread < _EXACT:
+        far = steps[steps < PHASE_GROUP * interval]
+        whole = np.rint(far / interval)
+        near = np.abs(far / interval - whole) < _NEAR
+        if np.mean(near) > 0.9 and np.mean(whole % 2) > _SINGLES:
+            pace = _refine(time, float(far[near].sum()) / float(whole[near].sum()))
+            if pace.spread < _NEAR:
                 return pace
     return None
+
+
+def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
+    """
+    Tell whether the places of a grid are whole milliseconds, or tens or tenths of them.
+
+    Of a sensor with such stamps, whatever is dropped in turn, two would follow each other.
+    """
+    tick = next((tick for tick in _TICKS_NS if abs(interval / tick - 1) < 1e-3), None)
+    if tick is None or np.any(stamps % tick):
+        return False
+    fewest, most = np.percentile(np.rint(steps / interval), (1, 99))
+    return bool(fewest >= 2 and most == fewest + 1)
 
 
 def _in_batches(time: Floats, begins: Bools) -> Pace | None:
@@ -261,19 +314,21 @@ def _lost_by(other: Stamps, own: Floats, steps: Floats, interval: float) -> floa
     if np.max(np.abs(passed - own)) < 0.02 * interval:
         # One clock written down twice is no witness.
         return None
-    # Where no single one is missed, two at a time may be: the commonest number tells.
-    counts = np.bincount(steps[(steps > 1) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
-    missed = int(np.argmax(counts)) - 1
-    one, more = (np.sort(passed[steps == count]) for count in (1, missed + 1))
+    # Where no single one is missed, two at a time may be: the commonest numbers tell.
+    counts = np.bincount(steps[(steps > 0) & (steps < PHASE_GROUP)].astype(np.int64), minlength=3)
+    few, many = np.sort(np.argsort(counts)[-2:]).tolist()
+    one, more = (np.sort(passed[steps == count]) for count in (few, many))
     if len(more) < _FEW_LOSSES or len(one) < _FEW_LOSSES:
         return None
     one, more = (part[len(part) // 20:len(part) - len(part) // 20] for part in (one, more))
-    if float(one.std()) > _STRAIGHT * interval or abs(float(one.mean()) / interval - 1) > 0.5:
+    if (float(one.std()) > _STRAIGHT * interval
+            or abs(float(one.mean()) / interval - few) > 0.5 * few):
         # Nor is one that is read in batches, or in whole seconds: what a batch hands over tells
         # little of the moment.
         return None
     error = sqrt(float(one.var()) / len(one) + float(more.var()) / len(more)) / interval
-    return None if error > 0.2 else float(more.mean() - one.mean()) / interval / missed
+    return (None if error > 0.2 * (many - few) else
+            float(more.mean() - one.mean()) / interval / (many - few))
 
 
 def _even_with_outages(steps: Floats) -> float | None:
@@ -289,6 +344,13 @@ def _even_with_outages(steps: Floats) -> float | None:
             or float(np.median(pauses)) > _LONGEST_BATCH_NS):
         return usual
     return None
+
+
+def _overfull(time: Floats, interval: float) -> bool:
+    """Tell whether messages are more than the places of a grid, as those of its batches are."""
+    passed = time[_TOGETHER:] - time[:-_TOGETHER]
+    return bool(len(passed)
+                and np.mean(passed < (_TOGETHER - _MOST_LATE) * interval) > _CROWDED)
 
 
 def _refine(time: Floats, interval: float) -> Pace:
@@ -317,12 +379,19 @@ def _spread(length: Floats) -> float:
     return sqrt(max(-2 * log(min(max(mean_length, 1e-9), 1.0)), 0.0)) / (2 * pi)
 
 
-def _on_a_line(time: Floats) -> tuple[Pace, float]:
-    """Take every message for a sample; give how far they lie from the line, in intervals."""
+def _on_a_line(time: Floats, numbers: Floats | None = None) -> tuple[Pace, float]:
+    """Take every message, or number, for a sample; give how far they lie off, in intervals."""
     n = len(time)
-    place = np.arange(n, dtype=np.float64)
-    interval = (median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
-                or float(time[-1]) / (n - 1))
+    apart = max(min(n // 4, PHASE_GROUP), 1)
+    if numbers is None:
+        place = np.arange(n, dtype=np.float64)
+        interval = median_interval(time, apart) or float(time[-1]) / (n - 1)
+    else:
+        place = numbers - numbers[0]
+        # Messages some number apart are as many batches and a part of one: many numbers even out.
+        interval = float(np.median(np.concatenate([
+            (time[far:] - time[:-far]) / (place[far:] - place[:-far])
+            for far in range(apart, 2 * apart, 3)])))
     counted = place
     for _ in range(3):
         counted = place + lasting_jumps(time / interval - place)

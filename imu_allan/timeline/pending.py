@@ -3,7 +3,7 @@
 """Messages that wait until enough of them have come to be worked off together."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from imu_allan.block import ImuBlock
@@ -28,6 +28,8 @@ class Window:
         As in `ImuBlock`.
     consumed : int
         The others are seen again in the next window.
+    numbers : ndarray of int64, shape (n,), or None
+        As in `ImuBlock`; None where those of some messages are not known.
 
     """
 
@@ -36,6 +38,7 @@ class Window:
     samples: NDArray[np.float64]
     absent: NDArray[np.bool_]
     consumed: int
+    numbers: Ints | None = None
 
 
 class Pending:
@@ -68,8 +71,9 @@ class Pending:
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Messages that wait, as a flat dict of arrays."""
         window = self.look(len(self))
+        numbers = {} if window.numbers is None else {'numbers': window.numbers}
         return {'header_ns': window.header, 'receive_ns': window.receive,
-                'samples': window.samples, 'absent': window.absent}
+                'samples': window.samples, 'absent': window.absent, **numbers}
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]], frame_id: str) -> 'Pending':
@@ -81,7 +85,9 @@ class Pending:
             pending.append(ImuBlock(
                 np.asarray(state['header_ns'], dtype=np.int64).reshape(n),
                 np.asarray(state['receive_ns'], dtype=np.int64).reshape(n),
-                samples, np.asarray(state['absent'], dtype=bool).reshape(n, 2), frame_id))
+                samples, np.asarray(state['absent'], dtype=bool).reshape(n, 2), frame_id,
+                np.asarray(state['numbers'], dtype=np.int64).reshape(n) if 'numbers' in state
+                else None))
         return pending
 
     def look(self, n: int) -> Window:
@@ -96,14 +102,17 @@ class Pending:
             blocks.append(self._blocks[whole].part(slice(n - have)))
         if len(blocks) == 1:
             block = blocks[0]
-            return Window(block.header_ns, block.receive_ns, block.samples, block.absent, n)
+            return Window(block.header_ns, block.receive_ns, block.samples, block.absent, n,
+                          block.numbers)
         if not blocks:
             return Window(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 6)),
                           np.empty((0, 2), bool), n)
+        numbers = [block.numbers for block in blocks if block.numbers is not None]
         return Window(np.concatenate([block.header_ns for block in blocks]),
                       np.concatenate([block.receive_ns for block in blocks]),
                       np.concatenate([block.samples for block in blocks]),
-                      np.concatenate([block.absent for block in blocks]), n)
+                      np.concatenate([block.absent for block in blocks]), n,
+                      np.concatenate(numbers) if len(numbers) == len(blocks) else None)
 
     def take(self, n: int, consumed: int) -> Window:
         """Give the first `n` messages and let go of `consumed` of them."""
@@ -117,4 +126,4 @@ class Pending:
             self._blocks[0] = self._blocks[0].part(slice(left, None))
             self._lengths[0] -= left
         self._messages -= consumed
-        return Window(window.header, window.receive, window.samples, window.absent, consumed)
+        return replace(window, consumed=consumed)

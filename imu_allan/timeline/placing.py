@@ -16,7 +16,14 @@ from math import isnan, sqrt
 from typing import Any
 
 from imu_allan.timeline.bridging import even_pieces
-from imu_allan.timeline.clock import in_order, order_stamps, place_in_burst, SECOND, Stamps
+from imu_allan.timeline.clock import (
+    in_order,
+    lost_before,
+    order_stamps,
+    place_in_burst,
+    SECOND,
+    Stamps,
+)
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.grid import (
@@ -50,6 +57,8 @@ _FOLLOW = 0.2
 """Share by which the interval follows a window: an oscillator drifts slowly, jitter does not."""
 _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
+_MOST_LOST = 64
+"""Messages within a batch: where more are lost, time passes between two stamps."""
 _BESIDE_GAP = 3
 """Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
@@ -79,6 +88,8 @@ class Cursor(Record):
         The next sample begins a new run; because the clock jumped.
     other_rate : bool
         The messages come at another rate than the first ones.
+    number : int or None
+        Publication number of the last message, where it tells how many were lost behind it.
 
     """
 
@@ -94,6 +105,7 @@ class Cursor(Record):
     fresh_run: bool = False
     jumped: bool = False
     other_rate: bool = False
+    number: int | None = None
 
     @property
     def begins(self) -> bool:
@@ -205,7 +217,7 @@ class Placing:
         """Put messages in order and split them where the clock jumps."""
         cursor, counts = self.cursor, self._counts
         stamps, other, samples = messages.stamps, messages.other, messages.samples
-        c, void = messages.consumed, messages.void
+        c, void, numbers = messages.consumed, messages.void, messages.numbers
         if self._decision.unties:
             stamps = self._untie(stamps, c)
         order = order_stamps(stamps, None if cursor.fresh_run else cursor.last_ns)
@@ -219,6 +231,7 @@ class Placing:
             stamps, other = stamps[order.keep], other[order.keep]
             samples = samples[order.keep]
             void = None if void is None else void[order.keep]
+            numbers = None if numbers is None else numbers[order.keep]
         if not c:
             return
         jumps |= self._forward_jumps(stamps, other)
@@ -228,7 +241,8 @@ class Placing:
                 counts.clock_jumps += 1
                 cursor.fresh_run = cursor.jumped = True
             end = next((s for s in starts if s >= last), len(stamps))
-            run = Messages(stamps, other, samples, 0, void).pick(slice(first, end), last - first)
+            run = Messages(stamps, other, samples, 0, void, numbers).pick(
+                slice(first, end), last - first)
             if cursor.begins and run.void is not None and run.void.any():
                 # Before the first sample nothing is missed.
                 empty = int(np.argmin(run.void)) if not run.void.all() else len(run.void)
@@ -310,7 +324,7 @@ class Placing:
             pace = measure_pace(messages.stamps[:n])
             counts.changed_rate_hz = SECOND / pace.interval_ns if pace else 0.0
         counts.at_other_rate += n
-        cursor.other_rate = True
+        cursor.other_rate, cursor.number = True, None
 
     def _places(self, messages: Messages) -> Floats:
         """Stamps in intervals from the last sample placed."""
@@ -320,12 +334,29 @@ class Placing:
         else:
             since, late = messages.stamps - cursor.last_ns, cursor.late_ns
         places: Floats = (since.astype(np.float64) + late) / interval
-        return places
+        lost = self._lost(messages)
+        return places if lost is None else places - np.cumsum(lost)
 
     def _steps(self, messages: Messages) -> Ints:
         cursor, pace = self.cursor, self._decision.pace
         late = 0.0 if cursor.begins else cursor.late_ns / pace.interval_ns
-        return count_steps(self._places(messages), pace, late=late, new_run=cursor.begins)
+        steps = count_steps(self._places(messages), pace, late=late, new_run=cursor.begins)
+        lost = self._lost(messages)
+        return steps if lost is None else steps + lost
+
+    def _lost(self, messages: Messages) -> Ints | None:
+        """Messages lost before each one, by their numbers; None where stamps alone tell."""
+        numbers, cursor, decision = messages.numbers, self.cursor, self._decision
+        if numbers is None or not (decision.numbered and decision.counting):
+            return None
+        known = None if cursor.begins else cursor.number
+        lost = lost_before(numbers, int(numbers[0]) - 1 if known is None else known)
+        if lost.max() >= _MOST_LOST:
+            # Behind another publisher numbers may leap, but time does not.
+            passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
+                             else np.int64(cursor.last_ns or 0))
+            lost[(lost >= _MOST_LOST) & (passed < 0.5 * lost * decision.pace.interval_ns)] = 0
+        return lost if lost.any() else None
 
     def _passed(self, messages: Messages, steps: Ints) -> tuple[float, int, int]:
         """Intervals that pass between messages without a gap, places counted, and messages."""
@@ -420,6 +451,7 @@ class Placing:
         cursor.elapsed_ns += passed_ns
         cursor.index += places
         cursor.last_ns, cursor.other_ns = int(messages.stamps[c - 1]), int(messages.other[c - 1])
+        cursor.number = None if messages.numbers is None else int(messages.numbers[c - 1])
         cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
         mean = float(np.add.reduce(late)) / len(late)
         cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))

@@ -10,6 +10,7 @@ changes all the time from its first change on.
 
 from dataclasses import dataclass, field
 
+from imu_allan.timeline.placing import SPARSE
 from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
@@ -55,9 +56,9 @@ class Sleepers(Record):
         """Count messages during which `sleep_on` holds."""
         self.run = [run + messages if run > 0 else run for run in self.run]
 
-    def look(self, samples: Floats, consumed: int) -> dict[int, int]:
+    def look(self, samples: Floats, consumed: int) -> dict[int, slice]:
         """
-        Find axes that come to life.
+        Find axes that come to life, and those that sleep on with another value than the first.
 
         Parameters
         ----------
@@ -68,14 +69,18 @@ class Sleepers(Record):
 
         Returns
         -------
-        dict of int to int
-            Number of the axis, and of the message with its first other value.
+        dict of int to slice
+            Number of the axis, and the messages before, in which it is not to count.
 
         """
-        return {axis: row for axis, run in enumerate(self.run) if run >= 0
-                and (row := self._woke(axis, samples[:, axis], consumed)) is not None}
+        parts = {axis: part for axis, run in enumerate(self.run) if run >= 0
+                 and (part := self._not_yet(axis, samples[:, axis], consumed)) is not None}
+        first = max((part.stop for part in parts.values() if part.start is None),
+                    default=0)
+        # What a driver sent before it had anything to send is no sample of any axis.
+        return {axis: slice(first) for axis in range(6) if first} | parts
 
-    def _woke(self, axis: int, values: Floats, consumed: int) -> int | None:
+    def _not_yet(self, axis: int, values: Floats, consumed: int) -> slice | None:
         known = np.flatnonzero(np.isfinite(values))
         now = known[:np.searchsorted(known, consumed)]
         if not len(now):
@@ -89,8 +94,15 @@ class Sleepers(Record):
         slept, self.run[axis] = self.run[axis] + int(other[0]), -1
         following = values[known[other[0]:other[0] + 1 + _FOLLOWING]]
         changes = int(np.count_nonzero(following[1:] != following[:-1]))
+        if slept < _LATE and not changes and len(following) > _FEWEST:
+            # A driver's first messages may hold zeros: the axis sleeps on with another value.
+            first, self.run[axis] = int(now[other[0]]), 0
+            rest = values.copy()
+            rest[:first] = np.nan
+            return self._not_yet(axis, rest, consumed) or slice(first)
         if slept < _LATE or len(following) <= _FEWEST or (
                 changes < _ALIVE_SHARE * (len(following) - 1)):
             return None
         self.late[axis] = slept
-        return int(now[other[0]])
+        row = int(now[other[0]])
+        return slice(max(row - SPARSE, 0), max(row, 1))

@@ -83,6 +83,8 @@ class TimelineStage:
         if block.frame_id != decision.frame_id:
             if decision.frame_id is not None:
                 self._counts.reject_frame(block.frame_id, len(block))
+                # The numbers are those of all messages of a publisher.
+                decision.numbered = False
                 return []
             decision.frame_id = block.frame_id
         self._pending.append(block)

@@ -4,9 +4,13 @@
 import time
 from typing import Any
 
+from imu_allan.block import ImuBlock
 from imu_allan.cdr import decode_imu, encode_imu
 from imu_allan.node import drained_subscription
+from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.imu_type import decoder, IMU
+from imu_allan.node.reception import Reception
 import numpy as np
 import pytest
 from rclpy.publisher import Publisher
@@ -62,6 +66,38 @@ def test_messages_come_whole_in_order_and_with_their_time_of_receipt(
     assert np.all(np.diff(receive_ns) >= 0)
     assert before <= receive_ns[0] <= receive_ns[-1] <= after
     assert sum(batch.lost for batch in batches) == 0
+    # Fast DDS gives the numbers of the publisher.
+    assert [number for batch in batches for number in batch.numbers] == list(range(1, 51))
+
+
+def test_each_sample_has_the_number_of_its_message_unless_some_cannot_be_decoded(
+        ros: Ros, subscription: DrainedSubscription) -> None:
+    talker = publisher(ros, subscription)
+    malformed: list[str] = []
+    reception = Reception(
+        subscription, Facts(subscription.topic, 100, 0.0, '', None), decoder(IMU),
+        lambda topic, error: malformed.append(f'{topic}: {error}'))
+
+    def blocks(count: int) -> list[ImuBlock]:
+        received = reception.facts.received + count
+
+        def all_came() -> bool:
+            reception.take(time.monotonic())
+            return reception.facts.received == received
+
+        ros.until(all_came)
+        return reception.blocks(time.monotonic())
+
+    for frame in ('one', 'two', 'one'):
+        for number in range(5):
+            talker.publish(encode_imu(number, np.arange(6.0), frame))
+    found = blocks(15)
+    assert [block.numbers.tolist() for block in found] == [
+        list(range(1, 6)), list(range(6, 11)), list(range(11, 16))]
+    talker.publish(b'\0\1\0\0nothing of the kind')
+    talker.publish(message(1))
+    assert [block.numbers for block in blocks(2)] == [None]
+    assert len(malformed) == 1
 
 
 def test_the_executor_leaves_the_messages_in_the_queue(ros: Ros) -> None:

@@ -8,11 +8,12 @@ from time import process_time
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
+from imu_allan.timeline.foreign_samples import alternates
 from imu_allan.timeline.sensor_at_rest import baseline_of
-from imu_messages import run
+from imu_messages import codes as summary_codes, run
 import numpy as np
 import pytest
-from scenarios import at_rest, characterized, Messages, SIGMA, Truth, verdict
+from scenarios import at_rest, characterized, Messages, SIGMA, START_NS, Truth, verdict
 
 EVERYDAY = 300
 SLOW = ('bias_instability', 'rate_random_walk')
@@ -188,6 +189,9 @@ def test_losses_that_stamps_hide_bound_the_error_of_the_noise_density(lost, jitt
              if isinstance(lost, str) else rng.random(len(messages.place)) > lost)
     late = rng.exponential(1.0, len(messages.place)) * jitter / truth.rate_hz
     messages.header = np.maximum.accumulate(messages.header + late) + 1e-8 * messages.place
+    if isinstance(lost, str):
+        # Else the other clock would tell.
+        messages.receive = messages.header.copy()
     result = characterized(keep(messages, there))
     found = re.search(r'noise density then be up to ([\d.]+)% too high',
                       told(result, 'uneven_stamps'))
@@ -576,6 +580,137 @@ def test_two_publishers_are_told_between_frequent_gaps_too():
     assert 'several_publishers' in codes(characterized(keep(messages, there)))
 
 
+@pytest.mark.parametrize('lost', [0.2, 0.4, 0.6])
+@pytest.mark.parametrize('noisier', [0.1, 2.0])
+def test_two_publishers_are_told_between_random_losses_too(lost, noisier):
+    messages, _, rng = rest(duration_s=60)
+    messages.samples[1::2] += 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
+    messages.samples[1::2] += noisier * SIGMA * rng.normal(size=messages.samples[1::2].shape)
+    kept = keep(messages, rng.random(len(messages.place)) >= lost)
+    assert 'several_publishers' in summary_codes(run(kept.block())[0])
+
+
+@pytest.mark.parametrize('filtered', [0.0, 0.5, 0.9])
+@pytest.mark.parametrize('step', [0.0, 0.5, 1.5])
+def test_no_filter_and_no_coarse_output_of_one_sensor_passes_for_two(filtered, step):
+    for seed in range(5):
+        samples = np.random.default_rng(seed).normal(size=(4097, 6))
+        samples = samples[1:] - filtered * samples[:-1]
+        assert not alternates(np.rint(samples / step) * step if step else samples)
+
+
+@pytest.mark.parametrize(('rate_hz', 'pattern'), [
+    (400.0, '1100'), (416.0, '1100'), (1040.0, '110'), (1040.0, '1100')])
+def test_what_is_dropped_in_turn_between_late_receive_stamps_is_missed_or_bounded(
+        rate_hz, pattern):
+    messages, truth, _ = rest(rate_hz, 20)
+    messages.header[:] = 0.0
+    there = np.resize([kept == '1' for kept in pattern], len(messages.place))
+    summary, _ = run(keep(messages, there).block())
+    bound = re.search(r'up to ([\d.]+)% of the samples may be missing unseen',
+                      ' '.join(remark.message for remark in summary.remarks))
+    hidden = float(bound[1]) / 100 if bound else 0.0
+    rate = summary.timeline.sample_rate_hz
+    assert truth.rate_hz * (1 - hidden) < 1.002 * rate < 1.004 * truth.rate_hz
+
+
+def test_a_tick_beside_what_is_dropped_in_turn_gives_way_to_the_other_clock():
+    messages, truth, _ = rest(208.0, 40)
+    messages.header = np.floor((messages.header + 0.123456789) / 4e-3) * 4e-3
+    summary, _ = run(keep(messages, messages.place % 4 < 2).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert summary.timeline.missing == pytest.approx(len(messages.place) / 2, abs=4)
+
+
+@pytest.mark.parametrize('kept', [0.4, 0.45])
+def test_batches_that_most_is_lost_of_are_no_grid_of_half_the_rate(kept):
+    for seed in range(2):
+        messages, truth, rng = rest(2000.0, 10, seed)
+        messages.header = ((messages.place // 4 + 1) * 4 / truth.rate_hz
+                           + messages.place % 4 * 7.5e-6)
+        messages.samples[:, 1:] = np.nan
+        result = characterized(keep(messages, rng.random(len(messages.place)) < kept))
+        found = re.search(r'noise density then be up to ([\d.]+)% too high',
+                          told(result, 'uneven_stamps'))
+        value = result.axes['gyro_x'].coefficients['noise_density'].value
+        assert 0.97 < value / truth.density < 1.02 + float(found[1]) / 100
+
+
+@pytest.mark.parametrize('size', [4, 10, 20])
+@pytest.mark.parametrize('lost', [0.02, 0.2, 0.5])
+def test_publication_numbers_tell_what_was_lost_within_batches(size, lost):
+    messages, truth, rng = rest(200.0, 60, seed=size)
+    messages.samples[:, 1:] = np.nan
+    messages.header = ((messages.place // size + 1) * size / truth.rate_hz
+                       + messages.place % size * 2e-5)
+    messages.receive = messages.header + 1e-3
+    kept = keep(messages, rng.random(len(messages.place)) >= lost)
+    result = characterized(kept, numbered=True)
+    assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    assert result.timeline.missing == kept.place[-1] - kept.place[0] + 1 - len(kept.place)
+    assert 'unseen' not in told(result, 'uneven_stamps')
+    if lost < 0.5:
+        assert_right(result, truth, 0.05, axes=1)
+    for seed in range(2):
+        again = characterized(kept, np.random.default_rng(seed), numbered=True)
+        assert again.to_dict() == result.to_dict()
+
+
+def test_publication_numbers_make_no_loss_of_a_pause_or_another_publisher():
+    messages, truth, _ = rest(duration_s=100)
+    messages.header = (messages.place // 10 + 1) * 0.1 + messages.place % 10 * 2e-5
+    messages.receive = messages.header + 1e-3
+    numbers = messages.place + 1
+    numbers[5000:] -= 4000
+    numbers[8000:] += 70_000
+    for clock in (messages.header, messages.receive):
+        clock[6500:] += 3.0
+    summary, _ = run(replace(messages.block(), numbers=numbers))
+    assert summary.timeline.missing == pytest.approx(300, abs=1)
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+
+
+def test_publication_numbers_of_several_frames_are_not_those_of_one():
+    messages, truth, _ = rest()
+    messages.header = (messages.place // 10 + 1) * 0.1 + messages.place % 10 * 2e-5
+    messages.receive = messages.header + 1e-3
+    block = replace(messages.block(), numbers=2 * messages.place + 1)
+    other = replace(block.part(slice(10)), frame_id='other')
+    summary, _ = run([block.part(slice(100)), other, block.part(slice(100, None))])
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert summary.timeline.missing == 0
+
+
+def test_publication_numbers_change_nothing_where_stamps_tell_as_much():
+    messages, _, rng = rest()
+    kept = keep(messages, rng.random(len(messages.place)) > 0.03)
+    assert characterized(kept, numbered=True).to_dict() == characterized(kept).to_dict()
+
+
+@pytest.mark.parametrize('rate_hz', [400.0, 416.0])
+@pytest.mark.parametrize('other_clock', [True, False])
+def test_stamps_in_whole_ticks_bound_nothing_where_nothing_is_lost(rate_hz, other_clock):
+    messages, truth, _ = rest(rate_hz, 60)
+    fraction = START_NS % 10**6 * 1e-9
+    messages.header = np.floor((messages.header + fraction) / 1e-3) * 1e-3 - fraction
+    if not other_clock:
+        messages.receive = messages.header.copy()
+    summary, _ = run(messages.block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    assert not summary.timeline.missing
+    assert 'unseen' not in ' '.join(remark.message for remark in summary.remarks)
+
+
+@pytest.mark.parametrize('zeros', [1, 5])
+def test_zeros_of_a_drivers_first_messages_hide_no_dead_axis(zeros):
+    messages, truth, _ = rest()
+    messages.samples[:5000, 2] = 0.123
+    messages.samples[:zeros] = 0.0
+    result = characterized(messages)
+    assert_right(result, truth, 0.05)
+    assert f'gyro_z for the first {5000 - zeros} of' in told(result, 'axis_late_start')
+
+
 def test_spikes_close_together_in_a_short_record_are_no_motion():
     messages, truth, _ = rest(duration_s=20)
     hit = np.concatenate([np.arange(50, 2000, 70), [301, 302, 1503]])
@@ -722,6 +857,11 @@ def test_random_faults_leave_no_number_silently_wrong():
     wrong = [one for one in verdicts if one.violations]
     assert len(wrong) <= 0.01 * EVERYDAY, wrong
     assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
+
+
+def test_numbered_messages_leave_no_number_silently_wrong_either():
+    verdicts = [verdict(seed, 6000, 1, numbered=True) for seed in range(10_000, 10_040)]
+    assert not [one for one in verdicts if one.violations]
 
 
 @pytest.mark.slow
