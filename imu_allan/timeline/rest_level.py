@@ -34,7 +34,9 @@ _REFRESH = 256
 _PERSISTENT = 128
 """Windows after which a new level may be the sensor's own: a minute. A judgment."""
 _PERSISTENT_SHARE = 0.25
-"""Of those so many must have been called motion: below, what was seen is knocks."""
+"""Of those so many must have been called motion: below, what was seen is knocks, unless..."""
+_LEAST_SHARE = 0.05
+"""... so many were and all windows are alike, as where a single axis has become louder."""
 _ADOPTED_RATIO = 3.0
 """What is so much louder than rest may be is an engine, not the sensor. A judgment."""
 _ADOPTED_SHARE = 0.9
@@ -282,10 +284,13 @@ class RestLevel:
         """Take a new steady level for the sensor's own, if it is not much louder."""
         assert self.baseline is not None
         verdict = self._lately[:, 18]
-        if np.any(verdict > 1) or np.mean(verdict) < _PERSISTENT_SHARE:
+        share = float(np.mean(verdict))
+        if np.any(verdict > 1) or share < _LEAST_SHARE:
             return
         baseline, still = settle(self._lately[:, :12], self._lately[:, 12:18],
                                  self.baseline.resolution)
+        if share < _PERSISTENT_SHARE and not still.all():
+            return
         little = _ADOPTED_RATIO ** (2 / 3) * self.baseline.loudest()
         if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
             self._past = self._lately[still, :18]

@@ -711,6 +711,17 @@ def test_zeros_of_a_drivers_first_messages_hide_no_dead_axis(zeros):
     assert f'gyro_z for the first {5000 - zeros} of' in told(result, 'axis_late_start')
 
 
+@pytest.mark.parametrize('axis', [0, 2, 4])
+def test_one_axis_that_becomes_twice_as_loud_is_taken_for_motion_for_a_while_only(axis):
+    messages, _, _ = rest(duration_s=400)
+    messages.samples[15_000:, axis] *= 2
+    summary, _ = run(messages.block())
+    cut = summary.timeline.motion
+    # Its margins and the minutes in which nobody knows whether it stays so.
+    assert sum(span.duration_s for span in cut) < 60
+    assert max(span.start_s for span in cut) < 300
+
+
 def test_spikes_close_together_in_a_short_record_are_no_motion():
     messages, truth, _ = rest(duration_s=20)
     hit = np.concatenate([np.arange(50, 2000, 70), [301, 302, 1503]])
