@@ -501,6 +501,39 @@ def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
         'averaging times may be up to 0.9% off and noise densities half as much')
 
 
+@pytest.mark.parametrize('at', [0.1, 0.5, 0.9])
+def test_a_rate_step_of_one_percent_leaves_the_mean_rate_and_is_told_beyond_half_of_it(at):
+    messages, _, _ = rest(duration_s=300)
+    time = np.cumsum(np.where(messages.place < 30_000 * at, 1.0, 1 / 1.01)) / 100
+    summary, _ = run(replace(messages, header=time, receive=time + 1e-3).block())
+    mean = 30_000 / time[-1]
+    assert summary.timeline.sample_rate_hz == pytest.approx(mean, rel=1e-5)
+    assert summary.timeline.missing == summary.timeline.rejected == 0
+    off = max(mean / 100, 101 / mean) - 1
+    assert ('uneven_rate' in summary_codes(summary)) == (off > 0.0055)
+
+
+@pytest.mark.parametrize(('share', 'shifts'), [
+    (0.001, False), (0.01, False), (0.05, False), (0.001, True), (0.01, True)])
+def test_overruns_of_the_timer_that_polls_make_no_other_rate(share, shifts):
+    messages, truth, rng = rest()
+    late = np.where(rng.random(len(messages.place)) < share,
+                    rng.uniform(0.3, 1.5, len(messages.place)), 0)
+    if shifts:
+        # The timer starts anew after each one.
+        there = np.ones(len(late), bool)
+        messages.header = (messages.place + np.cumsum(np.minimum(late, 0.9))) / 100
+    else:
+        # Or it keeps its grid, and leaves out the time that has passed.
+        there = np.append(True, late[:-1] <= 1)
+        messages.header = np.maximum.accumulate(messages.place + late) / 100
+    messages.receive = messages.header + 1e-3
+    summary, _ = run(keep(messages, there).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+    if not shifts:
+        assert summary.timeline.missing == np.count_nonzero(~there)
+
+
 @pytest.mark.parametrize('count', [100, 300, 600])
 def test_a_short_record_in_batches_has_the_rate_of_whole_batches(count):
     messages, truth, _ = rest(duration_s=count / 100)
