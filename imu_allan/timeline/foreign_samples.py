@@ -21,6 +21,8 @@ _ALTERNATING_AXES = 3
 _TURNS, _TWO_PEAKS = -0.15, -0.6
 """Correlation of neighbours and excess kurtosis: two sensors of which 60 % are lost have -0.18 and
 -1 or less, 4,096 samples of one -0.06 and 0, each within 0.08. Judgments."""
+_NO_VIBRATION, _IN_PART = -1.55, 0.3
+"""Excess kurtosis below that of any sine, and the correlation of an axis that has part in it."""
 _LASTING_LAGS = range(16, 25)
 """Messages after which random losses have mixed two sensors, and a vibration goes on."""
 _LARGEST = 1e9
@@ -62,7 +64,7 @@ def alternates(samples: Floats) -> bool:
         return True
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
-    if _has_two_means(centred.reshape(-1, known.shape[2])):
+    if _has_two_means(centred.reshape(-1, known.shape[2]), enough):
         return True
     axes = 0
     for values in (centred, np.abs(centred)):
@@ -75,25 +77,34 @@ def alternates(samples: Floats) -> bool:
     return bool(axes >= enough)
 
 
-def _has_two_means(centred: Floats) -> bool:
+def _has_two_means(centred: Floats, enough: int) -> bool:
     """
     Tell whether samples lie about two means, and more often in turn than by chance.
 
-    Random losses leave no line of two sensors. In the direction of their means neighbours still
-    are less alike than chance makes them, and the distribution has two peaks: excess kurtosis -2
-    where they are far apart. A vibration has both, too, and goes on with it.
+    Losses leave no line of two sensors. In the direction of their means neighbours, or the next
+    but one, still are less alike than chance makes them, and the distribution has two peaks:
+    excess kurtosis -2 where they are far apart. A vibration has both, too, and goes on with it,
+    as sensors do of which messages are dropped in turn; but its kurtosis is -1.5 at least.
     """
     level, axes = np.linalg.eigh(centred.T @ centred / len(centred))
     noisy = level > 1e-12 * level[-1]
     if not noisy.any():
         return False
     white = centred @ (axes[:, noisy] / np.sqrt(level[noisy]))
-    beside = white[1:].T @ white[:-1] / len(white)
-    turns, directions = np.linalg.eigh((beside + beside.T) / 2)
-    along = white @ directions[:, 0]
-    lasting = max(abs(float(along[lag:] @ along[:-lag])) for lag in _LASTING_LAGS) / len(along)
-    return bool(turns[0] < _TURNS and np.mean(along ** 4) - 3 < _TWO_PEAKS
-                and lasting < -_TURNS / 2)
+    for beside in (1, 2):
+        product = white[beside:].T @ white[:-beside] / len(white)
+        turns, directions = np.linalg.eigh((product + product.T) / 2)
+        along = white @ directions[:, 0]
+        peaks = float(np.mean(along ** 4)) - 3
+        if turns[0] > _TURNS or peaks > _TWO_PEAKS:
+            continue
+        lasting = max(abs(float(along[lag:] @ along[:-lag])) for lag in _LASTING_LAGS)
+        if lasting < -_TURNS / 2 * len(along):
+            return True
+        part = np.abs(centred.T @ along) > _IN_PART * len(along) * centred.std(axis=0)
+        if peaks < _NO_VIBRATION and np.count_nonzero(part) >= enough:
+            return True
+    return False
 
 
 def spikes(samples: Floats, before: Floats | None) -> Bools:

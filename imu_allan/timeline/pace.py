@@ -54,6 +54,8 @@ _SHORTEST_ON = 0.1
 _LONGEST_BATCH_NS = 5e8
 """A FIFO is read more often: it overflows after some tenths of a second."""
 _TICKS_NS = (100_000, 1_000_000, 10_000_000)
+_LEAST_OUTAGE = 4.0
+"""Intervals: losses of single messages leave shorter pauses."""
 _SHORT_PERCENT, _MOST_PERCENT = 20, 95
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
@@ -339,9 +341,14 @@ def _even_with_outages(steps: Floats) -> float | None:
     near = np.abs(steps - usual) < 0.1 * usual
     on = float(steps[near].sum()) / float(steps.sum())
     pauses = steps[~near]
-    if np.mean(near) > 0.75 and len(pauses) and (
+    if not len(pauses):
+        return None
+    lasting = float(np.median(pauses))
+    # Of a few messages between two outages there may be fewer steps.
+    few = lasting > max(_LONGEST_BATCH_NS, _LEAST_OUTAGE * usual)
+    if np.mean(near) > (0.5 if few else 0.75) and (
             on > _SHORTEST_ON or len(steps) > PHASE_GROUP * len(pauses)
-            or float(np.median(pauses)) > _LONGEST_BATCH_NS):
+            or lasting > _LONGEST_BATCH_NS):
         return usual
     return None
 

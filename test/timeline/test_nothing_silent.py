@@ -65,6 +65,14 @@ def test_outages_longer_than_what_lies_between_leave_rate_and_noise_as_they_are(
     assert codes(result).isdisjoint({'uneven_stamps', 'rate_changed'})
 
 
+@pytest.mark.parametrize('on', [3, 4, 7])
+def test_a_few_messages_between_long_outages_tell_the_rate(on):
+    messages, truth, _ = rest(5.0, 1200)
+    messages.receive[:] = messages.receive[-1]
+    summary, _ = run(keep(messages, messages.place % (on + 21) < on).block())
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+
+
 def test_a_result_stays_while_outages_come_and_go():
     messages, truth, _ = rest()
     there = np.floor(messages.header / 5) % 2 == 0
@@ -621,6 +629,25 @@ def test_two_publishers_are_told_between_random_losses_too(lost, noisier):
     messages.samples[1::2] += noisier * SIGMA * rng.normal(size=messages.samples[1::2].shape)
     kept = keep(messages, rng.random(len(messages.place)) >= lost)
     assert 'several_publishers' in summary_codes(run(kept.block())[0])
+
+
+@pytest.mark.parametrize('pattern', ['110', '11110', '1100', '1111110'])
+def test_two_publishers_are_told_between_messages_dropped_in_turn_too(pattern):
+    messages, _, rng = rest(duration_s=60)
+    messages.samples[1::2] += 3 * SIGMA * np.array([1, -2, 0.5, -1, 1, 0.3])
+    messages.samples[1::2] += SIGMA * rng.normal(size=messages.samples[1::2].shape)
+    there = np.resize([kept == '1' for kept in pattern], len(messages.place))
+    assert 'several_publishers' in summary_codes(run(keep(messages, there).block())[0])
+
+
+@pytest.mark.parametrize('cycles', [0.31, 0.35, 0.4])
+@pytest.mark.parametrize('noise', [0.01, 0.3])
+@pytest.mark.parametrize('wander', [0.0, 0.03, 0.3])
+def test_no_vibration_of_all_axes_passes_for_two_sensors(cycles, noise, wander):
+    rng = np.random.default_rng(0)
+    phase = 2 * np.pi * cycles * np.arange(4096) + np.cumsum(rng.normal(size=4096)) * wander
+    assert not alternates(np.sin(phase)[:, None] * [1, 0.5, 0.3, 1, 1, 2]
+                          + noise * rng.normal(size=(4096, 6)))
 
 
 @pytest.mark.parametrize('filtered', [0.0, 0.5, 0.9])
