@@ -304,6 +304,7 @@ class CharacterizationNode(Node):
         for reception in self._receptions:
             reception.drop()
         self._begin_anew()
+        self._storage.forget_resumed()
         self._results.fit(self._run)
         response.success, response.message = True, 'a new run has begun'
         if self._storage.keeps_state:

@@ -191,7 +191,7 @@ class StateFile:
 
     def _sweep_up(self) -> None:
         # A process killed while it saved leaves its unfinished file.
-        leftover = re.compile(re.escape(f'.{self.path.name[:100]}.') + r'\w{8}')
+        leftover = re.compile(re.escape(f'.{self.path.name[:100]}.') + '[0-9a-f]{8}')
         with contextlib.suppress(OSError):
             for path in self.path.parent.iterdir():
                 if leftover.fullmatch(path.name):

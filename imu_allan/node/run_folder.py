@@ -15,7 +15,9 @@ from imu_allan.node.settings import DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
 
 _CLAIMS: dict[Path, int] = {}
-"""Folders of this process, and the handles that hold their locks."""
+"""Folders of this process, and the handles that hold their locks, the latest last."""
+_MOST_CLAIMS = 32
+"""Nodes of one process; a node that is reset for every unit on a bench has a thousand runs."""
 _MOST_OF_ONE_NAME = 100
 """Nodes of one name that start in one second: one is a slip, a hundred a loop without end."""
 
@@ -90,6 +92,7 @@ def claimed(folder: Path) -> Path:
                             for number in range(2, _MOST_OF_ONE_NAME))]
     for candidate in candidates:
         if candidate in _CLAIMS:
+            _CLAIMS[candidate] = _CLAIMS.pop(candidate)
             return candidate
         # Where a folder cannot be made or opened, the files are about to tell why.
         with contextlib.suppress(OSError):
@@ -101,6 +104,9 @@ def claimed(folder: Path) -> Path:
                 os.close(handle)
                 continue
             _CLAIMS[candidate] = handle
+            if len(_CLAIMS) > _MOST_CLAIMS:
+                # A run that ended long ago: as if its process had.
+                os.close(_CLAIMS.pop(next(iter(_CLAIMS))))
         return candidate
     return folder
 

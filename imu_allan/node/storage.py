@@ -123,17 +123,31 @@ class Storage:
             return
         state = (pack(run, self._setup) if run.fed != run.checkpointed else None)
 
-        def keep() -> Path:
+        def keep() -> tuple[Path, str]:
+            unsaved = ''
             if state is not None:
-                state_file.save(state)
-            return state_file.keep_aside(verdict.reason)
+                try:
+                    state_file.save(state)
+                except ImuAllanError as error:
+                    # What was saved before is worth keeping all the more.
+                    unsaved = str(error)
+            return state_file.keep_aside(verdict.reason), unsaved
 
-        def note(future: 'Future[Path]') -> None:
+        def note(future: 'Future[tuple[Path, str]]') -> None:
             self._facts.checkpoint_error = self._worker.failure(future)
-            if not self._facts.checkpoint_error:
-                self._note_aside(verdict, future.result())
+            if self._facts.checkpoint_error:
+                return
+            aside, unsaved = future.result()
+            self._note_aside(verdict, aside)
+            if unsaved:
+                self._log.error(f'its latest samples are not in it: {unsaved}')
+                self._facts.checkpoint_error = unsaved
 
         self._worker.start('aside', keep, note)
+
+    def forget_resumed(self) -> None:
+        """Tell no longer of what the run was resumed from: the user has begun another."""
+        self._facts.resumed = ''
 
     def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
         assert self._state_file is not None

@@ -140,10 +140,11 @@ def test_what_is_kept_aside_keeps_its_content_and_says_why(tmp_path: Path) -> No
 
 def test_leftovers_of_a_killed_save_are_swept_up(tmp_path: Path) -> None:
     (tmp_path / '.state.a1b2c3d4').write_bytes(b'half of a state')
-    (tmp_path / '.state.keep.this.one').write_bytes(b'of somebody else')
+    others = ['.state.keep.this.one', '.state.settings', '.state.database', '.state.A1B2C3D4']
+    for name in others:
+        (tmp_path / name).write_bytes(b'of somebody else')
     StateFile(tmp_path / 'state')
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['.state.keep.this.one',
-                                                                'state.lock']
+    assert {path.name for path in tmp_path.iterdir()} == {*others, 'state.lock'}
 
 
 def test_a_file_in_use_by_another_process_is_refused_until_it_ends(tmp_path: Path) -> None:

@@ -186,7 +186,16 @@ def test_two_nodes_cannot_share_a_state_file(ros: Ros) -> None:
 
 def test_reset_empties_the_state_file_at_once(ros: Ros, checkpoint: Path) -> None:
     node = start(ros)
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+
+    def storage() -> list[str]:
+        return [status.message for report in reports for status in report.status
+                if status.name == f'{ros.name("imu_allan")}: storage']
+
+    ros.until(lambda: any('resumed 10 s' in message for message in storage()))
     assert ros.call(Trigger, 'imu_allan/reset').success
+    reports.clear()
+    ros.until(lambda: 'a new run' in storage())
     node.popen.kill()
     node.popen.wait()
     state = {key: array for key, array in decode_state(checkpoint.read_bytes()).items()

@@ -36,6 +36,18 @@ def test_two_processes_have_two_folders_and_a_later_one_the_first_again(tmp_path
         folder.name, f'{folder.name}-2']
 
 
+def test_a_node_that_is_reset_a_hundred_times_keeps_few_files_open(tmp_path: Path) -> None:
+    open_files = Path('/proc/self/fd')
+    folders = [tmp_path / f'imu_allan_{number}' for number in range(100)]
+    claimed(folders[0])
+    before = len(list(open_files.iterdir()))
+    assert [claimed(folder) for folder in folders] == folders
+    assert len(list(open_files.iterdir())) < before + 40
+    # The one in use stays this process's own, and an earlier one is its own again.
+    assert claimed(folders[-1]) == folders[-1]
+    assert claimed(folders[0]) == folders[0]
+
+
 @pytest.mark.parametrize('name', ['state', 'state.lock'])
 def test_a_pipe_as_state_or_lock_is_one_line_at_once(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / name)
