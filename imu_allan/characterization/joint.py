@@ -348,8 +348,8 @@ def _turn_on_remarks(spread: Mapping[str, TurnOnBias], axes: Mapping[str, AxisRe
             low, high = (number(engineering(end, axes[name].unit)[0], 3) for end in found.ci95)
             remarks.append(Remark(
                 'turn_on_bias', f'{name}: the mean differs from recording to recording by '
-                f'{number(value, 3)} {unit} beyond what it wanders in one (at least {low}, '
-                f'at most {high})'))
+                f'{number(value, 3)} {unit} beyond what it wanders in one (at least {low} '
+                f'and at most {high})'))
     return remarks
 
 

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+from imu_allan.noise.chi_square import NORMAL95
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -55,7 +56,8 @@ class Effects:
     mean, between : float
         Of the population: restricted maximum likelihood.
     between_ci95 : (float, float)
-        By the generalised Q statistic, exact for any number of units.
+        By the generalised Q statistic, exact for any number of units; where that leaves no spread
+        at all, up to the end of the likelihood's interval.
 
     """
 
@@ -146,7 +148,12 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     spread = _refined(lambda s: _best_mean(y, e, u, s)[1], spreads, best)
     # A spread at the lower end of what was tried is none.
     spread = 0.0 if best == 0 else spread
-    return Effects(y, e, u, _best_mean(y, e, u, spread)[0], spread, _interval(y, e, scatter))
+    low, high = _interval(y, e, scatter)
+    if high == 0 and np.any(e > 0):
+        # Less scatter than the errors make in 39 of 40 populations: Q leaves no spread, but that
+        # is chance, and the likelihood still says which would show.
+        high = _likely_up_to(lambda s: _best_mean(y, e, u, s)[1], spread, float(np.max(e)))
+    return Effects(y, e, u, _best_mean(y, e, u, spread)[0], spread, (low, high))
 
 
 def q_statistic(values: ArrayLike, errors: ArrayLike, spread: float = 0.0) -> float:
@@ -192,6 +199,17 @@ def _interval(y: Array, e: Array, scatter: float) -> tuple[float, float]:
                             xtol=1e-6 * scatter))
 
     return end(0.025), end(0.975)
+
+
+def _likely_up_to(loss: Callable[[float], float], best: float, step: float) -> float:
+    """Spread at which twice the log-likelihood has fallen by the 3.84 of a 95 % interval."""
+    from scipy.optimize import brentq
+
+    limit = loss(best) + NORMAL95**2 / 2
+    high = best + step
+    while loss(high) < limit:
+        high *= 2
+    return float(brentq(lambda spread: loss(spread) - limit, best, high, xtol=1e-6 * step))
 
 
 def _best_mean(y: Array, e: Array, u: Array, spread: float) -> tuple[float, float]:

@@ -21,6 +21,18 @@ def test_scatter_that_measuring_explains_is_no_spread_between_units():
     assert effects.between_ci95[0] == 0.0
 
 
+@pytest.mark.parametrize('scale', [1e-9, 1.0, 1e6])
+def test_values_more_alike_than_their_errors_leave_a_spread_possible(scale):
+    effects = random_effects(scale * np.array([1.0, 1.01, 0.99, 1.0, 1.005]),
+                             np.full(5, 0.1 * scale))
+    assert effects.between == 0.0
+    low, high = effects.between_ci95
+    assert low == 0.0
+    # Five equal values of an error of 0.1: by Q alone there would be no room for any spread.
+    assert 0.05 * scale < high < 0.3 * scale
+    assert effects.tolerance() > effects.percentile(0.95)
+
+
 def test_a_unit_measured_badly_counts_less():
     effects = random_effects([1.0, 1.1, 0.9, 50.0], [0.05, 0.05, 0.05, 100.0])
     assert effects.mean == pytest.approx(1.0, abs=0.1)

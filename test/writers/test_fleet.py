@@ -8,6 +8,7 @@ from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
+from imu_allan.writers.fleet.figure import curves_figure
 from imu_allan.writers.fleet.findings import sentence
 from imu_allan.writers.fleet.page import fleet_html
 from imu_allan.writers.fleet.table import cells
@@ -102,6 +103,20 @@ def test_a_fleet_of_nothing_but_failures_is_told(fleet):
     nothing = Fleet({}, {}, fleet.failures)
     assert 'unit13' in fleet_html(nothing)
     assert json.loads(fleet_json(nothing))['units'] == []
+
+
+def test_names_of_curves_that_end_together_stand_apart(make_result):
+    rng = np.random.default_rng(2)
+    scales = [2.2, 2.21, *np.exp(.05 * rng.normal(size=18))]
+    fleet = Fleet({f'SN-{n}': make_result(scale=float(scale)) for n, scale in enumerate(scales)})
+    figure = curves_figure(fleet)
+    figure.draw_without_rendering()
+    for panel in figure.axes:
+        names = {text.get_text(): text.get_window_extent() for text in panel.texts}
+        if names:
+            assert set(names) == {'SN-0', 'SN-1'}
+            assert not names['SN-0'].overlaps(names['SN-1'])
+    assert any(panel.texts for panel in figure.axes)
 
 
 @pytest.mark.slow

@@ -33,6 +33,8 @@ _MOST_CURVES = 200
 """Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
 _MOST_NAMED = 7
 """Colours there are; what sticks out beyond them is named in the table alone."""
+_LABEL = 11.0
+"""Points from one name to the next, that they do not lie on one another."""
 _WIDTH = 11.0
 """Inches; as wide as the page, text of 8 points is 11 pixels high."""
 
@@ -90,6 +92,7 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         panel.fill_between(tau, low, high, color=COLOURS[theme]['z'], alpha=0.18, linewidth=0,
                            zorder=3)
         panel.plot(tau, middle, color=ink, linewidth=1.4, zorder=4)
+    ends: dict[str, tuple[float, float]] = {}
     for place, (unit, colour) in enumerate(colours.items()):
         if unit not in axes or not any(axes[unit].curve.adev):
             continue
@@ -97,9 +100,31 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         marker = MARKERS[place % len(MARKERS)]
         panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
                    markersize=3.6, zorder=5)
-        panel.annotate(_short(unit), (curve.tau_s[-1], curve.adev[-1]), xytext=(-3, 5),
-                       textcoords='offset points', color=ink, fontsize=8, ha='right',
-                       zorder=6)
+        ends[unit] = curve.tau_s[-1], curve.adev[-1]
+    heights = _apart([adev for _, adev in ends.values()], _LABEL / _points_a_decade(panel))
+    for (unit, (tau_s, _)), height in zip(ends.items(), heights, strict=True):
+        panel.annotate(_short(unit), (tau_s, height), xytext=(-3, 5),
+                       textcoords='offset points', color=ink, fontsize=8, ha='right', zorder=6,
+                       bbox={'boxstyle': 'square,pad=0', 'linewidth': 0, 'alpha': 0.5,
+                             'facecolor': panel.get_facecolor()})
+
+
+def _points_a_decade(panel: 'Axes') -> float:
+    """Return how high a decade of a panel is."""
+    low, high = np.log10(panel.get_ylim())
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    return float(72 * figure.get_figheight() * panel.get_position().height / (high - low))
+
+
+def _apart(values: Sequence[float], decades: float) -> list[float]:
+    """Move values up until none is nearer to the next than so many decades."""
+    moved = list(values)
+    below = -np.inf
+    for place in np.argsort(values):
+        below = max(float(np.log10(values[place])), below + decades)
+        moved[place] = 10**below
+    return moved
 
 
 def _percentiles(curves: Sequence[tuple[Array, Array]], tau: Array
