@@ -8,7 +8,7 @@ Several recordings of one IMU give one result.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
 from heapq import merge
@@ -322,7 +322,8 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
 def second_means(path: str | Path, topic: str | None = None, *,
                  options: TimelineOptions = TimelineOptions(),  # noqa: B008
                  reading: RecordingOptions = RecordingOptions(),  # noqa: B008
-                 progress: Callable[[int], None] | None = None) -> list[Means]:
+                 progress: Callable[[int], None] | None = None,
+                 axes: Collection[str] | None = None) -> list[Means]:
     """
     Read a recording for its means over a second, at rest, in constant memory.
 
@@ -330,6 +331,8 @@ def second_means(path: str | Path, topic: str | None = None, *,
     ----------
     path, topic, options, reading, progress
         As in `analyze`.
+    axes : collection of str, optional
+        Keys of `AXES` to take; those of the first sample by default.
 
     Returns
     -------
@@ -349,7 +352,8 @@ def second_means(path: str | Path, topic: str | None = None, *,
             part = _shared(progress, number, len(streams), recording.size_bytes)
             blocks, _ = _in_si_units(recording, stream, part)
             stage = TimelineStage(_at_own_rate(stream, streams, options, reading))
-            found.append(Means())
+            found.append(Means(axes if axes is None or stream.half is None else
+                               [name for name in axes if name.startswith(stream.half)]))
             for block in blocks:
                 with suppress(NoAxes):
                     found[-1].take(stage.push(block), stage.interval_ns)

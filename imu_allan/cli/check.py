@@ -159,11 +159,10 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
 
 
 def _result(source: str, args: argparse.Namespace) -> 'Result':
-    from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.result_file import is_result, load_result
 
-    path = Path(source)
-    if path.suffix == '.json':
-        return load_result(path)
+    if is_result(source):
+        return load_result(source)
     import imu_allan
     from imu_allan.cli.progress import progress_bar
     from imu_allan.recordings import open_recording

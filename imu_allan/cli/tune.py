@@ -9,7 +9,8 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import duration, positive_number
+from imu_allan.cli.arguments import duration
+from imu_allan.cli.recording_options import add_recording_options, recording_options
 from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:
@@ -42,8 +43,7 @@ def register(verbs: Any) -> None:
                              'or with the motors on, standing still now and then; a result in '
                              'its place compares the models alone')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
-    parser.add_argument('--rate', metavar='HZ', type=positive_number,
-                        help='sample rate of the other recording, instead of the one measured')
+    add_recording_options(parser)
     parser.add_argument('--plot', metavar='FILE',
                         help='picture of the drift observed there, beside what was predicted '
                              '(.png, .svg or .pdf); with --verify')
@@ -167,9 +167,9 @@ def _format(path: str) -> str:
 
 def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
     """Read a result, or a recording twice: for its result, and to run filters over it."""
-    from imu_allan.writers.result_file import load_result
+    from imu_allan.writers.result_file import is_result, load_result
 
-    if Path(args.verify).suffix == '.json':
+    if is_result(args.verify):
         return load_result(args.verify), []
     import imu_allan
     from imu_allan.analysis import second_means
@@ -177,8 +177,8 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
     from imu_allan.recordings import open_recording
     from imu_allan.timeline import TimelineOptions
 
-    options = TimelineOptions(rate_hz=args.rate)
-    with open_recording(args.verify, rate_hz=args.rate) as recording:
+    options, reading = TimelineOptions(rate_hz=args.rate), recording_options(args)
+    with open_recording(args.verify, options=reading) as recording:
         size = recording.size_bytes
     with progress_bar(printable(args.verify), size, wanted=not args.no_progress) as progress:
         def half(done: int) -> None:
@@ -187,5 +187,8 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
         def rest(done: int) -> None:
             progress((size + done) // 2)
 
-        result = imu_allan.analyze(args.verify, args.topic, progress=half, options=options)
-        return result, second_means(args.verify, args.topic, progress=rest, options=options)
+        result = imu_allan.analyze(args.verify, args.topic, progress=half, options=options,
+                                   reading=reading)
+        axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
+        return result, second_means(args.verify, args.topic, progress=rest, options=options,
+                                    reading=reading, axes=axes)

@@ -195,8 +195,10 @@ def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:
     low, high = 0.0, float('inf')
     if excess(-far) > 0:
         low = float(np.exp(brentq(excess, -far, middle, xtol=1e-4)))
-    if excess(far) > 0:
-        high = float(np.exp(brentq(excess, middle, far, xtol=1e-4)))
+    # One that is surely farther off than that has an upper end all the same.
+    highest = max(far, middle + np.log(10)) if low > 0 else far
+    if highest > middle and excess(highest) > 0:
+        high = float(np.exp(brentq(excess, middle, highest, xtol=1e-4)))
     return low, high
 
 
@@ -209,15 +211,12 @@ def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_
     def pair(noise: float, drift: float) -> tuple[float, float]:
         tuning = tune(_scaled(axis, noise, drift), aiding_s, coast_s, bias,
                       correlation_time_s=time)
-        return (tuning.noise_density / own[0],
-                (tuning.sigma or tuning.random_walk or 0.0) / own[1])
+        return tuning.noise_density, tuning.sigma or tuning.random_walk or 0.0
 
-    own = 1.0, 1.0
-    own = pair(1.0, 1.0)
-    best = pair(noise, drift)
-    n = tuple(pair(end, drift)[0] for end in noises)
-    k = tuple(pair(noise, end)[1] if 0 < end < np.inf else end for end in drifts)
-    return *best, (n[0], n[1]), (k[0], k[1])
+    (n, k), (own_n, own_k) = pair(noise, drift), pair(1.0, 1.0)
+    n_low, n_high = (pair(end, drift)[0] / own_n if end < np.inf else end for end in noises)
+    k_low, k_high = (pair(noise, end)[1] / own_k if 0 < end < np.inf else end for end in drifts)
+    return n / own_n, k / own_k, (n_low, n_high), (k_low, k_high)
 
 
 def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Means over a second of even samples as they come, in constant memory."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from imu_allan.block import EvenBlock
 from imu_allan.noise.cells import cells_of, coarser, joined, no_cells
+from imu_allan.noise.terms import AXES
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +16,12 @@ MOST = 32_768
 
 class Means:
     """
-    Means over a second of every axis that there is.
+    Means over a second of some axes; where one of them is away, there is a gap.
+
+    Parameters
+    ----------
+    axes : collection of str, optional
+        Keys of `AXES`; those that the first sample has by default.
 
     Attributes
     ----------
@@ -37,10 +43,11 @@ class Means:
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, axes: Collection[str] | None = None) -> None:
         self.series, self.cell = no_cells(0), 1
+        self._wanted = axes
         self.columns: NDArray[np.int64] = np.zeros(0, np.int64)
-        self._run = 0
+        self._run, self._away = 0, False
         self._interval_ns = 1e9
 
     @property
@@ -67,12 +74,22 @@ class Means:
 
     def _absorb(self, block: EvenBlock) -> None:
         if block.restart or not len(self.series):
-            self.columns = np.flatnonzero(np.isfinite(block.samples[0]))
+            self.columns = np.flatnonzero(
+                np.isfinite(block.samples[0]) if self._wanted is None
+                else [name in self._wanted for name in AXES])
             self.series = no_cells(len(self.columns))
             self.cell = max(1, round(1e9 / self._interval_ns))
         self._run += block.new_run
         rows = np.ascontiguousarray(block.samples[:, self.columns].T)
-        self.series = joined(self.series, cells_of(rows, self._run, block.first_index, self.cell))
+        there = np.asarray(np.isfinite(rows).all(axis=0))
+        edges = np.flatnonzero(np.diff(there, prepend=False, append=False))
+        for start, end in edges.reshape(-1, 2).tolist():
+            # What comes after an axis has been away is another run.
+            self._run += start > 0 or self._away
+            self.series = joined(self.series, cells_of(
+                rows[:, start:end], self._run, block.first_index + start, self.cell))
+            self._away = False
+        self._away = not there[-1]
         while len(self.series) > MOST:
             self.series = coarser(self.series, 1)
             self.cell *= 2

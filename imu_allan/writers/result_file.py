@@ -96,6 +96,13 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     return result
 
 
+def is_result(path: str | os.PathLike[str]) -> bool:
+    """Tell a result file, or a folder with one, from a recording."""
+    given = Path(path)
+    return given.suffix == '.json' or (
+        (given / 'result.json').is_file() and not (given / 'metadata.yaml').exists())
+
+
 def _result_in(folder: Path) -> Path:
     """Return the result file of a folder."""
     if (folder / 'result.json').exists():

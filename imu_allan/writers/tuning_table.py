@@ -113,13 +113,14 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         axis = next(iter(axes.values()))
         noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
                                                                'rate_random_walk'))
+        # The rows of the coefficients have a walk whatever the filter takes its bias for.
         second = ('K', f'K {walk}') if bias == 'random_walk' else (
-            'sigma, Tc', f'sigma {axis.unit}')
+            'sigma, Tc', f'sigma {axis.unit}, K {walk}')
         parts.append(Text(f'\n{title}: N {noise}, {second[1]}, claimed {axis.unit}'))
         table = _table('', 'numbers', 'N', second[0], 'NIS', 'error', 'claimed')
         for name, axis in axes.items():
             for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
-                table.add_row(name[-1] if i == 0 else '', *_cells(choice))
+                table.add_row(name[-1] if i == 0 else '', *_cells(choice, bias))
         parts.append(table)
     parts.append(Text(
         f'NIS: mean squared innovation over what is claimed; error: squared error after '
@@ -144,16 +145,17 @@ def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult
     return {title: those for title, those in found.items() if those}
 
 
-def _cells(choice: Choice) -> list[str]:
+def _cells(choice: Choice, bias: Bias) -> list[str]:
     tuning = choice.tuning
     claimed = number(choice.coast_sigma, 3)
     if tuning is None:
         return ['full model', '', '', '1', '1', claimed]
     if tuning.random_walk is not None:
-        bias = ('< ' if choice.bound else '') + number(tuning.random_walk, 3)
+        second = (('K ' if bias == 'gauss_markov' else '') + ('< ' if choice.bound else '')
+                  + number(tuning.random_walk, 3))
     else:
-        bias = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
-    return [choice.name, number(tuning.noise_density, 3), bias, f'{choice.nis:.3g}',
+        second = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
+    return [choice.name, number(tuning.noise_density, 3), second, f'{choice.nis:.3g}',
             f'{choice.coast_ratio:.3g}', claimed]
 
 

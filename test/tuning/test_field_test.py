@@ -111,6 +111,11 @@ def test_a_factor_that_the_recording_cannot_tell_is_said_to_be_open():
     assert one.noise_ci95[0] < 1 < one.noise_ci95[1]
 
 
+def test_an_interval_holds_its_factor_however_far():
+    for one in met_in(rest(600, noise=3000.0)).values():
+        assert 2000 < one.noise_ci95[0] < one.noise_factor < one.noise_ci95[1] < 4000
+
+
 def test_a_recording_without_a_stop_is_told_and_other_axes_are_left_out():
     with pytest.raises(ImuAllanError) as error:
         met_in(rest(10))

@@ -6,6 +6,7 @@ from imu_allan.block import EvenBlock
 from imu_allan.tuning import means as module
 from imu_allan.tuning.means import Means
 import numpy as np
+import pytest
 
 ROWS = np.random.default_rng(1).normal(size=(1050, 6))
 
@@ -39,6 +40,19 @@ def test_a_restart_voids_what_was_and_an_absent_axis_has_no_column():
     means = taken(EvenBlock(ROWS, 0), EvenBlock(half[:100], 0, restart=True))
     assert means.columns.tolist() == [0, 1, 2]
     assert means.series.sums.shape == (3, 10)
+
+
+@pytest.mark.parametrize('size', [1050, 100, 7])
+def test_an_axis_that_comes_late_or_drops_out_leaves_a_gap(size):
+    rows = ROWS.copy()
+    rows[:200, 1] = rows[400:450, 1] = np.nan
+    means = Means(['gyro_x', 'gyro_y'])
+    means.take([EvenBlock(rows[i:i + size], i) for i in range(0, 1050, size)], 1e8)
+    assert means.columns.tolist() == [0, 1]
+    places = means.series.keys & (2**44 - 1)
+    assert places.tolist() == [*range(20, 40), *range(45, 105)]
+    assert len(np.unique(means.series.keys >> 44)) == 2
+    np.testing.assert_allclose(means.series.means[:, 20], ROWS[450:460, :2].mean(axis=0))
 
 
 def test_long_recordings_cost_no_more_memory(monkeypatch):
