@@ -347,7 +347,8 @@ class AxisResult:
     the highest frequency that was fitted, where what lies above was left out. An axis that
     `stood_still` gave one value for so long, and has no coefficients; no more has one that is
     `saturated`, has a `deadband`, or came through a filter that takes out what is slower than
-    `high_passed_hz`, of the mean too. Of several recordings the one with the fault gives no
+    `high_passed_hz`, of the mean too. `coarse_step` is that of an output which steps by more than
+    the noise of one sample. Of several recordings the one with the fault gives no
     coefficients; those of the others are told.
     """
 
@@ -372,6 +373,7 @@ class AxisResult:
     high_passed_hz: float | None = None
     saturated: Saturation | None = None
     deadband: Deadband | None = None
+    coarse_step: float | None = None
 
     @property
     def constant(self) -> bool:

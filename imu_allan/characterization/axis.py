@@ -189,8 +189,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                           [high_pass_remark(corner_hz)]))
             continue
         fitted, lines = fitted_axis.fit, fitted_axis.lines
-        remarks = [*fit_remarks(fitted, quantity),
-                   *step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)]
+        steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
+        remarks = [*fit_remarks(fitted, quantity), *steps]
         values = {key: e.value for key, e in fitted.estimates.items()}
         drift = fit_drift_model(fitted_axis.groups, dt,
                                 fitted.gauss_markov.correlation_time_s if fitted.gauss_markov
@@ -226,6 +226,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             spectrum=_spectrum(fitted_axis.whole),
             trend=_trend(fitted),
             stationarity=parts,
+            coarse_step=float(finished.step[axis]) if steps else None,
         ), remarks))
     return found
 

@@ -13,6 +13,7 @@ from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
+from imu_allan.writers.datasheet.resolution import hidden_by_steps
 from imu_allan.writers.datasheet.verdicts import check, overall, Verdict
 
 MARGIN = 0.1
@@ -102,8 +103,9 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     raw = {name: fit for name, fit in fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
     settled = [_settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
-               if verdict.key in COLUMNS else (verdict, verdict.verdict != 'cannot tell')
-               for verdict in verdicts]
+               if verdict.key in COLUMNS and not hidden
+               else (verdict, hidden or verdict.verdict != 'cannot tell')
+               for verdict in verdicts for hidden in [_hidden(result, verdict)]]
     found = [verdict for verdict, _ in settled]
     if recorded < shortest_s:
         found = [_open(verdict) if verdict.verdict == 'pass' else verdict for verdict in found]
@@ -144,6 +146,12 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: flo
     decision = decide(trial, column, verdict.limit, margin=margin, pass_error=error,
                       fail_error=error / limited)
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
+
+
+def _hidden(result: Result, verdict: Verdict) -> bool:
+    """Whether the steps of the output hide what is limited, however long the record is."""
+    axis = result.axes.get(verdict.axis)
+    return axis is not None and hidden_by_steps(axis, verdict.key, verdict.limit) is not None
 
 
 def _worded(verdict: Verdict, decision: Decision, margin: float, recorded_s: float) -> Verdict:

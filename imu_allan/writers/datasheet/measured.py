@@ -13,6 +13,7 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.wording import duration
+from imu_allan.writers.datasheet.resolution import hidden_by_steps, nearly_constant
 
 DEAD = 1e-3
 """
@@ -76,6 +77,8 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.deadband is not None:
         return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
                 'exactly 0, noise is higher than it seems')
+    if (still := nearly_constant(axis)) is not None:
+        return still
     density = axis.coefficients['noise_density']
     highest = density.ci95[1] if density.ci95 is not None else density.upper95
     if density_limit and highest is not None and highest < DEAD * density_limit:
@@ -203,7 +206,7 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     key : str
         Key of `TERMS` or of `imu_allan.sensor.noise_model.LIMITS`.
     specification : NoiseModel
-        Says what the mean should be.
+        Says what the limit is, and what the mean should be.
 
     Returns
     -------
@@ -211,7 +214,8 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
 
     """
     if key in TERMS:
-        return coefficient(result.axes[axis], key)
+        hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
+        return coefficient(result.axes[axis], key) if hidden is None else Measured(doubt=hidden)
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
     if key == 'gravity_error':

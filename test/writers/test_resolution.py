@@ -1,0 +1,51 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.datasheet import check
+from imu_allan.writers.datasheet.live import standing
+import numpy as np
+import pytest
+
+SIGMA, RATE_HZ = 0.01, 100.0
+DENSITY = SIGMA / np.sqrt(RATE_HZ)
+WHITE = SIGMA * np.random.default_rng(1).normal(size=(20_000, 6))
+
+
+def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
+    """Return the verdicts on gyro_x with a step in its noise and a limit in its true density."""
+    rows = WHITE + np.array([mean, 0, 0, 0, 0, 9.81])
+    rows[:, 0] = step * SIGMA * rounded(rows[:, 0] / (step * SIGMA))
+    stamps = np.int64(1.7e18) + np.arange(len(rows)) * np.int64(1e9 / RATE_HZ)
+    stream = Characterization(kind='topic', topic='/imu')
+    stream.update(ImuBlock(stamps, stamps, rows, np.zeros((len(rows), 2), np.bool_), 'imu'))
+    unit = {'noise_density': 'rad/s/sqrt(Hz)', 'bias_instability': 'rad/s'}[key]
+    model = parse_model(f'gyro: {{x: {{{key}: {limit * DENSITY} {unit}}}}}')
+    (said,), (live,) = check(stream.result(), model), standing(stream, model).verdicts
+    assert live.verdict == said.verdict
+    return said
+
+
+@pytest.mark.parametrize('step', [1.54, 2.0])
+def test_what_is_cut_towards_zero_does_not_pass_below_what_it_can_show(step):
+    found = verdicts_of(step, 0.7, np.trunc)
+    assert found.verdict == 'cannot tell'
+    assert 'hides what is limited; record with a finer resolution' in found.reason
+    assert verdicts_of(step, 3.0, np.trunc).verdict == 'pass'
+    # The jumps of a tenth of the samples are no slow noise.
+    assert verdicts_of(step, 1.0, np.trunc, key='bias_instability').verdict == 'cannot tell'
+
+
+def test_noise_above_half_a_step_is_judged_as_any():
+    for limit, outcome in ((0.7, 'fail'), (1.3, 'pass')):
+        assert verdicts_of(1.5, limit, mean=0.3).verdict == outcome
+    assert verdicts_of(0.5, 0.7).verdict == 'fail'
+    # Beyond what steps can make of nothing, a limit is broken whatever they hide.
+    assert verdicts_of(1.5, 0.3).verdict == 'fail'
+
+
+def test_noise_of_which_next_to_nothing_is_left_is_that_of_no_sensor():
+    found = verdicts_of(6.2, 3.0)
+    assert found.verdict == 'fail'
+    assert 'the axis is all but constant: its output steps by' in found.reason
