@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-CSV files: a line that names the columns, then one sample a line.
+CSV files: a line of names, then a sample a line; in one class as lines say how lines are read.
 
 Comments may stand before it, and where it is missing the user says what the columns are. Which
 names are understood stands in `imu_allan.recordings.formats.csv_header`.
@@ -18,12 +18,18 @@ import re
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.csv_header import (
+    cells_of,
     Columns,
     echoed_imu,
     is_remark,
     MOST_COMMENTS,
     read_header,
     with_units_below,
+)
+from imu_allan.recordings.formats.csv_rows import (
+    QUOTED_COMMA,
+    refuse_grouped_times,
+    refuse_more_fields_than_names,
 )
 from imu_allan.recordings.formats.csv_times import interval_of_no_imu, seconds_in
 from imu_allan.recordings.formats.csv_written_times import written_time, WrittenTimes
@@ -96,7 +102,7 @@ class CsvRecording(FileRecording):
         written = (WrittenTimes(columns.delimiter, columns.time)
                    if columns.written and columns.time is not None else None)
         for text, position in self._texts():
-            lines = (text.replace(',', '.') if self._decimal_comma else text).split('\n')
+            lines = self._with_points(text).split('\n')
             if lines[-1] == '':
                 lines.pop()
             table, stamps, time_unit_s, bad = _parse(
@@ -201,11 +207,26 @@ class CsvRecording(FileRecording):
         samples = (header if columns.headless else '') + below + newline + rest
         self._decimal_comma = (columns.delimiter != ','
                                and _DECIMAL_COMMA.search(samples) is not None)
-        if self._decimal_comma:
-            samples = samples.replace(',', '.')
+        self._quoted_comma = (columns.delimiter == ','
+                              and QUOTED_COMMA.search(samples) is not None)
+        samples = self._with_points(samples)
+        rows = samples.split('\n')
+        try:
+            if not columns.headless:
+                refuse_more_fields_than_names(cells_of(header)[1], columns.delimiter, rows)
+            if columns.time is not None:
+                refuse_grouped_times(rows, columns.delimiter, columns.time)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'{printable(self.path)}: {error}') from error
         columns = self._with_known_times(columns, samples)
         self._tell_ignored(columns)
         return columns
+
+    def _with_points(self, text: str) -> str:
+        """Write decimal commas as points."""
+        if self._quoted_comma:
+            return QUOTED_COMMA.sub(r'\1.\2', text)
+        return text.replace(',', '.') if self._decimal_comma else text
 
     def _read_header(self, header: str) -> Columns:
         try:

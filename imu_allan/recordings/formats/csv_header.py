@@ -120,7 +120,7 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '') -> 
         If it names no axis, names one twice, or a unit is wrong.
 
     """
-    delimiter, cells = _cells(header)
+    delimiter, cells = cells_of(header)
     headless = _is_headless(cells)
     # Without a header line a number is the place of a column, whatever stands in it.
     names = [''] * len(cells) if headless else [cell.strip(' "') for cell in cells]
@@ -188,7 +188,7 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
     """Whether a line is empty or a comment, and not a header that begins like one."""
     if not line.lstrip().startswith(_COMMENT):
         return line.isspace()
-    cells = _cells(line[:_LOOKED_AT])[1]
+    cells = cells_of(line[:_LOOKED_AT])[1]
     names = [cell.strip(' "') for cell in cells]
     return not (any(meaning_of(name_and_unit(cell)[0]) in AXES for cell in cells)
                 or any(_with_name(name, names) for _, text in options.columns
@@ -198,8 +198,8 @@ def is_remark(line: str, options: RecordingOptions) -> bool:
 def with_units_below(header: str, line: str, columns: Columns, options: RecordingOptions,
                      ) -> tuple[str, Columns] | None:
     """Understand a header whose units stand in a line of their own; None if they do not."""
-    delimiter, names = _cells(header)
-    units = _cells(line)[1]
+    delimiter, names = cells_of(header)
+    units = cells_of(line)[1]
     if (columns.headless or delimiter is None or len(names) != len(units)
             or any(map(_is_number, units))):
         return None
@@ -222,7 +222,7 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
         return None
 
 
-def _cells(header: str) -> tuple[str | None, list[str]]:
+def cells_of(header: str) -> tuple[str | None, list[str]]:
     """Tell what stands between the cells of a line, and take them apart."""
     plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
     marks = [mark for mark in (',', ';', '\t', '|') if mark in plain]
@@ -289,6 +289,8 @@ def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
             shown = ', '.join(printable(name[:40]) for name in names[:20] if name)
             raise ImuAllanError(f'--columns: no column {printable(text)}; there are '
                                 f'{shown or f"those from 1 to {len(names)}"}')
+        if found.keys() & columns:
+            raise ImuAllanError(f'--columns: column {printable(text)} is named twice')
         found.update(dict.fromkeys(columns, (meaning, unit)))
     return found
 

@@ -1,0 +1,97 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the first rows of a CSV file are what its header says, and their numbers plain."""
+
+from collections import Counter
+from collections.abc import Sequence
+import csv
+from itertools import pairwise
+import re
+
+from imu_allan.errors import ImuAllanError
+
+QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
+"""A number with a decimal comma in a file whose cells commas part."""
+_ROWS = 64
+"""In which fields are counted: one with a field too many is a damaged line."""
+_GROUPED = re.compile(r'\d{1,3}(?:[.,]\d{3})+')
+_SHORT = re.compile(r'\d{1,3}')
+_NO_DIGIT = re.compile(r'\D')
+
+
+def refuse_more_fields_than_names(names: Sequence[str], delimiter: str | None, rows: Sequence[str]
+                                  ) -> None:
+    """
+    Refuse a table most of whose rows have more fields than the header has names.
+
+    Raises
+    ------
+    ImuAllanError
+        With both numbers, and what to do.
+
+    Examples
+    --------
+    >>> refuse_more_fields_than_names(['t', 'gx'], ',', ['1,0.0,0.1', '2,0.1,0.2'])
+    Traceback (most recent call last):
+    ...
+    imu_allan.errors.ImuAllanError: the rows have 3 fields, the header names 2, so that none can \
+be told by its name; name every column, the number of the row, too, as R does with col.names=NA
+
+    """
+    counts = Counter(_fields(row, delimiter) for row in rows[:_ROWS] if row.strip())
+    if not counts:
+        return
+    named = len(names) - _empty_at_end(names)
+    fields, _ = counts.most_common(1)[0]
+    if fields <= named:
+        return
+    advice = ('name every column, the number of the row, too, as R does with col.names=NA'
+              if fields < 2 * named else
+              'where that comes of decimal commas, write semicolons between the cells')
+    raise ImuAllanError(f'the rows have {fields} fields, the header names {named}, so that none '
+                        f'can be told by its name; {advice}')
+
+
+def refuse_grouped_times(rows: Sequence[str], delimiter: str | None, column: int) -> None:
+    """
+    Refuse whole numbers whose thousands are set apart, which read as fractions.
+
+    Raises
+    ------
+    ImuAllanError
+        With the first of them.
+
+    Examples
+    --------
+    >>> refuse_grouped_times(['980', '990', '1.000'], ',', 0)
+    Traceback (most recent call last):
+    ...
+    imu_allan.errors.ImuAllanError: the time 1.000 comes after 990: it is written with a mark \
+between thousands; write the times without
+    >>> refuse_grouped_times(['0', '0.005', '0.010'], ',', 0)
+
+    """
+    cells = [row.split(delimiter) for row in rows]
+    times = [row[column].strip(' \t\r"') for row in cells if len(row) > column]
+    for before, time in pairwise(filter(None, times)):
+        whole = _SHORT.fullmatch(before)
+        if not (whole or _GROUPED.fullmatch(before)):
+            return
+        # As a fraction it would lie before the number that it follows.
+        if (whole and _GROUPED.fullmatch(time) and int(_NO_DIGIT.sub('', time)) > int(before)
+                and int(before) > int(_NO_DIGIT.split(time)[0]) + 1):
+            raise ImuAllanError(f'the time {time} comes after {before}: it is written with a mark '
+                                'between thousands; write the times without')
+
+
+def _fields(row: str, delimiter: str | None) -> int:
+    """Count the fields of a row up to the last that is not empty."""
+    if delimiter is None:
+        return len(row.split())
+    cells = next(csv.reader([row.rstrip('\r\n')], delimiter=delimiter))
+    return len(cells) - _empty_at_end(cells)
+
+
+def _empty_at_end(cells: Sequence[str]) -> int:
+    filled = [place for place, cell in enumerate(cells) if cell.strip(' \t\r\n"')]
+    return len(cells) - 1 - filled[-1] if filled else len(cells)

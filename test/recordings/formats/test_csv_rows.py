@@ -1,0 +1,94 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of a CSV file that are not what its header says."""
+
+from bags import read
+from imu_allan.errors import ImuAllanError
+from imu_allan.recordings import RecordingOptions
+import numpy as np
+import pytest
+
+HEADER = 'time_s,gyro_x,gyro_y,gyro_z'
+ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
+
+
+def refusal(tmp_path, text, **options):
+    path = tmp_path / 'imu.csv'
+    path.write_text(text)
+    with pytest.raises(ImuAllanError) as error:
+        read(path, options=RecordingOptions(**options))
+    assert '\n' not in str(error.value)
+    return str(error.value).removeprefix(f'{path}: ')
+
+
+def samples_of(tmp_path, text):
+    path = tmp_path / 'imu.csv'
+    path.write_text(text)
+    return read(path)[0].samples[:, :3]
+
+
+def table(header, row, mark=','):
+    lines = [mark.join(row(place, map(str, values))) for place, values in enumerate(ROWS.tolist())]
+    return '\n'.join([header, *lines, ''])
+
+
+@pytest.mark.parametrize('row', [
+    lambda place, values: [str(place + 1), str(place / 100), *values],
+    lambda place, values: [f'"{place + 1}"', str(place / 100), *values],
+    lambda place, values: [str(place / 100), *values, '1']])
+def test_rows_of_more_fields_than_names_are_refused(tmp_path, row):
+    assert refusal(tmp_path, table(HEADER, row)) == (
+        'the rows have 5 fields, the header names 4, so that none can be told by its name; name '
+        'every column, the number of the row, too, as R does with col.names=NA')
+    assert refusal(tmp_path, table(HEADER.replace(',', ' '), row, ' ')).startswith(
+        'the rows have 5 fields, the header names 4')
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path):
+    text = table(HEADER, lambda place, values: [
+        value.replace('.', ',') for value in (str(place / 100), *values)])
+    assert refusal(tmp_path, text) == (
+        'the rows have 8 fields, the header names 4, so that none can be told by its name; where '
+        'that comes of decimal commas, write semicolons between the cells')
+
+
+def test_decimal_commas_in_quotes_are_read(tmp_path):
+    plain = table(HEADER, lambda place, values: [str(place / 100), *values])
+    quoted = table(HEADER, lambda place, values: [
+        f'"{value}"'.replace('.', ',') for value in (f'{place / 100:.2f}', *values)])
+    assert samples_of(tmp_path, quoted).tolist() == samples_of(tmp_path, plain).tolist()
+
+
+def test_empty_fields_at_the_end_and_single_long_rows_are_no_hindrance(tmp_path):
+    text = table(HEADER, lambda place, values: [str(place / 100), *values, ''])
+    assert samples_of(tmp_path, text).tolist() == ROWS.tolist()
+    text = table(HEADER, lambda place, values: [
+        str(place / 100), *values, *(['7'] if place == 3 else [])])
+    assert len(samples_of(tmp_path, text)) == len(ROWS)
+
+
+@pytest.mark.parametrize(('mark', 'grouped', 'comma'), [
+    (';', '1.000', False), (';', '1,000', False), (';', '1.000', True)])
+def test_times_with_a_mark_between_thousands_are_refused(tmp_path, mark, grouped, comma):
+    def row(place, values):
+        time = f'{900 + 10 * place:,}'.replace(',', grouped[1])
+        return [time, *(value.replace('.', ',') if comma else value for value in values)]
+
+    text = table('time_ms;gyro_x;gyro_y;gyro_z', row, mark)
+    assert refusal(tmp_path, text) == (
+        'the time 1.000 comes after 990: it is written with a mark between thousands; write the '
+        'times without')
+
+
+@pytest.mark.parametrize('step_s', [0.005, 0.125, 0.1])
+def test_fractions_of_three_digits_are_no_thousands(tmp_path, step_s):
+    for first in (0, 9, 99, 990):
+        text = table(HEADER, lambda place, values, first=first: [
+            f'{first + step_s * place:.3f}'.removesuffix('.000'), *values])
+        assert len(samples_of(tmp_path, text)) == len(ROWS)
+
+
+def test_a_column_named_twice_is_refused(tmp_path):
+    text = table(HEADER, lambda place, values: [str(place / 100), *values])
+    assert refusal(tmp_path, text, columns=(('gyro_x', 'gyro_y'), ('gyro_y', 'gyro_y'))) == (
+        '--columns: column gyro_y is named twice')
