@@ -6,6 +6,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.recordings.thermometers import in_celsius
 import numpy as np
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
@@ -54,7 +55,7 @@ class TemperatureTopic:
         """Take what has come; what is no Temperature is counted and passed over."""
         batch = self._subscription.take()
         self._facts.thermometers = self._subscription.publishers
-        stamps, celsius = [], []
+        stamps, readings = [], []
         for content, receive_ns in zip(batch.messages, batch.receive_ns.tolist(), strict=True):
             try:
                 message = deserialize_message(content, Temperature)
@@ -65,9 +66,10 @@ class TemperatureTopic:
             stamp = message.header.stamp
             header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
             stamps.append((header_ns or receive_ns, receive_ns))
-            celsius.append(message.temperature)
-        if celsius:
-            self._facts.temperature_c = celsius[-1]
+            readings.append(message.temperature)
+        if readings:
+            celsius = in_celsius(np.array(readings))
+            self._facts.temperature_c = float(celsius[-1])
             self._waiting = [
                 (np.concatenate([before, stamps])[-_MOST_WAITING:],
                  np.concatenate([warmth, celsius])[-_MOST_WAITING:])

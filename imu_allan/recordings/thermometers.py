@@ -98,16 +98,33 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
     remarks = list(recording.remarks)
     try:
         for block, _ in recording.decoded(heat.name):
-            celsius = block.samples[:, 0]
-            if np.median(celsius) > _HOTTEST_CELSIUS:
-                celsius = celsius - _KELVIN
             usable = clock == 'header' and (block.header_ns > 0).all()
-            yield block.header_ns if usable else block.receive_ns, celsius
+            yield (block.header_ns if usable else block.receive_ns,
+                   in_celsius(block.samples[:, 0]))
     except ImuAllanError as error:
         if recording.options.temperature is not None:
             raise
         remarks.append(Remark('temperature', f'the temperature was not read: {error}'))
     recording.remarks[:] = remarks
+
+
+def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Turn readings in kelvin, which some drivers publish, into degrees Celsius.
+
+    Parameters
+    ----------
+    readings : ndarray, shape (n,)
+        In degrees Celsius or kelvin. Each tells by itself in which, as no IMU is at 180 degrees of
+        either; so it does not matter how many come at once, nor which of them are missing.
+
+    Examples
+    --------
+    >>> in_celsius(np.array([300.0, np.nan, 21.5])).tolist()
+    [26.850000000000023, nan, 21.5]
+
+    """
+    return np.where(readings > _HOTTEST_CELSIUS, readings - _KELVIN, readings)
 
 
 def _frame_id(recording: Recording, name: str) -> str:

@@ -3,11 +3,16 @@
 """A thermometer on a topic of its own beside the IMU."""
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.cdr import encode_imu
+from imu_allan.node import temperature_topic
+from imu_allan.node.diagnostics import Facts
 import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
 from ros_harness import Driver, Ros, start_repeatedly
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
@@ -72,3 +77,23 @@ def test_a_topic_that_is_no_name_ends_the_start_with_one_line(ros: Ros) -> None:
     assert status == 1
     assert text.startswith('imu_allan_node: parameter temperature_topic: ')
     assert text.count('\n') == 1
+
+
+def test_a_thermometer_in_kelvin_is_taken_as_in_a_recording(monkeypatch: Any) -> None:
+    kelvin = np.array([300.0, np.nan, 310.5])
+    batch = SimpleNamespace(
+        messages=[serialize_message(reading(START, value)) for value in kelvin],
+        receive_ns=np.full(3, START))
+    topic = SimpleNamespace(topic='/temperature', publishers=1, take=lambda: batch)
+    monkeypatch.setattr(temperature_topic, 'DrainedSubscription', lambda *_: topic)
+    facts = Facts('/imu', 100, 0.0, '')
+    thermometer = temperature_topic.TemperatureTopic(None, '/temperature', facts, 1)
+    thermometer.take()
+    assert facts.temperature_c == pytest.approx(37.35)
+    taken: list[Any] = []
+    characterization: Any = SimpleNamespace(
+        clock='header', take_temperature=lambda *readings: taken.append(readings))
+    thermometer.feed(0, characterization)
+    [(stamps, celsius_taken)] = taken
+    assert stamps.tolist() == [START] * 3
+    np.testing.assert_allclose(celsius_taken, kelvin - 273.15, rtol=0, atol=1e-9)

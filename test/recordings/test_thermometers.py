@@ -168,6 +168,8 @@ def test_a_field_of_the_messages_is_taken_in_celsius_or_kelvin(
         'geometry_msgs/Vector3 linear_acceleration\nfloat32 temperature\nBoard board\n')
     store = store_with({'my_driver/msg/Board': 'float64 heat\n', type_name: text})
     kelvin = 300.0 + np.arange(50)
+    # One that is missing leaves the others in degrees Celsius.
+    kelvin[7] = np.nan
 
     def message(number: int) -> bytes:
         header = stamped(store, number)
