@@ -63,5 +63,9 @@ def united(parts: Sequence[HalfResult]) -> Result:
     spread = {name: found for part in parts for name, found in part.result.turn_on_bias.items()
               if name in axes}
     first = known[0].result
+    # Of several recordings each half has the same ones, in the same order.
+    recordings = tuple(replace(same[0], means={
+        name: mean for part in same for name, mean in part.means.items() if name in axes})
+        for same in zip(*(part.result.recordings for part in known), strict=False))
     return replace(first, source=replace(first.source, topic=', '.join(topics)), axes=axes,
-                   warnings=tuple(remarks), turn_on_bias=spread)
+                   warnings=tuple(remarks), recordings=recordings, turn_on_bias=spread)

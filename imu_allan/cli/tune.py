@@ -62,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
         forecast_sentences,
         forecast_table,
         included_sentences,
+        left_out_sentences,
         tuning_table,
     )
 
@@ -77,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     console.print(tuning_table(result, args.aiding, args.coast, args.bias))
     console.print()
     console.print(forecast_table(result, args.calibration))
-    for sentence in (*forecast_sentences(result, args.calibration),
+    for sentence in (*left_out_sentences(result), *forecast_sentences(result, args.calibration),
                      *included_sentences(result),
                      *_beyond(result, args.coast, 'without correction'),
                      *_beyond(result, args.calibration, 'of averaging the bias')):

@@ -168,6 +168,17 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
     return axes
 
 
+def left_out_sentences(result: Result) -> list[str]:
+    """Name the axes that have no numbers, and why where that is known."""
+    why = {'constant': 'it is constant', 'dead': 'it stood still',
+           'saturated': 'it is cut off at the end of its range', 'zeroed': 'it has a deadband'}
+    return [f'{spoken(name)} is left out: '
+            + ('a filter has taken out its slow part' if axis.high_passed_hz is not None
+               else why[axis.fault] if axis.fault is not None
+               else 'too short for a drift model, or from an older version') + '.'
+            for name, axis in result.axes.items() if axis.drift_model is None]
+
+
 def included_sentences(result: Result) -> list[str]:
     """Say what the tuned numbers and the drift have in them that the coefficients have not."""
     return [f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'

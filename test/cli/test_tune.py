@@ -8,6 +8,7 @@ import re
 
 import imu_allan
 from imu_allan.cli.main import main
+from imu_allan.result import Saturation
 from imu_allan.writers.result_file import load_result, save_result
 import pytest
 
@@ -85,6 +86,20 @@ def test_a_bias_averaged_for_longer_than_the_recording_knows_is_said(result_file
     assert '3 h of averaging the bias is beyond what this recording knows (' in out
     # Every number of the table is in brackets.
     assert re.search(r'gyro x heading, deg( \([^)]+\)){5}', out)
+
+
+def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path, capsys):
+    result = load_result(result_file)
+    axes = dict(result.axes) | {
+        'gyro_y': replace(result.axes['gyro_y'], drift_model=None,
+                          saturated=Saturation(0.01, 0.2)),
+        'accel_z': replace(result.axes['accel_z'], drift_model=None, high_passed_hz=0.2)}
+    path = tmp_path / 'faulty.json'
+    save_result(replace(result, axes=axes), path)
+    assert main(['tune', str(path)]) == 0
+    out = capsys.readouterr().out
+    assert 'gyro y is left out: it is cut off at the end of its range.\n' in out
+    assert 'accel z is left out: a filter has taken out its slow part.\n' in out
 
 
 def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording, capsys):

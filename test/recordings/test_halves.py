@@ -71,6 +71,16 @@ def test_two_topics_of_one_half_each_are_one_imu_with_a_rate_for_each_sensor(tmp
         '/camera/accel/sample at 250 Hz; rate, gaps and faults are those of the gyroscope')
 
 
+def test_several_recordings_of_two_topics_keep_the_means_of_both(tmp_path):
+    paths = [write(tmp_path / name, {'/accel': block(100, 1_000, False, True),
+                                     '/gyro': block(200, 2_000, True, False)})
+             for name in ('a.mcap', 'b.mcap')]
+    result = analyze(paths, reading=RecordingOptions(gyro_topic='/gyro', accel_topic='/accel'))
+    assert [part.path for part in result.recordings] == [str(path) for path in paths]
+    for part in result.recordings:
+        assert part.means.keys() == result.axes.keys()
+
+
 def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
     gyro, accel = block(200, 6_000, True, False), block(250, 7_500, False, True)
     stamps = np.concatenate([gyro.header_ns, accel.header_ns + 1_100_000])
