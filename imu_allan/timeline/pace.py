@@ -223,11 +223,15 @@ def _sparse_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
     shortest = float(np.percentile(steps, _SINGLE_PERCENT))
     if shortest < _SHORTEST_STEP_NS:
         return None
+    one = steps[np.abs(steps - shortest) < 0.1 * shortest]
+    if len(one) <= _SINGLES * len(steps):
+        # Of few steps there may be none near the tenth part of them.
+        return None
+    # The short ones are early or follow a late one: about their mean they lie evenly.
+    one = steps[np.abs(steps - one.mean()) < 0.2 * one.mean()]
     # Where one of two, then one of three is kept, no two messages are one interval apart.
     for parts in (1, 2):
-        one = steps[np.abs(steps - shortest) < 0.1 * shortest] / parts
-        # Of few steps there may be none near the tenth part of them.
-        interval = float(one.mean()) if len(one) > _SINGLES * len(steps) else 0.0
+        interval = float(one.mean()) / parts
         if not _FEWEST_PLACES * overall < interval < 1.3 * _FEWEST_RECEIVED * overall:
             continue
         far = steps[steps < PHASE_GROUP * interval]

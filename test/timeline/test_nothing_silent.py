@@ -674,6 +674,18 @@ def test_what_is_dropped_in_turn_between_late_receive_stamps_is_missed_or_bounde
     assert truth.rate_hz * (1 - hidden) < 1.002 * rate < 1.004 * truth.rate_hz
 
 
+@pytest.mark.parametrize('lost', [0.45, 0.55, 0.6])
+def test_late_receive_stamps_of_which_most_are_lost_show_their_grid(lost):
+    for seed in range(3):
+        messages, truth, rng = rest(800.0, 20, seed)
+        messages.header[:] = 0.0
+        kept = keep(messages, rng.random(len(messages.place)) >= lost)
+        summary, _ = run(kept.block())
+        assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
+        gone = kept.place[-1] - kept.place[0] + 1 - len(kept.place)
+        assert summary.timeline.missing == pytest.approx(gone, rel=5e-3)
+
+
 def test_a_tick_beside_what_is_dropped_in_turn_gives_way_to_the_other_clock():
     messages, truth, _ = rest(208.0, 40)
     messages.header = np.floor((messages.header + 0.123456789) / 4e-3) * 4e-3
