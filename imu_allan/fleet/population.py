@@ -5,6 +5,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import exp, log
+from statistics import median
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known, recorded_s
 from imu_allan.fleet.names import natural
@@ -207,6 +208,10 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
             # An interval down to zero has only its upper half on this scale.
             half = log(high / low) / 2 if low > 0 else log(high / found.value)
             sample.errors[name] = half / NORMAL95
+    if key == MEAN and sample.errors:
+        # A unit whose drift does not show drifts like the others all the same.
+        typical = median(sample.errors.values())
+        sample.errors.update({name: max(error, typical) for name, error in sample.errors.items()})
     return sample
 
 
@@ -223,10 +228,10 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
                      effects.between, effects.between_ci95, typical,
                      {percent: effects.percentile(percent / 100) for percent in PERCENTILES},
                      max(abs(above), abs(below)))
-    median = exp(effects.mean)
+    middle = exp(effects.mean)
     low, high = effects.between_ci95
-    return Trait(axis, key, unit, sample.units, len(sample.values), median,
-                 median * effects.between, (median * low, median * high), median * typical,
+    return Trait(axis, key, unit, sample.units, len(sample.values), middle,
+                 middle * effects.between, (middle * low, middle * high), middle * typical,
                  {percent: exp(effects.percentile(percent / 100)) for percent in PERCENTILES},
                  exp(min(effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE), _LARGEST)))
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from imu_allan.fleet.population import population
 from imu_allan.result import Result, Saturation, Span
+import numpy as np
 import pytest
 
 
@@ -88,3 +89,23 @@ def test_two_units_are_no_population(fleet: dict[str, Result]) -> None:
     assert found.units == ('unit1', 'unit2')
     assert not found.traits
     assert not found.oddities
+
+
+def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(
+        fleet: dict[str, Result]) -> None:
+    # All of them wander by what flicker makes of a mean; six are too quiet to show it.
+    drift = 0.664 * 2e-5
+    means = np.random.default_rng(1).normal(0, drift, len(fleet))
+    for number, (name, result) in enumerate(fleet.items()):
+        axis = replace(result.axes['gyro_x'], mean=float(means[number]))
+        if number % 7 == 0:
+            quiet = replace(axis.coefficients['bias_instability'], observable=False, value=None,
+                            ci95=None, upper95=3e-5)
+            axis = replace(axis, coefficients={**axis.coefficients, 'bias_instability': quiet})
+        fleet[name] = replace(result, axes={**result.axes, 'gyro_x': axis})
+    found = population(fleet)
+    assert [oddity for oddity in found.oddities if oddity.axis == 'gyro_x'] == []
+    bad = replace(fleet['unit1'].axes['gyro_x'], mean=20 * drift)
+    fleet['unit1'] = replace(fleet['unit1'], axes={**fleet['unit1'].axes, 'gyro_x': bad})
+    assert [(oddity.unit, oddity.key) for oddity in population(fleet).oddities
+            if oddity.axis == 'gyro_x'] == [('unit1', 'mean')]
