@@ -73,7 +73,7 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
         for name, axis in known.items():
             model = model_density(axis, frequency, rate) * factor**2
             inside.append(group(name[-1], f'axis-{name[-1]}', [
-                panel.line(frequency, np.where(model > 0, model, np.nan), 'curve')]))
+                panel.line(frequency, np.where(model > 0, model, np.nan), 'curve model')]))
         drawing.add(panel, inside)
 
     name = f'{sensor}-psd'
