@@ -8,6 +8,7 @@ Make the pictures and the figures that README and the FAQ show, from simulated s
 Pictures go to docs/images/; tables are printed, to be copied into the pages.
 """
 
+from collections.abc import Mapping
 import os
 from pathlib import Path
 import subprocess
@@ -15,9 +16,16 @@ import sys
 import tempfile
 
 import imu_allan
+from imu_allan.block import ImuBlock
+from imu_allan.characterization.stream import Characterization
+from imu_allan.result import Result
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import axis_coefficients
-from imu_allan.sensor.units import engineering
+from imu_allan.sensor.units import engineering, typeset
+from imu_allan.writers.curves import limits_of
+from imu_allan.writers.figure_style import COLOURS, DASHES, empty_figure, MARKERS, plot_style
+from imu_allan.writers.frames import frame_allan
+from imu_allan.writers.panels import draw_curve, draw_signal
 from imu_allan.writers.plot import overview_figure, render, sensor_figure
 import numpy as np
 
@@ -41,6 +49,97 @@ def pictures() -> None:
         os.chdir(ROOT)
     (IMAGES / 'overview.png').write_bytes(render(overview_figure(result), 'png', dpi=110))
     (IMAGES / 'gyro.png').write_bytes(render(sensor_figure(result, 'gyro'), 'png', dpi=110))
+
+
+def analyzed(name: str, samples: np.ndarray, rate_hz: float) -> Result:
+    """Characterize one axis of a gyroscope, as from a recording of this name."""
+    stream = Characterization(kind='recording', path=name)
+    stamps = np.rint(np.arange(len(samples)) * 1e9 / rate_hz).astype(np.int64)
+    rows = np.full((len(samples), 6), np.nan)
+    rows[:, 0] = samples
+    absent = np.tile([False, True], (len(samples), 1))
+    for start in range(0, len(samples), 100_000):
+        part = slice(start, start + 100_000)
+        stream.update(ImuBlock(stamps[part], stamps[part], rows[part], absent[part], ''))
+    stream.finish()
+    return stream.result()
+
+
+def beside(results: Mapping[str, Result], path: Path) -> None:
+    """Draw the signal of each result, and beside all of them their Allan deviations."""
+    with plot_style():
+        figure = empty_figure(11.0, 3.0 + 0.45 * len(results))
+        panel = figure.add_axes((0.6, 0.14, 0.345, 0.74))
+        axes = [result.axes['gyro_x'] for result in results.values()]
+        frame_allan(panel, 'gyro', limits_of(axes))
+        for place, (name, result) in enumerate(results.items()):
+            letter = 'xyz'[place]
+            shown = {f'gyro_{letter}': result.axes['gyro_x']}
+            height = 0.74 / len(results)
+            strip = figure.add_axes((0.065, 0.88 - (place + 0.86) * height, 0.42, 0.7 * height))
+            draw_signal(strip, shown, result)
+            if place < len(results) - 1:
+                strip.set_xlabel('')
+                strip.tick_params(labelbottom=False)
+            figure.text(0.485, 0.905 - (place + 0.13) * height, name, ha='right', va='bottom',
+                        fontsize=9, fontweight='bold', color=COLOURS['light'][letter])
+            draw_curve(panel, result.axes['gyro_x'], COLOURS['light'][letter], MARKERS[letter],
+                       result.timeline, DASHES[letter])
+        path.write_bytes(render(figure, 'png', dpi=110))
+
+
+def questions() -> None:
+    """Draw what the FAQ answers: a warm-up, noise that changes, recordings that disagree."""
+    rate_hz, hours = 50.0, 3
+    time = np.arange(round(hours * 3600 * rate_hz)) / rate_hz
+    noise = imu_allan.simulate(GYRO, len(time), rate_hz, 5)
+    warm = np.deg2rad(0.3) * np.exp(-time / 900)
+    settling = analyzed('settling', noise + warm, rate_hz)
+    for remark in settling.warnings:
+        print(remark.code, remark.message)
+    beside({'from switching on': settling, 'the same without it': analyzed(
+        'warm', noise, rate_hz)}, IMAGES / 'warm_up.png')
+    machine = noise + np.where((time > 3600) & (time < 5400), 1.0, 0.0) * imu_allan.simulate(
+        {'noise_density': GYRO['noise_density']}, len(time), rate_hz, 6)
+    changing = analyzed('machine', machine, rate_hz)
+    for remark in changing.warnings:
+        print(remark.code, remark.message)
+    parts_of(changing, IMAGES / 'noise_changes.png')
+    nights = {f'night {number}': analyzed(f'night {number}', imu_allan.simulate(
+        GYRO, len(time), rate_hz, number), rate_hz) for number in (1, 2)}
+    nights['beside a fan'] = analyzed('fan', imu_allan.simulate(
+        GYRO | {'noise_density': 1.3 * GYRO['noise_density']}, len(time), rate_hz, 3), rate_hz)
+    for name, result in nights.items():
+        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+            found = result.axes['gyro_x'].coefficients[key]
+            print(name, key, *(engineering(v, found.unit)[0] for v in (
+                [found.value, *found.ci95] if found.observable else [found.upper95])))
+    beside(nights, IMAGES / 'two_recordings.png')
+
+
+def parts_of(result: Result, path: Path) -> None:
+    """Draw the noise density of every part of a record with its 95 % interval."""
+    axis = result.axes['gyro_x']
+    assert axis.stationarity is not None
+    density = axis.coefficients['noise_density']
+    with plot_style():
+        figure = empty_figure(11.0, 2.8)
+        panel = figure.add_axes((0.065, 0.19, 0.88, 0.71))
+        for segment in axis.stationarity.segments:
+            middle = (segment.start_s + segment.duration_s / 2) / 3600
+            value, low, high = (engineering(v, density.unit)[0]
+                                for v in (segment.noise_density, *segment.ci95))
+            panel.plot([middle, middle], [low, high], color=COLOURS['light']['x'])
+            panel.plot([middle], [value], MARKERS['x'], color=COLOURS['light']['x'], markersize=5)
+        low, high = (engineering(v, density.unit)[0] for v in density.ci95)
+        panel.axhspan(low, high, color=COLOURS['light']['soft'], alpha=0.2, linewidth=0)
+        panel.set_xlabel('time [h]')
+        panel.set_ylabel(f'N of each part [{typeset(engineering(1.0, density.unit)[1])}]')
+        panel.set_ylim(0, 0.9)
+        panel.grid(True)
+        panel.set_title('bars: 95 % of each part; band: 95 % of the whole', loc='left',
+                        fontsize=9, fontweight='normal')
+        path.write_bytes(render(figure, 'png', dpi=110))
 
 
 def how_long(seeds: int = 12) -> None:
@@ -116,7 +215,7 @@ def how_tools_go_wrong(seeds: int = 20) -> None:
 
 if __name__ == '__main__':
     IMAGES.mkdir(exist_ok=True)
-    chosen = sys.argv[1:] or ['pictures', 'how_long', 'how_tools_go_wrong']
+    chosen = sys.argv[1:] or ['pictures', 'questions', 'how_long', 'how_tools_go_wrong']
     for name in chosen:
         print(f'== {name}')
         globals()[name]()
