@@ -16,11 +16,10 @@ from math import exp, log, sqrt
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import length_remarks, warm_up_remarks
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
-from imu_allan.characterization.stream import Characterization, FinishedRecord
+from imu_allan.characterization.stream import Characterization, FinishedGroup, FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.noise.agreement import PARTS
-from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
@@ -94,15 +93,13 @@ def joint_result(recordings: Sequence[Characterization],
     _agree(parts)
     first = parts[0].record
     rate = float(np.average([part.record.rate_hz for part in parts],
-                            weights=[part.record.estimator.samples for part in parts]))
-    estimators = [part.record.estimator for part in parts]
-    fitted = _axis_results(parts, rate, joint_fits(
-        estimators, 1 / rate, [part.record.temperature for part in parts]))
+                            weights=[part.record.samples for part in parts]))
+    fitted = _axis_results(parts, rate)
     axes = {name: replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                           stationarity=_stationarity(name, parts))
-            for name, (axis, _) in zip(first.names, fitted, strict=True)}
+            for name, (axis, _) in fitted.items()}
     found = [Remark(remark.code, f'{name}: {remark.message}')
-             for name, (_, own) in zip(first.names, fitted, strict=True) for remark in own]
+             for name, (_, own) in fitted.items() for remark in own]
     timeline = _timeline([part.result.timeline for part in parts], rate)
     summary = replace(first.summary, timeline=timeline)
     source = parts[0].result.source
@@ -229,10 +226,27 @@ def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
 
 # ---------------------------------------------------------------------------- what is put together
 
-def _axis_results(parts: Sequence[_Part], rate_hz: float, fits: Sequence[AxisFit | None]
-                  ) -> list[tuple[AxisResult, list[Remark]]]:
-    """Give every axis curve and mean of the recordings in which it works, if there are any."""
+def _axis_results(parts: Sequence[_Part], rate_hz: float
+                  ) -> dict[str, tuple[AxisResult, list[Remark]]]:
+    """Fit all axes, those at once that came and went together in every recording."""
+    together: dict[tuple[int, ...], list[str]] = {}
     names = parts[0].record.names
+    for name in names:
+        key = tuple(part.record.groups.index(part.record.group_of(name)) for part in parts)
+        together.setdefault(key, []).append(name)
+    found: dict[str, tuple[AxisResult, list[Remark]]] = {}
+    for alike in together.values():
+        groups = [part.record.group_of(alike[0]).taken(alike) for part in parts]
+        found |= zip(alike, _group_results(parts, groups, rate_hz), strict=True)
+    return {name: found[name] for name in names}
+
+
+def _group_results(parts: Sequence[_Part], groups: Sequence[FinishedGroup], rate_hz: float
+                   ) -> list[tuple[AxisResult, list[Remark]]]:
+    """Give every axis curve and mean of the recordings in which it works, if there are any."""
+    fits = joint_fits([group.estimator for group in groups], 1 / rate_hz,
+                      [group.temperature for group in groups])
+    names = groups[0].names
     quantities = [AXES[name] for name in names]
     corners_hz = [_corner_hz(name, parts) for name in names]
     of: dict[tuple[int, ...], list[tuple[AxisResult, list[Remark]]]] = {}
@@ -241,7 +255,7 @@ def _axis_results(parts: Sequence[_Part], rate_hz: float, fits: Sequence[AxisFit
         working = tuple(number for number, part in enumerate(parts)
                         if part.result.axes[name].fault is None) or tuple(range(len(parts)))
         if working not in of:
-            merged = _merged([parts[number].record.estimator for number in working])
+            merged = _merged([groups[number].estimator for number in working])
             of[working] = axis_results(merged, rate_hz, quantities, fits, corners_hz=corners_hz)
         found.append(of[working][axis])
     return found
@@ -333,7 +347,8 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
         own = [part for part in parts if mean_is_known(part.result.axes[name])]
         # The joint coefficients know best how much a mean wanders during a recording.
         means = [part.result.axes[name].mean or 0.0 for part in own]
-        lengths = [part.record.estimator.samples / part.record.rate_hz for part in own]
+        lengths = [part.record.group_of(name).estimator.samples / part.record.rate_hz
+                   for part in own]
         if len(own) > 1 and any(axis.curve.adev):
             spread[name] = turn_on_bias(means, axis, lengths)
     return spread

@@ -9,7 +9,7 @@ in where blocks come from and where results go, and in nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 import json
 from typing import Literal
@@ -40,6 +40,33 @@ State = Mapping[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True)
+class FinishedGroup:
+    """
+    Axes that were always there together.
+
+    Attributes
+    ----------
+    names : list of str
+    estimator : Estimator
+        Finished, of these axes.
+    temperature : TemperatureCourse or None
+        Over the same samples.
+
+    """
+
+    names: list[str]
+    estimator: Estimator
+    temperature: TemperatureCourse | None = None
+
+    def taken(self, names: Sequence[str]) -> FinishedGroup:
+        """Return it with some of its axes."""
+        if list(names) == self.names:
+            return self
+        places = [self.names.index(name) for name in names]
+        return FinishedGroup(list(names), self.estimator.taken(places), self.temperature)
+
+
+@dataclass(frozen=True)
 class FinishedRecord:
     """
     What was taken in, ready to be put together with other records.
@@ -49,20 +76,29 @@ class FinishedRecord:
     summary : TimelineSummary
     rate_hz : float
         Samples per second.
-    names : list of str
-        Of the axes of the estimator.
-    estimator : Estimator
-        Finished.
-    temperature : TemperatureCourse or None
-        Over the same samples.
+    groups : tuple of FinishedGroup
+        All but always one.
 
     """
 
     summary: TimelineSummary
     rate_hz: float
-    names: list[str]
-    estimator: Estimator
-    temperature: TemperatureCourse | None = None
+    groups: tuple[FinishedGroup, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Of all axes, in the order of `AXES`."""
+        known = {name for group in self.groups for name in group.names}
+        return [name for name in AXES if name in known]
+
+    @property
+    def samples(self) -> int:
+        """How many samples the axes have that have most."""
+        return max(group.estimator.samples for group in self.groups)
+
+    def group_of(self, name: str) -> FinishedGroup:
+        """Return the group that an axis belongs to."""
+        return next(group for group in self.groups if name in group.names)
 
 
 class Characterization:
@@ -189,8 +225,7 @@ class Characterization:
         Returns
         -------
         FinishedRecord or None
-            None before a sample came. Of axes that were there at different times those with the
-            most samples.
+            None before a sample came.
 
         """
         twin = self.snapshot()
@@ -199,11 +234,13 @@ class Characterization:
         rate = summary.timeline.sample_rate_hz
         if not twin._groups or rate is None:
             return None
-        longest = max(twin._groups, key=lambda group: group.estimator.samples)
-        finished = longest.estimator.finished()
-        heat = longest.temperature(finished, rate)
-        return FinishedRecord(summary, rate, longest.names, finished,
-                              heat.course if heat is not None else None)
+        groups = []
+        for group in twin._groups:
+            finished = group.estimator.finished()
+            heat = group.temperature(finished, rate)
+            groups.append(FinishedGroup(group.names, finished,
+                                        heat.course if heat is not None else None))
+        return FinishedRecord(summary, rate, tuple(groups))
 
     @property
     def clock(self) -> Literal['header', 'receive'] | None:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import turn_on_bias
 from imu_allan.characterization.mean import mean_is_known
-from imu_allan.characterization.stream import FinishedRecord
+from imu_allan.characterization.stream import FinishedGroup, FinishedRecord
 from imu_allan.noise.saturation import is_cut_off
 from imu_allan.result import Result, TurnOnBias
 
@@ -54,7 +54,7 @@ class Mark:
     Attributes
     ----------
     samples : int
-        Used so far.
+        Used so far, of the axis that has most.
     means : mapping of str to float
         Of all of them, by axis.
     first : float
@@ -64,6 +64,8 @@ class Mark:
         By axis, how many of all samples stood at the lowest and at the highest value.
     cut_off : tuple of str
         The axes whose samples of this power-on were cut off at an end: their mean is none.
+    samples_of : mapping of str to int
+        By axis where it has fewer.
 
     """
 
@@ -72,6 +74,11 @@ class Mark:
     first: float
     ends: Mapping[str, tuple[End, End]] = field(default_factory=dict)
     cut_off: tuple[str, ...] = ()
+    samples_of: Mapping[str, int] = field(default_factory=dict)
+
+    def used(self, name: str) -> int:
+        """Return the samples of an axis."""
+        return self.samples_of.get(name, self.samples)
 
 
 @dataclass(frozen=True)
@@ -130,17 +137,24 @@ class PowerOns:
 
     def _mark(self, record: FinishedRecord) -> Mark:
         """Return where the run stands at the end of its latest power-on."""
-        estimator = record.estimator
-        first = 0.0 if estimator.reference is None else float(estimator.reference[0])
+        reference = record.group_of(record.names[0]).estimator.reference
+        first = 0.0 if reference is None else float(reference[0])
         # Where the run has begun anew, or nothing is known of the ends, all samples count.
         before = self.ended[-1] if self.ended and self.ended[-1].first == first else None
-        ends = _ends(record)
-        cut_off = [name for axis, name in enumerate(record.names)
-                   if any(is_cut_off(estimator, axis, count, samples)
-                          for count, samples in _own(name, ends[name], estimator.samples, before))]
-        return Mark(estimator.samples,
-                    dict(zip(record.names, estimator.mean.tolist(), strict=True)), first, ends,
-                    tuple(cut_off))
+        means: dict[str, float] = {}
+        ends: dict[str, tuple[End, End]] = {}
+        cut_off: list[str] = []
+        for group in record.groups:
+            estimator = group.estimator
+            own_ends = _ends(group)
+            ends |= own_ends
+            means |= zip(group.names, estimator.mean.tolist(), strict=True)
+            cut_off += [name for axis, name in enumerate(group.names)
+                        if any(is_cut_off(estimator, axis, count, samples) for count, samples
+                               in _own(name, own_ends[name], estimator.samples, before))]
+        return Mark(record.samples, means, first, ends, tuple(cut_off), {
+            name: group.estimator.samples for group in record.groups for name in group.names
+            if group.estimator.samples < record.samples})
 
     def to_dict(self) -> dict[str, Any]:
         """Return what JSON can hold of them."""
@@ -160,10 +174,12 @@ class PowerOns:
         marks = [Mark(int(mark['samples']),
                       {str(name): float(mean) for name, mean in mark['means'].items()},
                       float(mark['first']), _ends_from(mark.get('ends', {})),
-                      tuple(map(str, mark.get('cut_off', ()))))
+                      tuple(map(str, mark.get('cut_off', ()))),
+                      {str(name): int(samples) for name, samples
+                       in mark.get('samples_of', {}).items()})
                  for mark in document['ended'][-MOST:]]
-        if not all(0 <= mark.samples < _ABSURD and abs(mean) < _ABSURD
-                   for mark in marks for mean in mark.means.values()):
+        if not all(0 <= mark.used(name) <= mark.samples < _ABSURD and abs(mean) < _ABSURD
+                   for mark in marks for name, mean in mark.means.items()):
             raise ValueError('a mean of a power-on is none')
         return cls(str(document['boot']), tuple(marks))
 
@@ -176,12 +192,12 @@ def boot_id() -> str:
         return ''
 
 
-def _ends(record: FinishedRecord) -> dict[str, tuple[End, End]]:
+def _ends(group: FinishedGroup) -> dict[str, tuple[End, End]]:
     """Return the lowest and the highest value of every axis, about the first sample."""
-    estimator = record.estimator
+    estimator = group.estimator
     return {name: (End(float(estimator.lowest[axis]), int(estimator.at_ends[0, axis])),
                    End(float(estimator.highest[axis]), int(estimator.at_ends[1, axis])))
-            for axis, name in enumerate(record.names)}
+            for axis, name in enumerate(group.names)}
 
 
 def _ends_from(document: Mapping[str, Any]) -> dict[str, tuple[End, End]]:
@@ -193,7 +209,7 @@ def _ends_from(document: Mapping[str, Any]) -> dict[str, tuple[End, End]]:
 def _own(name: str, ends: tuple[End, End], samples: int, before: Mark | None
          ) -> Iterator[tuple[int, int]]:
     """Give how many of how many samples since a mark stand at either end."""
-    own = samples - (before.samples if before is not None else 0)
+    own = samples - (before.used(name) if before is not None else 0)
     for number, end in enumerate(ends):
         earlier = before.ends[name][number] if before and name in before.ends else End(0.0, 0)
         # At an end that has moved on no earlier sample stands.
@@ -204,10 +220,11 @@ def _own(name: str, ends: tuple[End, End], samples: int, before: Mark | None
 
 def _of_each(name: str, marks: tuple[Mark, ...]) -> Iterator[tuple[float, int]]:
     """Give mean and samples of each power-on that had the axis, from the means up to its end."""
-    samples, mean = 0, 0.0
+    used, mean = 0, 0.0
     for mark in marks:
-        if name in mark.means and mark.first == marks[-1].first and mark.samples > samples:
-            own = mark.samples - samples
+        if name in mark.means and mark.first == marks[-1].first and mark.used(name) > used:
+            samples = mark.used(name)
+            own = samples - used
             if name not in mark.cut_off:
-                yield (mark.means[name] * mark.samples - mean * samples) / own, own
-            samples, mean = mark.samples, mark.means[name]
+                yield (mark.means[name] * samples - mean * used) / own, own
+            used, mean = samples, mark.means[name]

@@ -7,9 +7,11 @@ from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result, turn_on_bias, with_between
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import AXES
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import check
+from imu_allan.writers.datasheet.live import standing
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -263,3 +265,26 @@ def test_an_empty_recording_is_named(nights):
     with pytest.raises(ImuAllanError) as error:
         joint_result([nights[0], empty])
     assert str(error.value) == 'empty: holds no usable sample'
+
+
+def test_a_moment_without_one_sensor_in_one_recording_costs_nothing():
+    def holed(block):
+        samples = block.samples.copy()
+        samples[100:200, :3] = np.nan
+        return replace(block, samples=samples)
+
+    streams = [recorded('whole', 1, samples=6000),
+               recorded('holed', 2, samples=6000, changed=holed)]
+    joint = joint_result(streams)
+    assert list(joint.axes) == list(AXES)
+    both = joint_result([streams[0], recorded('whole too', 2, samples=6000)])
+    for name in ('gyro_x', 'accel_y'):
+        found, expected = (result.axes[name].coefficients['noise_density'].ci95
+                           for result in (joint, both))
+        np.testing.assert_allclose(found, expected, rtol=0.02)
+    limits = parse_model('gyro: {noise_density: 0.01 deg/s/sqrt(Hz)}\n'
+                         'accel: {noise_density: 200 ug/sqrt(Hz)}')
+    look = standing(streams[1], limits, result=streams[1].result())
+    assert look.decided
+    assert {verdict.axis: verdict.verdict for verdict in look.verdicts} == dict.fromkeys(
+        AXES, 'pass')

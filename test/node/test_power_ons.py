@@ -15,6 +15,7 @@ from imu_allan.node.power_ons import PowerOns
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Lane, Run
 from imu_allan.noise.random_effects import random_effects
+from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -34,15 +35,17 @@ def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return path
 
 
-def feed(run: Run, mean: float, seed: int, count: int = SAMPLES, most: float = np.inf) -> float:
-    """Give samples of one power-on; return their own mean of the first axis."""
+def feed(run: Run, mean: float, seed: int, count: int = SAMPLES, most: float = np.inf,
+         without: int = 0) -> float:
+    """Give samples of one power-on, some without gyroscope; return the mean of the first axis."""
     samples = np.random.default_rng(seed).normal(0, SIGMA, (count, 6))
     samples[:, :3] += mean
     samples = np.minimum(samples, most)
+    samples[count // 2:count // 2 + without, :3] = np.nan
     stamps = np.rint((seed * 10**5 + np.arange(count) / RATE_HZ) * 1e9).astype(np.int64)
     run.lanes[0].characterization.update(ImuBlock(stamps, stamps, samples,
                                          np.zeros((count, 2), bool), 'imu'))
-    return float(samples[:, 0].mean())
+    return float(np.nanmean(samples[:, 0]))
 
 
 def resumed(run: Run) -> Run:
@@ -118,6 +121,21 @@ def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: in
     assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(others, ddof=1), rel=0.02)
 
 
+@pytest.mark.parametrize('hole', [0, 1, 2, 3])
+def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int) -> None:
+    run = new_run(SETUP)
+    means = []
+    for number in range(4):
+        if number:
+            boot.write_text(f'boot {number}')
+            run = resumed(run)
+        means.append(feed(run, 0.1 * number, number, without=100 if number == hole else 0))
+    result = run.snapshot().result()
+    assert list(result.turn_on_bias) == list(result.axes) == list(AXES)
+    assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(means, ddof=1), rel=0.001)
+    assert result.turn_on_bias['accel_x'].sigma < 0.01
+
+
 def test_power_ons_of_a_state_without_ends_are_read(boot: Path) -> None:
     run = new_run(SETUP)
     for number in range(3):
@@ -128,7 +146,7 @@ def test_power_ons_of_a_state_without_ends_are_read(boot: Path) -> None:
     found = run.lanes[0].power_ons
     document = found.to_dict()
     for mark in document['ended']:
-        del mark['ends'], mark['cut_off']
+        del mark['ends'], mark['cut_off'], mark['samples_of']
     old = PowerOns.from_dict(json.loads(json.dumps(document)))
     characterization = run.lanes[0].characterization
     result = characterization.result()
@@ -139,7 +157,9 @@ def test_power_ons_of_a_state_without_ends_are_read(boot: Path) -> None:
     {}, {'boot': 'a', 'ended': 3}, {'boot': 'a', 'ended': [{}]},
     {'boot': 'a', 'ended': [{'samples': 'many', 'means': {}, 'first': 0}]},
     {'boot': 'a', 'ended': [{'samples': 3, 'means': [], 'first': 0}]},
-    {'boot': 'a', 'ended': [{'samples': 3, 'means': {}, 'first': 0, 'ends': {'gyro_x': 1}}]}])
+    {'boot': 'a', 'ended': [{'samples': 3, 'means': {}, 'first': 0, 'ends': {'gyro_x': 1}}]},
+    {'boot': 'a', 'ended': [{'samples': 3, 'means': {'gyro_x': 0}, 'first': 0,
+                             'samples_of': {'gyro_x': 4}}]}])
 def test_what_is_no_list_of_power_ons_is_refused(document: Any) -> None:
     with pytest.raises((KeyError, TypeError, ValueError, AttributeError)):
         PowerOns.from_dict(document)

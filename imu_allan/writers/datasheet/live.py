@@ -92,10 +92,10 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     records = {half: each.record() for half, each in halves.items()}
     recorded = float('inf')
     for record in records.values():
-        if record is None or record.estimator.samples < SMALLEST_RECORD:
+        if record is None or record.samples < SMALLEST_RECORD:
             return Standing(False, tuple(_open(verdict) for verdict in verdicts),
                             result.timeline.duration_s)
-        recorded = min(recorded, record.estimator.samples / record.rate_hz)
+        recorded = min(recorded, record.samples / record.rate_hz)
     if fits is None:
         fits = _fits(records)
     limited = sum(verdict.key in COLUMNS for verdict in verdicts)
@@ -122,9 +122,11 @@ def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | N
     """Fit every axis of an IMU, of one in halves those of either half."""
     fits: dict[str, AxisFit | None] = {}
     for half, record in records.items():
-        if record is not None:
-            fitted = fit_axes(record.estimator, 1 / record.rate_hz, record.temperature)
-            fits |= {name: fit for name, fit in zip(record.names, fitted, strict=True)
+        if record is None:
+            continue
+        for group in record.groups:
+            fitted = fit_axes(group.estimator, 1 / record.rate_hz, group.temperature)
+            fits |= {name: fit for name, fit in zip(group.names, fitted, strict=True)
                      if name.startswith(half)}
     return fits
 
