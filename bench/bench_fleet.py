@@ -28,9 +28,11 @@ import time
 
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.chi_square import NORMAL90
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS
 from imu_allan.noise.groups import Bins, bins_of, grouped
+from imu_allan.noise.intervals import log_ratio
 from imu_allan.noise.joint import fit_spectra, joint_fits, RecordedSpectrum
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
@@ -230,6 +232,23 @@ def sequential(runs: int) -> None:
                   f'{ {name: count / runs for name, count in outcomes.items()} }  '
                   f'after {np.median(times):.0f} s (median), {np.quantile(times, .9):.0f} s '
                   f'(90 %) of {samples / rate:.0f} s')
+            at_once = above_at_once(model, key, share, rate, samples, runs)
+            print(f'    all of it at once by one test: above in {at_once:.3f}', flush=True)
+
+
+def above_at_once(model: dict[str, float], key: str, share: float, rate: float, samples: int,
+                  runs: int) -> float:
+    """Return how often whole records are above the limit by the ratio of one test at 5 %."""
+    above = 0
+    for run in range(runs):
+        estimator = Estimator()
+        estimator.update(simulate(model, samples, rate, 7000 + run))
+        (found,) = fit_axes(estimator.finished(), 1 / rate)
+        assert found is not None
+        trial, column = found.fit.trial, COLUMNS[key]
+        limit, value = model[key] / share, float(np.sqrt(trial.solution.theta[column]))
+        above += value > limit and 2 * log_ratio(trial, column, value, limit) > NORMAL90**2
+    return above / runs
 
 
 def dask(recordings: int) -> None:

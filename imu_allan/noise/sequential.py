@@ -4,13 +4,14 @@
 When a coefficient is certain to lie below or above a limit: Wald's sequential test.
 
 Two tests run side by side on the growing record, each the ratio of two likelihoods. One holds the
-limit L against L / m, the other L against L m, m being a margin. The record has passed once it is
-1 / beta times as likely under L / m as under L, and failed once it is 1 / alpha times as likely
-under L m. At the limit itself the first happens with a probability of at most beta and the second
-of at most alpha, however often one looks (Ville's inequality), and away from it in the wrong
-direction less often still. Once both tests speak for L, the coefficient lies too near to the limit
-for either word within the margin, and waiting longer would not help soon. A limit that is exceeded
-by octaves is also held against the octave below the estimate.
+limit L against L / m, the other L against L m and L m^2 together, m being a margin. The record has
+passed once it is 1 / beta times as likely under L / m as under L, and failed once it is 1 / alpha
+times as likely in the mean of the two values above. At the limit itself the first happens with a
+probability of at most beta and the second of at most alpha, however often one looks (Ville's
+inequality), and away from it in the wrong direction less often still. Once L is the likelier
+beside L / m and beside L m, the coefficient lies too near to the limit for either word within the
+margin, and waiting longer would not help soon. A limit that is exceeded by octaves is also held
+against the octave below the estimate.
 
 The other coefficients are fitted anew under each value, so that the bounds hold as nearly as those
 of a profile likelihood do; the Monte Carlo in docs/statistics.md says how nearly.
@@ -27,6 +28,7 @@ from typing import Literal
 
 from imu_allan.noise.intervals import log_ratio
 from imu_allan.noise.trial import Trial
+from numpy import logaddexp
 
 Decision = Literal['below', 'above', 'near', 'open']
 
@@ -50,7 +52,8 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     limit : float
         Above zero.
     margin : float
-        Relative distance from the limit at which the tests look; half of it makes the record
+        Relative distance from the limit at which the tests look, and twice it above; half makes
+        the record
         about four times as long.
     pass_error : float
         Probability of passing at the limit, or above, at most.
@@ -82,8 +85,12 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     below = log_ratio(trial, column, limit / (1 + margin), limit)
     if below >= -log(pass_error):
         return 'below'
-    above = log_ratio(trial, column, limit * (1 + margin), limit)
-    if above >= -log(fail_error * (1 - _FAR)) or _is_far(trial, column, limit, fail_error):
+    above, beyond = (log_ratio(trial, column, limit * (1 + margin)**steps, limit)
+                     for steps in (1, 2))
+    # The mean of two likelihoods is as good an alternative: near the margin the first speaks,
+    # further off the second, which the data tells from the limit much sooner.
+    if (logaddexp(above, beyond) - log(2) >= -log(fail_error * (1 - _FAR))
+            or _is_far(trial, column, limit, fail_error)):
         return 'above'
     near = below <= log(pass_error) and above <= log(fail_error)
     return 'near' if near else 'open'
