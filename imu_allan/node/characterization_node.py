@@ -43,6 +43,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import qos_profile_parameters
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from std_srvs.srv import SetBool, Trigger
 
@@ -112,9 +113,12 @@ class CharacterizationNode(Node):
 
         # Services wait for the worker while samples come in: they have a group of their own.
         services = ReentrantCallbackGroup()
-        self.create_service(Trigger, '~/save', self._save, callback_group=services)
-        self.create_service(Trigger, '~/reset', self._reset, callback_group=services)
-        self.create_service(SetBool, '~/pause', self._pause, callback_group=services)
+        for kind, name, serve in ((Trigger, '~/save', self._save),
+                                  (Trigger, '~/reset', self._reset),
+                                  (SetBool, '~/pause', self._pause)):
+            # The parameters' depth: of ten, the default, the eleventh caller has no answer, ever.
+            self.create_service(kind, name, serve, callback_group=services,
+                                qos_profile=qos_profile_parameters)
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now

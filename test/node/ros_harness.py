@@ -49,6 +49,9 @@ STARVED_S = 2.0
 
 RATE_HZ = 200.0
 
+LARGEST_MB = 400
+"""Memory of a node, whatever is done to it."""
+
 
 class Process:
     """A node in a process of its own."""
@@ -323,6 +326,12 @@ def assert_kept_up(node: Process, lost: float, longest_hold_s: float, queue: flo
         pytest.skip(f'the computer kept the node waiting for {node.starved_s:.1f} s')
     assert lost == 0
     assert longest_hold_s * rate_hz < queue / 2
+
+
+def resident_mb(process: Process) -> float:
+    """Memory that it holds."""
+    pages = Path(f'/proc/{process.popen.pid}/statm').read_text().split()[1]
+    return int(pages) * 4096 / 1e6
 
 
 def start_repeatedly(ros: Ros, arguments: Sequence[Sequence[str]],

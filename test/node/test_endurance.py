@@ -8,24 +8,20 @@ from itertools import pairwise
 from pathlib import Path
 import subprocess
 import sys
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
-from ros_harness import assert_kept_up, PATIENCE_S, Process, Ros
+from ros_harness import assert_kept_up, Driver, LARGEST_MB, PATIENCE_S, Process, resident_mb, Ros
 from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import Trigger
 
-LARGEST_MB = 400
+FLOOD_S = 180.0
 
 
 def cpu_seconds(process: Process) -> float:
     threads = Path(f'/proc/{process.popen.pid}/task').iterdir()
     return sum(int((thread / 'schedstat').read_text().split()[0]) for thread in threads) * 1e-9
-
-
-def resident_mb(process: Process) -> float:
-    pages = Path(f'/proc/{process.popen.pid}/statm').read_text().split()[1]
-    return int(pages) * 4096 / 1e6
 
 
 class Reception:
@@ -122,6 +118,40 @@ def test_nothing_is_lost_at_1_khz_for_ten_minutes_beside_a_busy_core(ros: Ros) -
 @pytest.mark.slow
 def test_nothing_is_lost_at_4_khz_for_a_minute(ros: Ros) -> None:
     receive_everything(ros, 4000.0, 60.0, nullcontext())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('publishers', 'rate_hz'), [(1, 12_000.0), (2, 8000.0)])
+def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate_hz: float
+                                                 ) -> None:
+    node = ros.start('imu_allan_node', best_effort=True, shared_memory=True)
+    reception = Reception(ros, node)
+    began = time.monotonic()
+    floods = [subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name('flooding.py')), ros.name('imu/data_raw'),
+         str(rate_hz), str(FLOOD_S)], stdout=subprocess.PIPE, text=True)
+        for _ in range(publishers)]
+    most = 0.0
+    while any(process.poll() is None for process in floods):
+        ros.executor.spin_once(timeout_sec=0.5)
+        most = max(most, resident_mb(node))
+    published = sum(int(process.communicate()[0]) for process in floods)
+    print(f'{published} messages in {time.monotonic() - began:.0f} s, {reception["received"]:.0f} '
+          f'received: {most:.0f} MB, {cpu_seconds(node):.1f} s of CPU', flush=True)
+    assert most < LARGEST_MB
+    assert ros.call(Trigger, 'imu_allan/reset').success
+    driver = Driver(ros)
+    driver.wait_for_node()
+
+    def saved() -> bool:
+        # Samples count as mixed for some seconds after the flood.
+        driver.publish(200)
+        return bool(ros.call(Trigger, 'imu_allan/save').success)
+
+    ros.until(saved)
+    assert node.stop() == 0
+    if published < 0.9 * publishers * rate_hz * FLOOD_S:
+        pytest.skip('the computer had no time for the flood')
 
 
 def run_accelerated(ros: Ros, hours: float, speed: float, best_effort: bool

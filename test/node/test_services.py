@@ -13,7 +13,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
-from ros_harness import assert_kept_up, Driver, Process, Ros, too_early
+from rclpy.qos import QoSProfile
+from ros_harness import assert_kept_up, Driver, LARGEST_MB, Process, resident_mb, Ros, too_early
 from std_srvs.srv import SetBool, Trigger
 
 NAMES = ('publish_period', 'output_dir', 'state_file', 'checkpoint_period', 'motion', 'clock',
@@ -216,3 +217,44 @@ def test_a_hundred_calls_a_second_lose_no_sample(ros: Ros) -> None:
 @pytest.mark.slow
 def test_a_hundred_calls_a_second_for_a_minute_lose_no_sample(ros: Ros) -> None:
     call_at_100_hz(ros, 60.0)
+
+
+CALLS = ((Trigger, 'save'), (Trigger, 'reset'), (SetBool, 'pause'),
+         (GetParameters, 'get_parameters'), (SetParameters, 'set_parameters'))
+
+
+def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
+    """Let many clients of every service call at the same moment, again and again."""
+    node = ros.start('imu_allan_node', {'publish_period': 2.0,
+                                        'state_file': str(ros.folder / 'state')})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    # An answer goes to all clients of a service; each leaves those of the others.
+    clients = [ros.node.create_client(kind, ros.name(f'imu_allan/{name}'),
+                                      qos_profile=QoSProfile(depth=callers))
+               for kind, name in CALLS for _ in range(callers)]
+    ros.until(lambda: all(client.service_is_ready() for client in clients))
+    end, calls = time.monotonic() + seconds, 0
+    while True:
+        driver.publish(200)
+        asked = [client.call_async(client.srv_type.Request()) for client in clients]
+        ros.until(lambda waiting=asked: all(future.done() for future in waiting))
+        calls += len(asked)
+        assert_well(node)
+        if time.monotonic() > end:
+            break
+    print(f'{calls} calls, all answered: {resident_mb(node):.0f} MB')
+    assert resident_mb(node) < LARGEST_MB
+    assert node.stop() == 0
+    for client in clients:
+        ros.node.destroy_client(client)
+
+
+def test_every_one_of_many_clients_that_call_at_once_is_answered(ros: Ros) -> None:
+    call_at_once(ros, 12, 0.0)
+
+
+@pytest.mark.slow
+def test_forty_clients_of_each_service_that_call_at_once_for_a_minute_are_answered(
+        ros: Ros) -> None:
+    call_at_once(ros, 40, 60.0)
