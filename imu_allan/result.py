@@ -348,7 +348,8 @@ class AxisResult:
     `stood_still` gave one value for so long, and has no coefficients; no more has one that is
     `saturated`, has a `deadband`, or came through a filter that takes out what is slower than
     `high_passed_hz`, of the mean too. `coarse_step` is that of an output which steps by more than
-    the noise of one sample. Of several recordings the one with the fault gives no
+    the noise of one sample, `copy_of` the axis whose every sample it repeats, with a minus where
+    the sign is the other. Of several recordings the one with the fault gives no
     coefficients; those of the others are told.
     """
 
@@ -374,6 +375,7 @@ class AxisResult:
     saturated: Saturation | None = None
     deadband: Deadband | None = None
     coarse_step: float | None = None
+    copy_of: str | None = None
 
     @property
     def constant(self) -> bool:
@@ -381,7 +383,7 @@ class AxisResult:
         return bool(self.curve.adev) and not any(self.curve.adev)
 
     @property
-    def fault(self) -> Literal['constant', 'dead', 'saturated', 'zeroed'] | None:
+    def fault(self) -> Literal['constant', 'dead', 'saturated', 'zeroed', 'copied'] | None:
         """Why the axis does not measure, for a while or in one record: zeroed is by a deadband."""
         if self.constant:
             return 'constant'
@@ -389,7 +391,9 @@ class AxisResult:
             return 'dead'
         if self.saturated is not None:
             return 'saturated'
-        return None if self.deadband is None else 'zeroed'
+        if self.deadband is not None:
+            return 'zeroed'
+        return None if self.copy_of is None else 'copied'
 
     def __str__(self) -> str:
         """Return the coefficients in a line, SI units, with their 95 % intervals."""

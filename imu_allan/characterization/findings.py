@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was found, in the words that the user reads; messages do not name the axis."""
+"""What was found in the words that users read, in one module as they are read together."""
 
 from collections.abc import Collection, Mapping, Sequence
 from math import ceil, inf, isfinite, isinf
@@ -59,6 +59,14 @@ def deadband_remark(found: Deadband, quantity: Quantity) -> Remark:
                   f'0 and {found.width:.3g} {quantity.unit}: the driver gives small values as 0 '
                   '(a deadband), noise is higher than it seems; no coefficient is told, switch '
                   'the deadband off')
+
+
+def copy_remark(one: str, other: str, sign: int) -> Remark:
+    """Say that two axes are one; the only finding of an axis that names it itself."""
+    return Remark('copied_axis',
+                  f'{one} and {other} are the same, {"but for the sign, " if sign < 0 else ""}to '
+                  'the last digit of every sample: the driver gives one axis of the sensor twice, '
+                  'and another not at all; correct its assignment of axes')
 
 
 def high_pass_remark(corner_hz: float) -> Remark:

@@ -284,7 +284,9 @@ def _with_faults(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
     bands = [band for part in parts if (band := part.result.axes[name].deadband) is not None]
     return replace(axis, stood_still=still,
                    saturated=max(ends, key=lambda end: end.share, default=axis.saturated),
-                   deadband=max(bands, key=lambda band: band.share, default=axis.deadband))
+                   deadband=max(bands, key=lambda band: band.share, default=axis.deadband),
+                   copy_of=next((of for part in parts if (
+                       of := part.result.axes[name].copy_of) is not None), axis.copy_of))
 
 
 def _timeline(timelines: Sequence[Timeline], rate_hz: float) -> Timeline:

@@ -17,6 +17,7 @@ from typing import Literal
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.characterization.axis import axis_results, bounded
 from imu_allan.characterization.findings import (
+    copy_remark,
     length_remarks,
     MEAN_MOVES,
     thermometer_remarks,
@@ -25,7 +26,8 @@ from imu_allan.characterization.findings import (
 from imu_allan.characterization.group import Group
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
-from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.alike import SAME
+from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.terms import AXES
@@ -339,6 +341,11 @@ class Characterization:
             tested = dict(zip(names, backtest(series.series, series.cell, 1 / rate), strict=True))
         axes = {name: replace(axis, backtest=tested.get(name) if axis.drift_model else None)
                 for name, (axis, _) in zip(names, fitted, strict=True)}
+        for one, other, sign in copies(finished):
+            first, second = names[one], names[other]
+            remarks.append(copy_remark(first, second, sign))
+            for name, of in ((first, second), (second, first)):
+                axes[name] = replace(axes[name], copy_of=of if sign == SAME else f'-{of}')
         for name, (_, own) in zip(names, fitted, strict=True):
             remarks += [Remark(remark.code, f'{name}: {remark.message}') for remark in own]
             if any(remark.code in MEAN_MOVES for remark in own):

@@ -21,8 +21,8 @@ from imu_allan.wording import duration, spoken
 
 _RATE_TOLERANCE = 0.02
 """As in the timeline: a stated rate may be rounded, and a clock off."""
-_FIT_TROUBLE = frozenset({'constant_axis', 'deadband', 'high_passed', 'not_steady', 'poor_fit',
-                          'saturated', 'stood_still'})
+_FIT_TROUBLE = frozenset({'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'not_steady',
+                          'poor_fit', 'saturated', 'stood_still'})
 """Codes of remarks of the fit that make its coefficients doubtful."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -8,6 +8,7 @@ from functools import partial
 from itertools import pairwise
 
 from imu_allan.noise.agreement import PARTS
+from imu_allan.noise.alike import pairs
 from imu_allan.noise.deadband import deadband
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit, Spectra
@@ -137,6 +138,22 @@ def tells_nothing(finished: Estimator, axis: int) -> bool:
             or deadband(finished, axis) is not None
             or still_stretch(finished, axis) is not None
             or cut_off(finished, axis) is not None)
+
+
+def copies(finished: Estimator) -> list[tuple[int, int, int]]:
+    """
+    Find pairs of axes that give the same samples, or those of the other sign.
+
+    Returns
+    -------
+    list of (int, int, int)
+        Two numbers of axes and `imu_allan.noise.alike.SAME` or ``OPPOSITE``. Axes that are
+        constant, or steps of which hide the noise, may be the same by nature.
+
+    """
+    fine = finished.step <= _COARSE_STEP * sample_noise(finished)
+    return [] if finished.samples < SHORTEST_RECORD else [
+        pair for pair in pairs(finished.alike) if fine[pair[0]]]
 
 
 def still_stretch(finished: Estimator, axis: int) -> tuple[int, int] | None:

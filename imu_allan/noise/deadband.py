@@ -17,7 +17,7 @@ import numpy as np
 _LEAST_SHARE = 0.01
 """A deadband of a fiftieth of sigma holds that many, and takes next to nothing off the noise."""
 _FEWEST = 20
-"""Samples beyond the hole: where values are as dense within, none there is one in e^20."""
+"""Samples beyond the hole, and fewer than that in it: so many are no chance, nor strays."""
 
 
 class Deadband(NamedTuple):
@@ -61,7 +61,7 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     >>> estimator.update(np.where(abs(noise) < 1.0, 0.0, noise))
     >>> found = deadband(estimator.finished(), 0)
     >>> round(found.width, 2), round(found.share, 2)
-    (1.0, 0.69)
+    (1.0, 0.68)
 
     """
     zeros, sizes = int(finished.at_zero[axis]), finished.near_zero[axis]
@@ -69,12 +69,13 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
             or not finished.lowest[axis] < -finished.reference[axis] < finished.highest[axis]):
         return None
     # Samples that stand in for missing ones are means of others, and may lie anywhere.
-    beyond = np.flatnonzero(np.cumsum(sizes) > finished.bridged)
+    stray = _FEWEST + finished.bridged
+    beyond = np.flatnonzero(np.cumsum(sizes) > stray)
     if not len(beyond):
         return None
     first = int(beyond[0])
-    # Of an output that steps, the second value lies an octave above the first.
-    behind = int(sizes[first + 1:first + BINS_PER_OCTAVE - 1].sum())
-    if behind < _FEWEST + finished.bridged:
+    # Of an output that steps, the second value lies an octave above the first; either may lie
+    # next to the border of a bin.
+    if int(sizes[first + 2:first + BINS_PER_OCTAVE - 1].sum()) <= stray:
         return None
     return Deadband(lower_edge(first), zeros / finished.samples)

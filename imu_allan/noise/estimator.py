@@ -5,12 +5,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from imu_allan.noise.alike import narrow_down, undecided
 from imu_allan.noise.cells import MOST_RUNS
 from imu_allan.noise.ends import count_ends, merge_ends
 from imu_allan.noise.near_zero import BINS, count_near_zero
 from imu_allan.noise.periodogram import BLOCK, Periodogram
 from imu_allan.noise.pyramid import Pyramid
 from imu_allan.noise.signal_over_time import Signal
+from imu_allan.noise.steps import step_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -78,6 +80,7 @@ class Estimator:
         self.at_ends = np.zeros((2, axes), dtype=np.int64)
         self.at_zero = np.zeros(axes, dtype=np.int64)
         self.near_zero = np.zeros((axes, BINS), dtype=np.int64)
+        self.alike = undecided(axes)
         self._chunk = np.zeros((axes, CHUNK))
         self._n = _Counters()
 
@@ -186,6 +189,7 @@ class Estimator:
         twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
         twin.step, twin.at_ends = self.step.copy(), self.at_ends.copy()
         twin.at_zero, twin.near_zero = self.at_zero.copy(), self.near_zero.copy()
+        twin.alike = self.alike.copy()
         twin._chunk = self._chunk.copy()
         twin._n = _Counters(**vars(self._n))
         return twin
@@ -216,6 +220,7 @@ class Estimator:
         twin.step, twin._chunk = self.step[some], self._chunk[some]
         twin.at_ends = self.at_ends[:, some]
         twin.at_zero, twin.near_zero = self.at_zero[some], self.near_zero[some]
+        twin.alike = np.triu(self.alike[np.ix_(some, some)], 1)
         return twin
 
     @property
@@ -261,6 +266,7 @@ class Estimator:
         self.step = np.minimum(self.step, theirs.step)
         self.at_zero += theirs.at_zero
         self.near_zero += theirs.near_zero
+        self.alike &= theirs.alike
         self._n.samples += theirs.samples
         self._n.bridged += theirs.bridged
         self._n.runs += runs
@@ -274,12 +280,10 @@ class Estimator:
         count_ends(rows, self.lowest, self.highest, self.at_ends)
         assert self.reference is not None
         count_near_zero(rows, self.reference, self.at_zero, self.near_zero)
+        narrow_down(rows, self.reference, self.alike)
         if n.resolved < _RESOLUTION_SAMPLES:
             n.resolved += n.held
-            jumps = np.abs(np.diff(rows, axis=1))
-            jumps[jumps < 1e-12 * np.maximum(1, np.abs(rows[:, 1:]))] = np.inf
-            if n.held > 1:
-                np.minimum(self.step, jumps.min(axis=1), out=self.step)
+            np.minimum(self.step, step_of(rows), out=self.step)
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, n.runs, n.first)
         self.signal.absorb(rows)
@@ -303,6 +307,7 @@ class Estimator:
             'at_ends': self.at_ends.copy(),
             'at_zero': self.at_zero.copy(),
             'near_zero': self.near_zero.copy(),
+            'alike': self.alike.copy(),
         }
         if self.reference is not None:
             state['reference'] = self.reference
@@ -333,10 +338,12 @@ class Estimator:
             np.array(state.get(key, np.zeros(shape)), dtype=np.int64) for key, shape in (
                 ('at_ends', (2, len(chunk))), ('at_zero', len(chunk)),
                 ('near_zero', (len(chunk), BINS))))
+        alike = np.array(state.get('alike', np.zeros((len(chunk), len(chunk)))), dtype=np.int8)
         counters = _Counters(*(int(value) for value in state['counters']))
         if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
                 or ranges.shape != (3, len(chunk)) or at_ends.shape != (2, len(chunk))
                 or at_zero.shape != (len(chunk),) or near_zero.shape != (len(chunk), BINS)
+                or alike.shape != (len(chunk), len(chunk))
                 or any(np.any((counts < 0) | (counts > counters.samples))
                        for counts in (at_ends, at_zero, near_zero))
                 or not 0 <= counters.runs < MOST_RUNS):
@@ -345,7 +352,7 @@ class Estimator:
         self._n = counters
         self._chunk[:, :counters.held] = chunk
         (self.lowest, self.highest, self.step), self.at_ends = ranges.copy(), at_ends
-        self.at_zero, self.near_zero = at_zero, near_zero
+        self.at_zero, self.near_zero, self.alike = at_zero, near_zero, alike
         if 'reference' in state:
             self.reference = np.array(state['reference'], dtype=np.float64)
         self.pyramid = Pyramid.from_state(part('pyramid'))

@@ -195,6 +195,21 @@ def test_a_deadband_is_told_in_a_result_that_fails_its_limit():
     assert 'the axis has a deadband: 9' in verdicts['gyro_x'].reason
 
 
+def test_an_axis_that_copies_another_is_told_in_a_result_that_fails_its_limit():
+    rows = still_imu(20_000)
+    rows[:, 1] = -rows[:, 0]
+    result = characterized(rows)
+    (text,) = [w.message for w in result.warnings if w.code == 'copied_axis']
+    assert text == ('gyro_x and gyro_y are the same, but for the sign, to the last digit of every '
+                    'sample: the driver gives one axis of the sensor twice, and another not at '
+                    'all; correct its assignment of axes')
+    assert Result.from_dict(json.loads(result.to_json())) == result
+    verdicts = {verdict.axis: verdict for verdict in check(
+        result, parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}'))}
+    assert [verdicts[f'gyro_{axis}'].verdict for axis in 'xyz'] == ['fail', 'fail', 'pass']
+    assert verdicts['gyro_y'].reason.endswith('a copy: every sample is that of -gyro_x')
+
+
 def test_no_message_gives_no_axis():
     result = Characterization(kind='topic', topic='/imu').result()
     assert result.axes == {}

@@ -50,6 +50,16 @@ def test_samples_that_stand_in_for_missing_ones_make_and_hide_no_deadband():
         assert (deadband(shown(filled, int(missing.sum())), 0) is not None) == there
 
 
+def test_values_off_the_steps_of_the_others_make_no_deadband():
+    rng = np.random.default_rng(6)
+    for unit in (1.0, 2**0.125, 0.069282):
+        samples = np.round(0.8 * WHITE[:6000]) * unit
+        samples[:12] = unit * rng.uniform(0.5, 0.99, 12)
+        # Steps that differ in their last digits, about the border of a bin.
+        samples *= 1 + 1e-13 * rng.normal(size=6000)
+        assert deadband(shown(samples), 0) is None
+
+
 def test_zeros_in_place_of_readings_are_no_deadband():
     lost = np.random.default_rng(5).random(len(WHITE)) < 0.05
     for mean in (0.0, 2.0, 300.0):

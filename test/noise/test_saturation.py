@@ -60,6 +60,15 @@ def test_a_vibration_above_noise_below_a_step_is_not_cut_off():
         assert cut_off(shown(samples), 0) is None, (cycle, sigma)
 
 
+def test_few_samples_off_the_steps_of_the_others_do_not_make_an_end_of_a_range():
+    steps = 5.0 * np.round((np.cumsum(WHITE + 1.0)) / 5.0)
+    samples = np.diff(steps, prepend=0.0)
+    samples[0] = 0.37
+    samples[5000::100] = samples[4996:-4:100] / 3
+    assert cut_off(shown(samples[:5000]), 0) is None
+    assert cut_off(shown(samples), 0) is None
+
+
 def test_ends_are_counted_however_samples_arrive():
     rows = np.minimum(WHITE, 0.5)
     whole = shown(rows)

@@ -62,7 +62,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     Returns
     -------
     str or None
-        A sentence with the word: missing, constant, dead, saturated or deadband.
+        A sentence with the word: missing, constant, dead, saturated, deadband or copy.
 
     """
     if axis is None:
@@ -77,6 +77,8 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
     if axis.deadband is not None:
         return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
                 'exactly 0, noise is higher than it seems')
+    if axis.copy_of is not None:
+        return f'the axis is a copy: every sample is that of {axis.copy_of}'
     if (still := nearly_constant(axis)) is not None:
         return still
     density = axis.coefficients['noise_density']
