@@ -12,6 +12,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import State, UnusableState
 from imu_allan.node.imu_type import IMU
 from imu_allan.node.power_ons import PowerOns
+from imu_allan.node.replay import LoopWatch
 from imu_allan.node.run import Half, Lane, Run
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import TimelineOptions
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _KEY = 'node'
+_LOOP = 'loop/'
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,10 @@ def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
     about = json.dumps({'topic': setup.topics, 'options': asdict(setup.options),
                         'messages': setup.messages, 'lanes': lanes})
     return {**{f'{_prefix(number)}{key}': array for number, lane in enumerate(run.lanes)
-               for key, array in lane.characterization.to_state().items()},
+               for key, array in {
+                   **lane.characterization.to_state(),
+                   **{f'{_LOOP}{name}': kept for name, kept in _remembered(lane).items()},
+               }.items()},
             _KEY: np.array(about)}
 
 
@@ -115,7 +120,15 @@ def _lane(state: State, number: int, half: Half | None, about: Mapping[str, Any]
     if in_g is not None:
         in_g = bool(in_g)
     return Lane(Characterization.from_state(own), PowerOns.from_dict(about['power_ons']), half,
-                AccelerationUnit(in_g) if setup.finds_unit else None)
+                AccelerationUnit(in_g) if setup.finds_unit else None,
+                LoopWatch.from_state({key[len(_LOOP):]: array for key, array in own.items()
+                                      if key.startswith(_LOOP)}))
+
+
+def _remembered(lane: Lane) -> dict[str, NDArray[Any]]:
+    """Give what the lane knows of messages that have come, if they are in the state."""
+    waits = lane.unit is not None and lane.unit.waiting
+    return {} if waits else lane.loop.to_state()
 
 
 def _prefix(number: int) -> str:

@@ -78,11 +78,15 @@ class Lane:
         The sensor that is taken from the topic; both by default.
     unit : AccelerationUnit, optional
         Finds out the unit of the acceleration, where the user has not said it.
+    loop : LoopWatch, optional
+        Of a resumed one.
 
     Attributes
     ----------
     probation : Probation or None
         Of a resumed one: messages are held back until it has passed.
+    loop : LoopWatch
+        Keeps out what has come before.
     fed : int
         Messages it has been given.
     stamp_ns : int
@@ -93,7 +97,8 @@ class Lane:
     """
 
     def __init__(self, characterization: Characterization, power_ons: PowerOns | None = None,
-                 half: Half | None = None, unit: AccelerationUnit | None = None) -> None:
+                 half: Half | None = None, unit: AccelerationUnit | None = None,
+                 loop: LoopWatch | None = None) -> None:
         self.characterization = characterization
         self.power_ons = PowerOns(boot_id()) if power_ons is None else power_ons
         self.half: Half | None = half
@@ -102,13 +107,13 @@ class Lane:
         self.fed = 0
         self.stamp_ns = 0
         self.error = ''
-        self._loop = LoopWatch()
+        self.loop = LoopWatch() if loop is None else loop
         self._change = ChangeWatch(Signature())
 
     @property
     def looping(self) -> bool:
         """Whether the messages that come now have come before."""
-        return self._loop.looping
+        return self.loop.looping
 
     def snapshot(self) -> LaneSnapshot:
         """Return an independent copy, with the messages that wait for their unit."""
@@ -126,7 +131,7 @@ class Lane:
 
     def update(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages; those that the timeline cannot use are told of in `error`."""
-        blocks = self._loop.unseen(blocks)
+        blocks = self.loop.unseen(blocks)
         if blocks:
             self.error = ''
         for block in blocks:

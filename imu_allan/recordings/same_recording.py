@@ -90,7 +90,7 @@ class Fingerprint:
             # A driver that stamps nothing leaves what the recorder knows.
             stamps = np.where(block.header_ns > 0, block.header_ns, block.receive_ns)
             if self.kept < _LIMIT:
-                chosen = _is_kept(stamps, self._bits)
+                chosen = is_kept(stamps, self._bits)
                 self._stamps.append(stamps[chosen])
                 self._samples.append(block.samples[chosen])
                 self.kept += len(self._stamps[-1])
@@ -102,7 +102,7 @@ class Fingerprint:
         """Keep half as many."""
         self._bits += 1
         stamps, samples = np.concatenate(self._stamps), np.concatenate(self._samples)
-        chosen = _is_kept(stamps, self._bits)
+        chosen = is_kept(stamps, self._bits)
         self._stamps, self._samples = [stamps[chosen]], [samples[chosen]]
         self.kept = len(self._stamps[0])
 
@@ -128,7 +128,7 @@ class Fingerprint:
         return stamps, rows.view(f'V{rows.strides[0]}')[:, 0]
 
 
-def _is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
+def is_kept(stamps: NDArray[np.int64], bits: int) -> NDArray[np.bool_]:
     """Choose one message of 2^bits by its stamp; those of more bits are among those of fewer."""
     if bits == 0:
         return np.ones(len(stamps), np.bool_)

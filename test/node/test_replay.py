@@ -3,7 +3,10 @@
 """Recordings that are played in a loop, message by message."""
 
 from imu_allan.block import ImuBlock
+from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.replay import LoopWatch
+from imu_allan.node.resuming import new_run, pack, Setup, unpack
+from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 
@@ -30,3 +33,42 @@ def test_other_samples_under_old_stamps_are_no_loop() -> None:
     watch.unseen([played(rng.normal(size=(1000, 6)))])
     assert [len(block) for block in watch.unseen([played(rng.normal(size=(1000, 6)))])] == [1000]
     assert not watch.looping
+
+
+def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> None:
+    count = 100_000
+    stamps = 10**18 + 10_000_000 * np.arange(count)
+    samples = np.random.default_rng(3).normal(size=(count, 6))
+    whole = ImuBlock(stamps, stamps, samples, np.zeros((count, 2), np.bool_), 'imu')
+    watch = LoopWatch()
+    for first in range(0, count, 100):
+        watch.unseen([whole.part(slice(first, first + 100))])
+    assert sum(array.nbytes for array in watch.to_state().values()) < 200_000
+    for again in (watch, LoopWatch.from_state(watch.to_state())):
+        passed = sum(len(block) for first in range(50, count, 10)
+                     for block in again.unseen([whole.part(slice(first, first + 10))]))
+        assert passed < 500
+        assert again.looping
+
+
+@pytest.mark.parametrize('gravity', [9.81, 0.0], ids=['usual', 'unit still open'])
+def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
+    setup = Setup('/imu', TimelineOptions())
+    samples = np.random.default_rng(4).normal([0, 0, 0, 0, 0, gravity], 1, (1000, 6))
+    run = new_run(setup)
+    run.lanes[0].update([played(samples)])
+    state = pack(run, setup)
+    resumed = unpack(decode_state(encode_state(state)), setup)
+    resumed.lanes[0].update([played(samples)])
+    assert resumed.snapshot().result().timeline.samples == 1000
+    assert resumed.lanes[0].looping == (gravity > 0)
+    # A state from before samples were remembered.
+    unpack({key: array for key, array in state.items() if not key.startswith('loop/')}, setup)
+
+
+def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
+    watch = LoopWatch()
+    watch.unseen([played(np.random.default_rng(5).normal(size=(1000, 6)))])
+    for name in watch.to_state():
+        with pytest.raises(ValueError, match='damaged'):
+            LoopWatch.from_state({**watch.to_state(), name: np.zeros((3, 3))})
