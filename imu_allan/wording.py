@@ -150,6 +150,19 @@ def duration(seconds: float) -> str:
     return f'{seconds:.3g} s' if seconds >= 1 or seconds == 0 else f'{seconds * 1e3:.3g} ms'
 
 
+def about(seconds: float) -> str:
+    """
+    Return a length of time to two digits.
+
+    Examples
+    --------
+    >>> about(1215.0)
+    '20 min'
+
+    """
+    return duration(float(f'{seconds:.2g}'))
+
+
 def counted(count: int, one: str, many: str | None = None) -> str:
     """
     Return a count with its noun.

@@ -15,7 +15,7 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import AxisResult, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import duration, listed, named
+from imu_allan.wording import about, duration, listed, named
 
 MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk'}
 """Codes of the findings about a mean that moves."""
@@ -25,6 +25,8 @@ _COARSE = 1 / 8
 """Share of the range that a step of the thermometer may be: the mean then follows it in jumps."""
 _FACTOR = 2.0
 """From which on an error is no percentage."""
+_HEATED_S = 30.0
+"""Period from which on a slow cycle may be one of temperature."""
 _STEP_SHARE = 0.7
 """Share of the spread between segments from which it is told as one step."""
 
@@ -226,10 +228,11 @@ def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
     """Say what moves the mean, and what that means for the random walk."""
     remarks = [Remark('warm_up', _warm_up(fitted, quantity))] if fitted.warmings else []
     if fitted.cycle_s is not None:
+        such = ", such as a heater's" if fitted.cycle_s >= _HEATED_S else ''
         remarks.append(Remark(
             'slow_cycle',
-            f'the mean follows a slow cycle of about {duration(fitted.cycle_s)}, such as a '
-            "heater's; the coefficients are given without it, the numbers for a filter with it"))
+            f'the mean follows a slow cycle of about {about(fitted.cycle_s)}{such}; the '
+            'coefficients are given without it, the numbers for a filter with it'))
     elif fitted.walk_unclear:
         remarks.append(Remark(
             'trend_or_walk',

@@ -3,7 +3,7 @@
 """From a finished estimator to the fit of every axis."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -19,6 +19,7 @@ from imu_allan.noise.parts import Part
 from imu_allan.noise.periodogram import Periodogram
 from imu_allan.noise.saturation import cut_off
 from imu_allan.noise.signal_over_time import stood_still
+from imu_allan.noise.slow_cycle import is_harmonic
 from imu_allan.noise.stationarity import (
     segment_powers,
     SegmentPowers,
@@ -100,6 +101,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     bridged_share = finished.bridged / finished.samples
     quarters = _quarters(finished.periodogram, dt, bridged_share)
     found: list[AxisFit | None] = []
+    asked: dict[int, partial[Fit]] = {}
     for axis in range(finished.axes):
         if tells_nothing(finished, axis):
             found.append(None)
@@ -120,8 +122,29 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         if brief is None:
             parts = partial(_spectra, quarters, axis, lines_hz)
             calmed = partial(_calmed, finished, axis, dt, lines_hz)
-        fitted = fit(groups, dt, first, record, steady, parts, temperature, calmed)
+        again = partial(fit, groups, dt, first, record, steady, parts, temperature, calmed)
+        fitted = again()
         found.append(AxisFit(fitted, lines, groups, whole, fitted.steady, own))
+        asked[axis] = again
+    return _asked_for_cycles(found, asked)
+
+
+def _asked_for_cycles(found: list[AxisFit | None], asked: dict[int, partial[Fit]]
+                      ) -> list[AxisFit | None]:
+    """Ask every axis for the slow cycles of the others: what heats one heats all."""
+    known = {axis: one.fit.cycle_s for axis, one in enumerate(found)
+             if one is not None and one.fit.cycle_s is not None}
+    for axis, again in asked.items() if known else ():
+        one = found[axis]
+        assert one is not None
+        if axis not in known:
+            fitted = again(known_hz=[1 / period_s for period_s in known.values()])
+            one = replace(one, fit=fitted, steadiness=fitted.steady)
+        if one.fit.cycle_s is not None:
+            # Its harmonics are no vibration.
+            one = replace(one, lines=[line for line in one.lines
+                                      if not is_harmonic(line.frequency_hz, one.fit.cycle_s)])
+        found[axis] = one
     return found
 
 

@@ -128,7 +128,8 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         record: RecordSpectrum | JointSpectrum | None = None, steady: Steadiness | None = None,
         parts: Spectra | None = None,
         temperature: TemperatureCourse | JointTemperature | None = None,
-        calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None = None) -> Fit:
+        calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None = None,
+        known_hz: Sequence[float] = ()) -> Fit:
     """
     Fit one axis.
 
@@ -151,13 +152,15 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         Over the record. Where the mean depends on it, the coefficients are given without that.
     calmed : callable, optional
         Gives `steady` and `parts` anew, without a course of the mean that is no noise.
+    known_hz : sequence of float, optional
+        Frequencies of slow cycles that other axes have.
 
     Returns
     -------
     Fit
 
     """
-    found = _fit(groups, dt, start, record, steady, parts, calmed)
+    found = _fit(groups, dt, start, record, steady, parts, calmed, known_hz)
     if record is None or temperature is None or found.plain is None:
         return found
     courses = asked_for(found.plain, record, temperature)
@@ -165,7 +168,7 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         return found
     before = {key: one.value for key, one in found.estimates.items() if one.observable}
     record = record.beside(courses)
-    warm = _fit(record.groups(), dt, start, record, steady, parts, calmed)
+    warm = _fit(record.groups(), dt, start, record, steady, parts, calmed, known_hz)
     assert warm.trial is not None
     return replace(warm, temperature=dependence(warm.trial, temperature, len(courses), before))
 
@@ -173,7 +176,8 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
 def _fit(groups: Groups, dt: float, start: Solution | None,
          record: RecordSpectrum | JointSpectrum | None, steady: Steadiness | None,
          parts: Spectra | None,
-         calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None) -> Fit:
+         calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None,
+         known_hz: Sequence[float]) -> Fit:
     """Fit one axis with the regressors that its record has."""
     plain, process = _chosen(groups, start, dt)
     trial = plain
@@ -181,11 +185,12 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     walks = walk.observable
     mean: MovingMean | None = None
     if record is not None:
-        mean = moving_mean(plain, process, record, walks, partial(_chosen, dt=dt))
+        mean = moving_mean(plain, process, record, walks, partial(_chosen, dt=dt),
+                           known_hz)
         trial, process, walks = mean.trial, mean.process, mean.walk
         if trial is not plain:
             walk = estimate(trial, WALK)
-        if mean.warmings and calmed is not None:
+        if (mean.warmings or mean.cycle is not None) and calmed is not None:
             steady, parts = calmed(mean.course)
     said: dict[str, Agreement] = {}
     if steady is not None and not steady.steady:
@@ -217,7 +222,8 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     estimates['rate_ramp'] = estimate_ramp(trial)
     return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, process,
                walk_unclear=unclear,
-               warmings=mean.warmings if mean else (), cycle_s=mean.cycle_s if mean else None,
+               warmings=mean.warmings if mean else (),
+               cycle_s=mean.cycle.period_s if mean and mean.cycle else None,
                between={key: one.between for key, one in said.items()}, trial=trial,
                plain=plain, steady=steady)
 

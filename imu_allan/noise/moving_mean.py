@@ -21,19 +21,25 @@ from imu_allan.noise.courses import (
     with_courses,
 )
 from imu_allan.noise.groups import WALK
+from imu_allan.noise.harmonics import without
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.slow_cycle import (
+    likeliest_cycle,
+    slow_cycle,
+    SlowCycle,
+    sticks_out,
+    taken_out,
+)
 from imu_allan.noise.trends import cycle, legendre
 from imu_allan.noise.trial import Trial
-from imu_allan.noise.warm_up import Choose, warm_up, Warming
+from imu_allan.noise.warm_up import Choose, likeliest_warming, warm_up, Warming
 import numpy as np
 
-_CYCLING = 25.0
-"""Likelihood ratio above which a slow cycle is one; its frequency is searched over many."""
 _DOUBTFUL_CYCLE = 10.0
-"""Above this one, a walk has to be observable beside the cycle too."""
-_CYCLES = np.arange(1.0, 16.1, 0.25)
-"""Cycles in the record that are tried; of more, each has little to do with a walk."""
+"""Likelihood ratio of a slow cycle above which a walk has to be observable beside it, too."""
+_FEWEST_CYCLES = 2.0
+"""In the record: below, a strong one is not told from a mean that bends."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +59,7 @@ class MovingMean:
         Whether a random walk has to be there beside any of these courses.
     warmings : tuple of Warming
         The parts of a warm-up, the largest first.
-    cycle_s : float or None
-        Period of a slow cycle.
+    cycle : SlowCycle or None
 
     """
 
@@ -63,17 +68,21 @@ class MovingMean:
     record: Spectrum
     walk: bool
     warmings: tuple[Warming, ...] = ()
-    cycle_s: float | None = None
+    cycle: SlowCycle | None = None
 
     @property
     def course(self) -> Course:
         """Return the mean of the first record, with the ramp."""
         assert self.trial.solution.trend is not None
-        return self.record.records[0].mean(np.atleast_2d(self.trial.solution.trend)[0])
+        still = self.record.records[0].mean(np.atleast_2d(self.trial.solution.trend)[0])
+        if self.cycle is None:
+            return still
+        turns = self.cycle.cycles[0].course
+        return lambda time: still(time) + turns(time)
 
 
 def moving_mean(trial: Trial, process: Process | None, record: Spectrum, walks: bool,
-                choose: Choose) -> MovingMean:
+                choose: Choose, known_hz: Sequence[float] = ()) -> MovingMean:
     """
     Ask what moves the mean, and what a walk that the fit has found may be instead.
 
@@ -88,7 +97,9 @@ def moving_mean(trial: Trial, process: Process | None, record: Spectrum, walks: 
     walks : bool
         Whether the walk is observable in it.
     choose : callable
-        Chooses the model anew, where a warm-up bends the spectrum.
+        Chooses the model anew, where a warm-up or a cycle bends the spectrum.
+    known_hz : sequence of float, optional
+        Frequencies of slow cycles that other axes have.
 
     Returns
     -------
@@ -98,28 +109,71 @@ def moving_mean(trial: Trial, process: Process | None, record: Spectrum, walks: 
     if record.duration_s == 0:
         # Nothing but runs too short for a spectrum of slow courses.
         return MovingMean(trial, process, record, walks)
+    whole = record
+    turning = _turning_first(trial, process, whole, choose, known_hz)
+    if turning is not None:
+        trial, process, record = turning.trial, turning.process, turning.record
     still = _without_walk(trial)
     warm = warm_up(trial, record, still, choose)
+    if warm is not None:
+        if turning is not None:
+            turning = taken_out(warm.trial, warm.process, warm.beside(whole),
+                                turning.cycles[0].frequency_hz, choose)
+        else:
+            turning = _turning(warm.trial, warm.process, warm.record, choose, known_hz)
+        if turning is not None:
+            # Each was fitted beside what the other had left: once more, without the cycle.
+            record = without(whole, turning.cycles, turning.variances)
+            trial, process = choose(record.groups(), turning.trial.solution)
+            still = _without_walk(trial)
+            warm = warm_up(trial, record, still, choose)
     warmings: tuple[Warming, ...] = ()
     if warm is not None:
         trial, process, record, warmings = warm.trial, warm.process, warm.record, warm.warmings
-        walks, still = has_walk(trial), _without_walk(trial)
+        still = _without_walk(trial)
+    if warm is not None or turning is not None:
+        walks = has_walk(trial)
     if not walks or not _walks(trial, record):
-        return MovingMean(trial, process, record, False, warmings)
-    doubtful, cycles = (in_each(level, 2, len(record.records))
-                        for level in (_DOUBTFUL_CYCLE, _CYCLING))
-    frequency, gain = best_course(trial, record, still, (_CYCLES / record.duration_s).tolist(),
-                                  cycle)
+        return MovingMean(trial, process, record, False, warmings, turning)
+    doubtful = in_each(_DOUBTFUL_CYCLE, 2, len(record.records))
+    frequency, gain = likeliest_cycle(trial, record, still)
     if gain >= doubtful:
-        turning = with_courses(trial, record, cycle(frequency))
-        beside = has_walk(turning)
-        ratio = likelihood_ratio(trial, turning)
-        if ratio >= cycles:
-            return MovingMean(turning, process, record.beside(cycle(frequency)), beside, warmings,
-                              1 / frequency)
-        if ratio >= doubtful:
-            return MovingMean(trial, process, record, beside, warmings)
-    return MovingMean(trial, process, record, True, warmings)
+        found = slow_cycle(trial, process, record, frequency, choose) if turning is None else None
+        if found is not None:
+            return MovingMean(found.trial, found.process, found.record, has_walk(found.trial),
+                              warmings, found)
+        beside = with_courses(trial, record, cycle(frequency))
+        if likelihood_ratio(trial, beside) >= doubtful:
+            return MovingMean(trial, process, record, has_walk(beside), warmings, turning)
+    return MovingMean(trial, process, record, True, warmings, turning)
+
+
+def _turning_first(trial: Trial, process: Process | None, record: Spectrum, choose: Choose,
+                   known_hz: Sequence[float]) -> SlowCycle | None:
+    """Look for a cycle before anything else, where it explains more than a warm-up does."""
+    if not known_hz and not sticks_out(trial, record):
+        return None
+    still = _without_walk(trial)
+    _, gain = (best_course(trial, record, still, known_hz, cycle) if known_hz
+               else likeliest_cycle(trial, record, still))
+    if gain < likeliest_warming(trial, record, still)[1]:
+        return None
+    return _turning(trial, process, record, choose, known_hz)
+
+
+def _turning(trial: Trial, process: Process | None, record: Spectrum, choose: Choose,
+             known_hz: Sequence[float]) -> SlowCycle | None:
+    """Look for a cycle at the frequencies of other axes, then at all."""
+    for frequency in known_hz:
+        found = slow_cycle(trial, process, record, frequency, choose, known=True)
+        if found is not None:
+            return found
+    if not sticks_out(trial, record):
+        return None
+    frequency, _ = likeliest_cycle(trial, record, _without_walk(trial))
+    if frequency * record.duration_s < _FEWEST_CYCLES:
+        return None
+    return slow_cycle(trial, process, record, frequency, choose)
 
 
 def _without_walk(trial: Trial) -> Solution:

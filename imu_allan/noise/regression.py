@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_RIDGE = 1e-10
+RIDGE = 1e-10
 """Relative; far above rounding and far below what any two different regressors leave."""
 
 
@@ -71,7 +71,7 @@ def explained_by_regressors(groups: Groups, weight: Array, restricted: bool) -> 
     gram = np.tensordot(weight, groups.among, 1)
     scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
     # The ridge is for a regressor that no coefficient sees, or that repeats another.
-    lower = np.linalg.cholesky(gram / np.outer(scale, scale) + _RIDGE * np.eye(len(scale)))
+    lower = np.linalg.cholesky(gram / np.outer(scale, scale) + RIDGE * np.eye(len(scale)))
     half = np.linalg.inv(lower) / scale
     covariance = half.T @ half
     trend = covariance @ target
@@ -91,7 +91,7 @@ def _in_each_record(groups: Groups, weight: Array, restricted: bool) -> Explaine
     gram = np.tensordot(own, groups.among, 1)
     scale = np.sqrt(np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300))
     lower = np.linalg.cholesky(gram / (scale[:, :, None] * scale[:, None])
-                               + _RIDGE * np.eye(gram.shape[1]))
+                               + RIDGE * np.eye(gram.shape[1]))
     half = np.linalg.inv(lower) / scale[:, None]
     covariance = np.swapaxes(half, 1, 2) @ half
     trend = np.einsum('rab,rb->ra', covariance, target)

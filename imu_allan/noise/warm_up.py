@@ -137,6 +137,8 @@ class WarmUp:
         With the warm-up among its courses, and without what it leaves in blocks.
     warmings : tuple of Warming
         The largest first.
+    courses : tuple of Course
+        Those of the warm-up, the last of the record.
 
     """
 
@@ -144,6 +146,12 @@ class WarmUp:
     process: Process | None
     record: Spectrum
     warmings: tuple[Warming, ...]
+    courses: tuple[Course, ...]
+
+    def beside(self, record: Spectrum) -> Spectrum:
+        """Lay the same warm-up to another spectrum of the record."""
+        return record.settled(self.courses, _trend(self.trial), _noise(self.trial)).beside(
+            self.courses)
 
 
 def warm_up(trial: Trial, record: Spectrum, still: Solution, choose: Choose) -> WarmUp | None:
@@ -180,16 +188,22 @@ def warm_up(trial: Trial, record: Spectrum, still: Solution, choose: Choose) -> 
         warm, times = _refined(chosen, calm, times)
         if len(times) == fewer:
             break
-    return WarmUp(warm, process, calm.beside(_courses(times)), _told(warm, times))
+    courses = _courses(times)
+    return WarmUp(warm, process, calm.beside(courses), _told(warm, times), tuple(courses))
+
+
+def likeliest_warming(trial: Trial, record: Spectrum, still: Solution) -> tuple[float, float]:
+    """Return the time constant that explains most under noise without a walk, and how much."""
+    times = record.duration_s * np.geomspace(_SHORTEST_WARMING, _LONGEST_WARMING, _TIME_CONSTANTS)
+    tried: list[float] = times.tolist()
+    return best_course(trial, record, still, tried, lambda value: [warming(value)])
 
 
 def _found(trial: Trial, record: Spectrum, still: Solution) -> float | None:
     """Return the time constant, of some, of a warm-up that explains what a walk does not."""
     records = len(record.records)
     warms, instead = in_each(_WARMING, 1, records), in_each(_INSTEAD, 1, records)
-    times = record.duration_s * np.geomspace(_SHORTEST_WARMING, _LONGEST_WARMING, _TIME_CONSTANTS)
-    tried: list[float] = times.tolist()
-    time, gain = best_course(trial, record, still, tried, lambda value: [warming(value)])
+    time, gain = likeliest_warming(trial, record, still)
     if gain < warms:
         return None
     warm = with_courses(trial, record, [warming(time)])

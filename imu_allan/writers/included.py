@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 
 from imu_allan.result import AxisResult
-from imu_allan.wording import duration, listed, named
+from imu_allan.wording import about, listed, named
 
 
 def included(axes: Mapping[str, AxisResult]) -> list[str]:
@@ -34,7 +34,7 @@ def included(axes: Mapping[str, AxisResult]) -> list[str]:
                     'coefficients: --start auto or --start TIME of analyze leaves it out, where '
                     'the recording is long enough.')
     if cycles:
-        periods = list(dict.fromkeys(map(duration, sorted(cycles.values()))))
+        periods = list(dict.fromkeys(map(about, sorted(cycles.values()))))
         said.append(f"The slow cycle of {named(list(cycles))}, such as a heater's, of about "
                     f'{listed(periods)} is in these numbers, unlike in the coefficients: right '
                     'where the filter will meet it, too; else record without it.')
