@@ -186,7 +186,7 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
     for number, path in enumerate(paths):
         for other in paths[:number]:
             if Path(path).resolve() == Path(other).resolve():
-                raise _given_twice(other, path)
+                raise given_twice(other, path)
     recordings: list[list[Taken]] = []
     fingerprints: list[Fingerprint] = []
     before = 0
@@ -196,7 +196,7 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
                              _counted_on(progress, before), fingerprint)
         for other, known in zip(paths, fingerprints, strict=False):
             if fingerprint.shares_messages_with(known):
-                raise _given_twice(other, path)
+                raise given_twice(other, path)
         fingerprints.append(fingerprint)
         if recordings and len(taken) != len(recordings[0]):
             raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
@@ -211,7 +211,8 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
     return _as_one([stream for stream, *_ in recordings[0]], results)
 
 
-def _given_twice(one: str | Path, other: str | Path) -> ImuAllanError:
+def given_twice(one: str | Path, other: str | Path) -> ImuAllanError:
+    """Return the complaint about two recordings that hold the same messages."""
     return ImuAllanError(f'{one} and {other} hold the same messages, which would count twice; '
                          'give each recording of the IMU once')
 

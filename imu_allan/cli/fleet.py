@@ -27,9 +27,18 @@ class Gathering:
         self._output = output
         self._results: dict[str, Result] = {}
         self._failures: list[tuple[str, str, str]] = []
+        self._means: dict[tuple[float, ...], str] = {}
 
     def add(self, task: Task, result: 'Result') -> None:
-        """Take in a result."""
+        """Take in a result; one of the messages of another counts as a failure."""
+        from imu_allan.analysis import given_twice
+
+        # No two recordings have the same means to the last digit, but for axes that are dead.
+        means = tuple(axis.mean for axis in result.axes.values()
+                      if axis.mean is not None and not axis.constant)
+        if means and (other := self._means.setdefault(means, task.unit)) != task.unit:
+            self.fail(task.unit, task.path, given_twice(other, task.unit))
+            return
         # Signal and spectrum are most of a result; of a thousand they would fill the memory.
         axes = {name: replace(axis, signal=None, spectrum=None, stationarity=None)
                 for name, axis in result.axes.items()}

@@ -9,7 +9,7 @@ middleware's queue never has to hold more than moments. Nothing that a driver, a
 does lets an error out of the executor's thread; if one gets out all the same, `serve` saves first.
 """
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from math import ceil
@@ -39,10 +39,12 @@ from imu_allan.node.storage import Storage
 from imu_allan.node.temperature_topic import TemperatureTopic
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameters
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from std_srvs.srv import SetBool, Trigger
@@ -77,9 +79,8 @@ class CharacterizationNode(Node):
         self._log = Log(self.get_logger())
         values = declare(self, SETTINGS, self._apply)
         warn_of_unknown(self)
-        if values['aiding_interval'] > values['coast']:
-            raise ImuAllanError(f'parameter aiding_interval: {values["aiding_interval"]:g} s is '
-                                f'longer than coast, {values["coast"]:g} s')
+        if reason := _reason_against(values['aiding_interval'], values['coast']):
+            raise ImuAllanError(f'parameter {reason}')
 
         topics = _topics(values)
         self._receptions = [self._reception(topic, half, values) for topic, half in topics]
@@ -92,6 +93,7 @@ class CharacterizationNode(Node):
         self._worker = Worker(self._log)
         self._results = Results(name, self._publications, self._worker, self._facts,
                                 self._announcements[0], values)
+        self.add_on_set_parameters_callback(self._check)
         self._setup = Setup(
             subscribed[0], TimelineOptions(clock=values['clock'],
                                            gap_tolerance=values['gap_tolerance'],
@@ -180,6 +182,14 @@ class CharacterizationNode(Node):
         facts = Facts(subscription.topic, queue, expected, values['state_file'], half)
         return Reception(subscription, facts, decode, self._on_malformed)
 
+    def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
+        """Refuse what the node would not start with either."""
+        given = {parameter.name: parameter.value for parameter in parameters}
+        now = self._results.filter_of
+        reason = _reason_against(given.get('aiding_interval', now.aiding_interval_s),
+                                 given.get('coast', now.coast_s))
+        return SetParametersResult(successful=not reason, reason=reason)
+
     def _apply(self, name: str, value: Any) -> None:
         results, storage = self._results, self._storage
         if name == 'publish_period':
@@ -192,9 +202,6 @@ class CharacterizationNode(Node):
             storage.export_for = value
         elif name in ('aiding_interval', 'coast'):
             results.filter_of = replace(results.filter_of, **{f'{name}_s': value})
-            if results.filter_of.aiding_interval_s > results.filter_of.coast_s:
-                self._log.warning('aiding_interval is longer than coast: no filter_random_walk '
-                                  'is published')
 
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 
@@ -426,3 +433,9 @@ class _AWhile:
 
     def __await__(self) -> Generator[None, None, None]:
         yield
+
+
+def _reason_against(aiding_s: float, coast_s: float) -> str:
+    """Why two parameters are refused together; empty if they are not."""
+    return '' if aiding_s <= coast_s else (
+        f'aiding_interval: {aiding_s:g} s is longer than coast, {coast_s:g} s')

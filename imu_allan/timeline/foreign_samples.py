@@ -18,6 +18,10 @@ _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
 _ALTERNATING_AXES = 3
 """Two sensors differ in most axes; mains hum at half the sample rate shows in one or two."""
+_QUARTER = slice(_BLOCK // 4 - 1, _BLOCK // 4 + 2)
+"""Frequencies of a block about a quarter of the rate."""
+_NEARLY_ALL, _ROUNDING = 0.9, 1e-3
+"""Of the samples of an interpolated axis, and how far off they are in those that are its own."""
 _TURNS, _TWO_PEAKS = -0.15, -0.6
 """Correlation of neighbours and excess kurtosis: two sensors of which 60 % are lost have -0.18 and
 -1 or less, 4,096 samples of one -0.06 and 0, each within 0.08. Judgments."""
@@ -59,9 +63,13 @@ def alternates(samples: Floats) -> bool:
     enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
     # A gap changes whose turn it is: frequent ones leave no line in the spectrum.
     steps = np.diff(known, axis=0)
+    apart = np.mean(steps[1:] * steps[:-1], axis=0)
     together = np.mean(steps[2:] * steps[:-2], axis=0)
-    if np.count_nonzero(together > _IN_TURN * np.mean(steps ** 2, axis=0)) >= enough:
+    # Of a signal that a low-pass has smoothed all steps are alike, not every second one.
+    if np.count_nonzero((apart < 0)
+                        & (together > _IN_TURN * np.mean(steps ** 2, axis=0))) >= enough:
         return True
+    own = ~_interpolated(known)
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
     if _has_two_means(centred.reshape(-1, known.shape[2]), enough):
@@ -73,8 +81,18 @@ def alternates(samples: Floats) -> bool:
         # An axis without noise has rounding errors to compare.
         noisy = power[1:].max(axis=0) > 1e-20 * np.maximum(np.abs(known).max(axis=(0, 1)), 1) ** 2
         level = np.median(power[_BLOCK // 4:-2], axis=0)
-        axes = max(axes, int(np.count_nonzero(noisy & (2 * power[-1] > _ALTERNATING * level))))
+        found = noisy & own & (2 * power[-1] > _ALTERNATING * level)
+        axes = max(axes, int(np.count_nonzero(found)))
+        # The magnitude of a vibration at a quarter of the rate alternates.
+        own &= power[_QUARTER].max(axis=0) <= _ALTERNATING * level
     return bool(axes >= enough)
+
+
+def _interpolated(known: Floats) -> Bools:
+    """Tell axes of which every second sample is the mean of its neighbours."""
+    bends = np.abs(np.diff(known, 2, axis=0))
+    one, other = (np.quantile(bends[start::2], _NEARLY_ALL, axis=0) for start in (0, 1))
+    return np.asarray(np.minimum(one, other) < _ROUNDING * np.maximum(one, other))
 
 
 def _has_two_means(centred: Floats, enough: int) -> bool:

@@ -29,6 +29,20 @@ def write_csv(path: Path, density: float, seed: int, samples: int = 6000) -> str
     return str(path)
 
 
+def test_a_recording_given_twice_counts_once(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = write_csv(tmp_path / 'u1.csv', 0.005, 1)
+    other = write_csv(tmp_path / 'u3.csv', 0.005, 2)
+    copy = str(tmp_path / 'u2.csv')
+    shutil.copy(one, copy)
+    out = tmp_path / 'out'
+    assert main(['analyze', one, copy, other, '--output', str(out), '--no-progress']) == 0
+    assert ('u1 and u2 hold the same messages, which would count twice; give each recording of '
+            'the IMU once') in ' '.join(capsys.readouterr().out.split())
+    fleet = json.loads((out / 'fleet.json').read_text())
+    assert [unit['name'] for unit in fleet['units']] == ['u1', 'u3']
+
+
 @pytest.fixture(scope='module')
 def units(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """Six units, of which sn10 is noisy, and a file that is no recording."""
@@ -127,8 +141,8 @@ def test_resume_takes_no_other_recording_of_the_same_relative_name(
     for number, density in enumerate((0.005, 0.02)):
         folder = tmp_path / f'unit{number}'
         folder.mkdir()
-        for name in ('a', 'b'):
-            write_csv(folder / f'{name}.csv', density, 1, 1500)
+        for seed, name in enumerate(('a', 'b')):
+            write_csv(folder / f'{name}.csv', density, seed, 1500)
         monkeypatch.chdir(folder)
         assert main(['analyze', 'a.csv', 'b.csv', '--output', '../out', '--resume']) == 0
     assert 'done before' not in capsys.readouterr().out

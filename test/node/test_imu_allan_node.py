@@ -291,6 +291,9 @@ def test_every_parameter_out_of_range_is_refused_with_a_reason(live: Ros) -> Non
 def test_a_refused_parameter_keeps_its_value(live: Ros) -> None:
     change(live, 'publish_period', 0.75)
     assert not set_parameter(live, 'publish_period', 0.0).successful
+    answer = set_parameter(live, 'aiding_interval', 31.0)
+    assert answer.reason == 'aiding_interval: 31 s is longer than coast, 30 s'
+    assert not set_parameter(live, 'coast', 0.1).successful
     response = live.call(GetParameters, 'imu_allan/get_parameters',
                          GetParameters.Request(names=['publish_period']))
     assert response.values[0].double_value == 0.75

@@ -14,6 +14,7 @@ from imu_messages import codes as summary_codes, run
 import numpy as np
 import pytest
 from scenarios import at_rest, characterized, Messages, SIGMA, START_NS, Truth, verdict
+from scipy.signal import lfilter
 
 EVERYDAY = 300
 SLOW = ('bias_instability', 'rate_random_walk')
@@ -980,3 +981,18 @@ def test_axes_that_stand_still_in_turn_cost_no_more_than_one():
     alive = loudness[:, 2] > 0
     assert baseline.loudness[2] == np.median(loudness[alive, 2])
     assert baseline.wander[2] == 1.4826 * np.median(abs(wander[alive, 2]))
+
+
+def test_a_quiet_neighbour_is_no_second_publisher():
+    rng = np.random.default_rng(12)
+    samples = rng.normal(size=(4096, 6))
+    halved = samples.copy()
+    halved[1:-1:2, 3:] = (halved[0:-2:2, 3:] + halved[2::2, 3:]) / 2
+    smooth = lfilter([1e-3], [1, -1.94, 0.941], samples, axis=0)
+    # A resonance at a quarter of the rate, half a hertz wide at 100 Hz, as engines have.
+    swinging = lfilter([0.15], [1, 0, 0.97], samples, axis=0) + 0.3 * samples
+    for quiet in (halved, smooth, swinging):
+        assert not alternates(quiet + 9.81)
+        two = quiet.copy()
+        two[1::2] += 5 * two.std(axis=0)
+        assert alternates(two)
