@@ -216,11 +216,15 @@ class _Search:
         return norm > 0
 
     def step(self, current: _Point, value: float) -> tuple[_Point, float]:
-        """Take one step of the scoring, halved until the loss is no more than `value`."""
+        """Take one step of the scoring, no farther than the loss allows."""
         weighted = self._design * (current.weight / current.expected)
         # Which coefficients are above zero seldom changes from one step to the next.
         goal = non_negative(weighted @ self._design.T, weighted @ (self._about - self._offset),
                             np.flatnonzero(current.part).tolist())
+        return self._backtracked(current, goal, value)
+
+    def _backtracked(self, current: _Point, goal: Array, value: float) -> tuple[_Point, float]:
+        """Go to `goal`, or half as far and half again until the loss is no more than `value`."""
         reached = self.at(goal)
         new = self.loss(reached)
         share = 1.0
