@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import floor, log10
 
 from imu_allan.characterization.findings import (
+    bias_step_remark,
     constant_remark,
     deadband_remark,
     fit_remarks,
@@ -18,6 +19,7 @@ from imu_allan.characterization.findings import (
     still_remark,
 )
 from imu_allan.noise.axis_fit import AxisFit, fit_axes, sample_noise, still_stretch
+from imu_allan.noise.bias_step import bias_step
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.deadband import deadband
@@ -122,7 +124,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
                  fits: Sequence[AxisFit | None] | None = None,
-                 corners_hz: Sequence[float | None] | None = None
+                 corners_hz: Sequence[float | None] | None = None, of_one_record: bool = True
                  ) -> list[tuple[AxisResult, list[Remark]]]:
     """
     Fit every axis of an estimator, which is left as it is.
@@ -139,6 +141,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         Of every axis, where they are there already, or not those of the estimator alone.
     corners_hz : sequence of float or None, optional
         Of a high-pass that each axis is known to have come through, whatever `fits` show.
+    of_one_record : bool, optional
+        Between several the mean steps anyway, which says nothing about the sensor in one.
 
     Returns
     -------
@@ -207,6 +211,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
                          between=fitted.between.get(key))
             for key, estimate in fitted.estimates.items()}
+        walk = coefficients['rate_random_walk']
+        step = bias_step(columns, axis) if of_one_record and walk.observable else None
+        if step is not None:
+            coefficients['rate_random_walk'] = _upper_bound(walk)
+            remarks.append(bias_step_remark(step, dt, quantity))
         curve = _curve(points, axis, dt, _described(fitted_axis, drift), values)
         leaves_at = None if fitted.mean_moves else _leaves_at(
             points, axis, curve, _described(fitted_axis, None), dt)
@@ -233,13 +242,16 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
 
 def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis whose slow terms are upper bounds: something else may have made them."""
-    coefficients = dict(axis.coefficients)
-    for key in ('bias_instability', 'rate_random_walk'):
-        found = coefficients[key]
-        if found.observable and found.ci95 is not None:
-            coefficients[key] = Coefficient(found.symbol, found.unit, False, None, None,
-                                            found.ci95[1])
-    return replace(axis, coefficients=coefficients)
+    return replace(axis, coefficients=dict(axis.coefficients) | {
+        key: _upper_bound(axis.coefficients[key])
+        for key in ('bias_instability', 'rate_random_walk')})
+
+
+def _upper_bound(found: Coefficient) -> Coefficient:
+    """Return what was found as the most that it may be."""
+    if not found.observable or found.ci95 is None:
+        return found
+    return Coefficient(found.symbol, found.unit, False, None, None, found.ci95[1])
 
 
 def _empty(quantity: Quantity, mean: float | None) -> AxisResult:

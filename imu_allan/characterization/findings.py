@@ -7,6 +7,7 @@ from math import ceil, inf, isfinite, isinf
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
+from imu_allan.noise.bias_step import BiasStep
 from imu_allan.noise.deadband import Deadband
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.saturation import CutOff
@@ -17,7 +18,7 @@ from imu_allan.result import AxisResult, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import about, duration, listed, named
 
-MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk'}
+MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
 
 
@@ -115,6 +116,15 @@ def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             f'correlation time of {time:.3g} s is part of the noise'))
     return [*remarks, *_temperature_remarks(fitted, quantity),
             *_mean_remarks(fitted, quantity)]
+
+
+def bias_step_remark(step: BiasStep, dt: float, quantity: Quantity) -> Remark:
+    """Say that the mean steps once."""
+    return Remark('bias_step',
+                  f'the mean steps by {step.size:.3g} {quantity.unit} after about '
+                  f'{about(step.place * dt)}, and nowhere else (a knock, or another supply '
+                  'voltage or setting): the rate random walk is given as an upper bound; analyze '
+                  'what lies before or behind it with --start and --duration')
 
 
 def leaving_remark(tau_s: float) -> Remark:

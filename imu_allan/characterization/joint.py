@@ -256,7 +256,8 @@ def _group_results(parts: Sequence[_Part], groups: Sequence[FinishedGroup], rate
                         if part.result.axes[name].fault is None) or tuple(range(len(parts)))
         if working not in of:
             merged = _merged([groups[number].estimator for number in working])
-            of[working] = axis_results(merged, rate_hz, quantities, fits, corners_hz=corners_hz)
+            of[working] = axis_results(merged, rate_hz, quantities, fits, corners_hz=corners_hz,
+                                       of_one_record=False)
         found.append(of[working][axis])
     return found
 

@@ -12,6 +12,7 @@ _REMEDIES = {
     'noise_level_changed': 'call ~/reset to characterize the present level alone',
     'many_missing': 'ask for a deeper queue or for reliable delivery with qos_overrides',
     'mostly_motion': 'let the IMU rest, or set motion to keep',
+    'bias_step': 'call ~/reset to characterize what lies behind it alone',
     'stood_still': 'look at the sensor and its driver, then call ~/reset',
     'saturated': 'then call ~/reset',
     'deadband': 'then call ~/reset',

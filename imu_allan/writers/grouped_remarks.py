@@ -20,7 +20,8 @@ from imu_allan.wording import counted, duration, listed, named, number, spoken
 
 TITLES = {
     'axis_absent_in_part': 'absent in part', 'axis_late_start': 'late axis',
-    'band_limited': 'low-pass', 'coarse_resolution': 'coarse steps', 'constant_axis': 'constant',
+    'band_limited': 'low-pass', 'bias_step': 'bias step',
+    'coarse_resolution': 'coarse steps', 'constant_axis': 'constant',
     'copied_axis': 'copied axis', 'deadband': 'deadband',
     'gauss_markov': 'correlated noise', 'gravity': 'gravity', 'interpolated': 'interpolated',
     'motion': 'motion', 'motion_kept': 'motion kept', 'mostly_motion': 'motion',

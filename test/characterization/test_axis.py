@@ -9,7 +9,7 @@ from imu_allan.characterization.axis import axis_results, characterize, sample_n
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.noise.terms import AXES, Quantity, TERMS
 from imu_allan.result import Curve, GoodnessOfFit
 import numpy as np
 import pytest
@@ -206,3 +206,25 @@ def test_the_model_describes_records_of_a_hundred_samples():
                                      seed), 100.0).goodness_of_fit.acceptable is False
                for seed in range(60)]
     assert np.mean(misfits) <= 0.05
+
+
+def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk():
+    samples = simulate({'noise_density': 1.4e-4, 'bias_instability': 4.8e-5,
+                        'rate_random_walk': 1.6e-6}, 72_000, 10.0, seed=7)
+    samples[40_000:] += 4.8e-4
+    estimator = Estimator()
+    estimator.update(samples)
+    quantity = AXES['gyro_x']
+    [(axis, remarks)] = axis_results(estimator, 10.0, [quantity])
+    walk = axis.coefficients['rate_random_walk']
+    assert not walk.observable
+    assert 1.6e-6 < walk.upper95 < 3e-5
+    message, = (remark.message for remark in remarks if remark.code == 'bias_step')
+    assert message == (
+        'the mean steps by 0.000472 rad/s after about 66 min 40 s, and nowhere else (a knock, or '
+        'another supply voltage or setting): the rate random walk is given as an upper bound; '
+        'analyze what lies before or behind it with --start and --duration')
+    # Several recordings begin anew each: there it says nothing.
+    [(axis, remarks)] = axis_results(estimator, 10.0, [quantity], of_one_record=False)
+    assert axis.coefficients['rate_random_walk'].observable
+    assert 'bias_step' not in {remark.code for remark in remarks}

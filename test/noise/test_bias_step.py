@@ -1,0 +1,76 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A single step of the mean: found where it stands out, never in noise of any colour."""
+
+from imu_allan.noise.bias_step import bias_step
+from imu_allan.noise.signal_over_time import Signal
+from imu_allan.noise.simulate import simulate
+import numpy as np
+import pytest
+
+RATE = 10.0
+N, B, K = 1.4e-4, 4.8e-5, 4.8e-6
+"""Those of a consumer gyroscope."""
+KINDS = {
+    'white': {'noise_density': N},
+    'flicker': {'noise_density': N, 'bias_instability': B},
+    'weak walk': {'noise_density': N, 'rate_random_walk': K},
+    'strong walk': {'noise_density': N, 'rate_random_walk': 20 * K},
+    'all': {'noise_density': N, 'bias_instability': B, 'rate_random_walk': K},
+    'process': {'noise_density': N,
+                'gauss_markov': {'sigma': 5 * B, 'correlation_time_s': 300.0}},
+    'ramp': {'noise_density': N, 'bias_instability': B, 'rate_ramp': 5 * B / 3600}}
+
+
+def columns_of(rows):
+    signal = Signal(1)
+    signal.absorb(rows[None])
+    return signal.columns()
+
+
+def stepped(size, at, seed=1, terms=KINDS['flicker'], samples=36_000):
+    rows = simulate(terms, samples, RATE, seed)
+    rows[at:] += size
+    return bias_step(columns_of(rows), 0)
+
+
+@pytest.mark.parametrize('at', [3_000, 18_000, 33_000])
+@pytest.mark.parametrize('size', [20 * B, -100 * B])
+def test_a_step_is_found_with_its_place_and_size(at, size):
+    found = stepped(size, at)
+    assert abs(found.place - at) < 600
+    assert found.size == pytest.approx(size, abs=5 * B)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_noise_of_any_colour_has_no_step(kind):
+    for seed in range(3):
+        assert stepped(0.0, 0, seed, KINDS[kind]) is None
+
+
+def test_two_steps_or_a_bump_are_not_one():
+    rows = simulate(KINDS['flicker'], 36_000, RATE, 1)
+    rows[10_000:] += 50 * B
+    rows[25_000:] -= 45 * B
+    assert bias_step(columns_of(rows), 0) is None
+
+
+@pytest.mark.parametrize('samples', [0, 1, 11, 100])
+def test_a_record_that_is_too_short_to_tell_has_none(samples):
+    rows = np.zeros(samples)
+    rows[samples // 2:] = 1.0
+    assert bias_step(columns_of(rows), 0) is None
+
+
+@pytest.mark.slow
+def test_shares_of_steps_that_are_found_and_of_false_ones():
+    false = sum(stepped(0.0, 0, seed, terms, 72_000) is not None
+                for terms in KINDS.values() for seed in range(200))
+    rng = np.random.default_rng(1)
+    found = [np.mean([stepped(size * B, int(rng.uniform(0.03, 0.97) * 72_000), 1000 + seed,
+                              samples=72_000) is not None for seed in range(40)])
+             for size in (3, 10, 30)]
+    print(f'false: {false} of {200 * len(KINDS)}; found of 3, 10, 30 B: {found}')
+    assert false <= 3
+    assert found[1] > 0.9
+    assert found[2] > 0.95
