@@ -18,6 +18,17 @@ _LEAST_SHARE = 0.01
 """A deadband of a fiftieth of sigma holds that many, and takes next to nothing off the noise."""
 _FEWEST = 20
 """Samples beyond the hole, and fewer than that in it: so many are no chance, nor strays."""
+_STAND_INS = 3
+"""Of the share of zeros, that of stand-ins near zero: they vary less than samples. A judgment."""
+_LEAST_FILL = 0.6
+"""
+Zeros for each sample in the octave beyond the hole, which is as wide: a deadband has about 1,
+one value among its two neighbours 0.5, an output that is rounded twice 0.25. A judgment.
+"""
+_LEAST_STEPS = 0.7
+"""Of the step, which is the width of a wide deadband; below lie sums that rarely come out."""
+_WIDEST_EMPTY, _EMPTY = 3, 0.05
+"""Bins in a row, and of their mean count: of 3, 4, 5 steps 3 bins are empty. A judgment."""
 
 
 class Deadband(NamedTuple):
@@ -51,8 +62,9 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     Returns
     -------
     Deadband or None
-        None where there is none, where values lie on one side of zero alone, or where the output
-        steps so coarsely that the next value is twice the first.
+        None where there is none, where values lie on one side of zero alone, where the output
+        steps so coarsely that the next value is twice the first, or where fewer samples are zero
+        than a hole of that width would hold.
 
     Examples
     --------
@@ -68,14 +80,22 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     if (finished.reference is None or zeros < max(1, _LEAST_SHARE * finished.samples)
             or not finished.lowest[axis] < -finished.reference[axis] < finished.highest[axis]):
         return None
-    # Samples that stand in for missing ones are means of others, and may lie anywhere.
-    stray = _FEWEST + finished.bridged
+    # Samples that stand in for missing ones are means of others, and lie in the hole as often as
+    # it holds values. Were as many passed over as there are, of an output in steps about a far
+    # mean the values next to zero would be among them.
+    stray = _FEWEST + finished.bridged * min(1.0, _STAND_INS * zeros / finished.samples)
     beyond = np.flatnonzero(np.cumsum(sizes) > stray)
     if not len(beyond):
         return None
     first = int(beyond[0])
     # Of an output that steps, the second value lies an octave above the first; either may lie
     # next to the border of a bin.
-    if int(sizes[first + 2:first + BINS_PER_OCTAVE - 1].sum()) <= stray:
+    octave = sizes[first:first + BINS_PER_OCTAVE]
+    if (int(octave[2:-1].sum()) <= stray or zeros < _LEAST_FILL * octave.sum()
+            or lower_edge(first) < _LEAST_STEPS * finished.step[axis]):
+        return None
+    # Mixed axes of few values each leave lines, far apart.
+    taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > _EMPTY * octave.mean())
+    if np.diff(taken, append=BINS_PER_OCTAVE + 1).max() > _WIDEST_EMPTY + 1:
         return None
     return Deadband(lower_edge(first), zeros / finished.samples)

@@ -87,3 +87,52 @@ def test_an_axis_with_a_deadband_has_no_fit():
     fits = fit_axes(shown(np.stack((WHITE, without_small(WHITE, 1.0)), axis=1)), 0.01)
     assert fits[0] is not None
     assert fits[1] is None
+
+
+def with_losses(samples, share, rng):
+    """Fill in missing samples as a bridge does: by the mean of others on both sides."""
+    missing = rng.random(len(samples)) < share
+    around = np.convolve(samples, np.full(16, 1 / 16), 'same')
+    return shown(np.where(missing, around, samples), int(missing.sum()))
+
+
+@pytest.mark.parametrize('share', [0.0, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize(('sigma', 'mean'), [(3, 6.5), (4, 8), (6, 11), (8, 14), (12, 18)])
+def test_whole_values_about_a_mean_off_zero_have_no_deadband(sigma, mean, share):
+    rng = np.random.default_rng(8)
+    for offset in (-0.4, 0.0, 0.3):
+        samples = np.rint(mean + offset + sigma * WHITE[:9000])
+        assert deadband(with_losses(0.00106 * samples, share, rng), 0) is None
+
+
+@pytest.mark.parametrize(('mean', 'share'), [
+    (0.0, 0.0), (0.0, 0.02), (0.0, 0.05), (0.0, 0.1), (0.004, 0.0), (0.004, 0.02), (0.004, 0.05)])
+def test_a_deadband_is_told_despite_losses(mean, share):
+    samples = without_small(1e-4 * np.rint(30 * WHITE[:9000] + 1e4 * mean), 0.0015)
+    found = deadband(with_losses(samples, share, np.random.default_rng(9)), 0)
+    assert found.width == pytest.approx(0.0015, rel=0.2)
+
+
+@pytest.mark.parametrize('sigma', [0.5, 1, 2, 3.3, 8, 20])
+@pytest.mark.parametrize('mean', [0.4, 1, 3, 5])
+def test_whole_values_printed_with_two_decimals_have_no_deadband(sigma, mean):
+    for unit in (1.0, np.pi / 180):
+        samples = unit * np.round(np.rint(mean + sigma * WHITE) / 65.5, 2)
+        assert deadband(shown(samples), 0) is None
+
+
+@pytest.mark.parametrize('sigma', [0.5, 0.8, 1.5, 3])
+@pytest.mark.parametrize('degrees', [5, 10, 20, 30, 40, 45])
+def test_a_rotated_coarse_output_has_no_deadband(sigma, degrees):
+    first, second = np.rint(sigma * WHITE.reshape(2, -1))
+    angle = np.deg2rad(degrees)
+    assert deadband(shown(np.cos(angle) * first - np.sin(angle) * second), 0) is None
+
+
+@pytest.mark.parametrize('sigma', [0.8, 1.5, 3])
+def test_a_coarse_output_that_a_matrix_mixes_has_no_deadband(sigma):
+    rng = np.random.default_rng(10)
+    for _ in range(10):
+        matrix = np.eye(3) + 0.01 * rng.normal(size=(3, 3))
+        finished = shown(np.rint(sigma * WHITE.reshape(-1, 3)) @ matrix)
+        assert [axis for axis in range(3) if deadband(finished, axis)] == []
