@@ -54,7 +54,7 @@ def open_recording(
         definition_paths(options.definitions)
         if path.is_dir():
             for name in ('result.json', 'fleet.json'):
-                if (path / name).is_file() and not _is_bag(path):
+                if (path / name).is_file() and not holds_recording(path):
                     raise _result_given(path, path / name)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
@@ -106,6 +106,11 @@ def recordings_in(path: Path | str) -> list[Path]:
         # What is wrong with it is told when it is opened.
         return [folder]
     return sorted(found, key=lambda item: natural(item.name)) or [folder]
+
+
+def holds_recording(folder: Path) -> bool:
+    """Whether a folder is a rosbag2 directory, if without metadata, or holds ROS 1 bags."""
+    return folder.is_dir() and (_is_bag(folder) or any(folder.glob('*.bag')))
 
 
 def _is_bag(folder: Path) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.recordings.open_recording import holds_recording
 from imu_allan.result import (
     AxisResult,
     Backtest,
@@ -100,7 +101,7 @@ def is_result(path: str | os.PathLike[str]) -> bool:
     """Tell a result file, or a folder with one, from a recording."""
     given = Path(path)
     return given.suffix == '.json' or (
-        (given / 'result.json').is_file() and not (given / 'metadata.yaml').exists())
+        (given / 'result.json').is_file() and not holds_recording(given))
 
 
 def _result_in(folder: Path) -> Path:

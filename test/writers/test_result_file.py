@@ -6,7 +6,13 @@ import json
 
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.errors import ImuAllanError
-from imu_allan.writers.result_file import curves_csv, load_result, save_curves, save_result
+from imu_allan.writers.result_file import (
+    curves_csv,
+    is_result,
+    load_result,
+    save_curves,
+    save_result,
+)
 import pytest
 
 
@@ -140,3 +146,13 @@ def test_the_curve_table_reads_back_exactly(result, tmp_path):
     assert tuple((float(row['ci68_low']), float(row['ci68_high'])) for row in mine) == curve.ci68
     assert tuple(float(row['edf']) for row in mine) == curve.edf
     assert tuple(float(row['model_adev']) for row in mine) == curve.model_adev
+
+
+@pytest.mark.parametrize('name', ['rec_0.mcap', 'rec_0.db3', 'metadata.yaml', 'rec.bag'])
+def test_a_folder_with_a_recording_is_one_whatever_result_lies_beside_it(tmp_path, name):
+    (tmp_path / 'result.json').write_text('{}')
+    assert is_result(tmp_path)
+    (tmp_path / name).write_bytes(b'')
+    assert not is_result(tmp_path)
+    assert is_result(tmp_path / 'result.json')
+    assert not is_result(tmp_path / 'nothing')

@@ -27,6 +27,7 @@ from imu_allan.recordings.formats.csv_header import (
     with_units_below,
 )
 from imu_allan.recordings.formats.csv_rows import (
+    are_split_seconds,
     QUOTED_COMMA,
     refuse_grouped_times,
     refuse_more_fields_than_names,
@@ -211,6 +212,9 @@ class CsvRecording(FileRecording):
                               and QUOTED_COMMA.search(samples) is not None)
         samples = self._with_points(samples)
         rows = samples.split('\n')
+        if not (columns.headless or columns.nanoseconds is None or are_split_seconds(
+                rows, columns.delimiter, *columns.used[:2])):
+            columns = self._read_header(header, split=False)
         try:
             if not columns.headless:
                 refuse_more_fields_than_names(cells_of(header)[1], columns.delimiter, rows)
@@ -228,9 +232,9 @@ class CsvRecording(FileRecording):
             return QUOTED_COMMA.sub(r'\1.\2', text)
         return text.replace(',', '.') if self._decimal_comma else text
 
-    def _read_header(self, header: str) -> Columns:
+    def _read_header(self, header: str, split: bool = True) -> Columns:
         try:
-            return read_header(header, self.options, self.path.name)
+            return read_header(header, self.options, self.path.name, split)
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
 
@@ -309,6 +313,9 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
         time_unit_s = seconds_in(columns.time_unit, float(times[known][0]))
     unit = time_unit_s or 1.0
     timely = np.abs(times * unit) < _LATEST_S
+    if columns.nanoseconds is not None:
+        # Of a total, the first second looks like nanoseconds since a whole one.
+        timely &= (np.floor(times) == times) & ~((table[:, 1] < 0) | (table[:, 1] >= 1e9))
     if not timely.all():
         bad = sorted([*bad, *places[~timely].tolist()])
     with_numbers = 1 if columns.nanoseconds is None else 2

@@ -101,7 +101,8 @@ class Columns:
         return time + [column for column, _, _ in self.axes]
 
 
-def read_header(header: str, options: RecordingOptions, file_name: str = '') -> Columns:
+def read_header(header: str, options: RecordingOptions, file_name: str = '', split: bool = True
+                ) -> Columns:
     """
     Understand the header line of a file.
 
@@ -113,6 +114,8 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '') -> 
         With the columns that the user names.
     file_name : str, optional
         Which may tell the sensor where the line does not.
+    split : bool, optional
+        Whether columns of seconds and nanoseconds may be the two parts of a time.
 
     Raises
     ------
@@ -135,7 +138,8 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '') -> 
     temperature: int | None = None
     plain = [name_and_unit(cell) for cell in cells]
     counted = numbered_axes([name for name, _ in plain])
-    parts = None if headless or chosen else split_seconds([name for name, _ in plain])
+    parts = (split_seconds([name for name, _ in plain])
+             if split and not (headless or chosen) else None)
     for column, (name, unit) in enumerate(plain):
         meaning, stated = chosen.get(column, (None, None))
         unit = stated or unit

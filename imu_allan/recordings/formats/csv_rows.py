@@ -4,7 +4,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-import csv
+from contextlib import suppress
 from itertools import pairwise
 import re
 
@@ -17,6 +17,9 @@ _ROWS = 64
 _GROUPED = re.compile(r'\d{1,3}(?:[.,]\d{3})+')
 _SHORT = re.compile(r'\d{1,3}')
 _NO_DIGIT = re.compile(r'\D')
+_QUOTED = re.compile('"[^"]*"?')
+_QUOTES = ' \t\r\n"'
+"""What may stand about a number."""
 
 
 def refuse_more_fields_than_names(names: Sequence[str], delimiter: str | None, rows: Sequence[str]
@@ -38,10 +41,12 @@ def refuse_more_fields_than_names(names: Sequence[str], delimiter: str | None, r
 be told by its name; name every column, the number of the row, too, as R does with col.names=NA
 
     """
-    counts = Counter(_fields(row, delimiter) for row in rows[:_ROWS] if row.strip())
+    named = len(names) - _empty_at_end(names)
+    # An unnamed column at the end, of remarks say, has its place.
+    counts = Counter(len(cells) - _empty_at_end(cells) if len(cells) > len(names) else named
+                     for cells in (_cells(row, delimiter) for row in rows[:_ROWS] if row.strip()))
     if not counts:
         return
-    named = len(names) - _empty_at_end(names)
     fields, _ = counts.most_common(1)[0]
     if fields <= named:
         return
@@ -84,14 +89,36 @@ between thousands; write the times without
                                 'between thousands; write the times without')
 
 
-def _fields(row: str, delimiter: str | None) -> int:
-    """Count the fields of a row up to the last that is not empty."""
+def are_split_seconds(rows: Sequence[str], delimiter: str | None, seconds: int, nanoseconds: int
+                      ) -> bool:
+    """
+    Whether times are whole seconds and the nanoseconds since, in all rows but a damaged one.
+
+    Examples
+    --------
+    >>> are_split_seconds(['7,990000000', '8,0', '8,10000000'], ',', 0, 1)
+    True
+    >>> are_split_seconds(['0.99,990000000', '1.00,1000000000', '1.01,1010000000'], ',', 0, 1)
+    False
+
+    """
+    others = 0
+    for row in rows:
+        cells = row.split(delimiter)
+        with suppress(ValueError, IndexError):
+            whole, part = (float(cells[column].strip(_QUOTES))
+                           for column in (seconds, nanoseconds))
+            others += not (whole.is_integer() and 0 <= part < 1e9)
+    return others < 2
+
+
+def _cells(row: str, delimiter: str | None) -> list[str]:
+    """Take a row apart, but no text in quotes."""
     if delimiter is None:
-        return len(row.split())
-    cells = next(csv.reader([row.rstrip('\r\n')], delimiter=delimiter))
-    return len(cells) - _empty_at_end(cells)
+        return row.split()
+    return _QUOTED.sub(lambda quoted: quoted[0].replace(delimiter, ''), row).split(delimiter)
 
 
 def _empty_at_end(cells: Sequence[str]) -> int:
-    filled = [place for place, cell in enumerate(cells) if cell.strip(' \t\r\n"')]
+    filled = [place for place, cell in enumerate(cells) if cell.strip(_QUOTES)]
     return len(cells) - 1 - filled[-1] if filled else len(cells)

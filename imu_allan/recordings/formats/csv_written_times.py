@@ -4,7 +4,8 @@
 Times that are written out: ``2024-04-21T15:54:46.333Z``, or the time of day alone.
 
 Where the order of day and month is not known (``4/5/2024``) the date is left out, and a day begins
-where the time of day falls back.
+where the time of day falls back. Behind a third colon (``15:54:46:007``) stand milli-, micro- or
+nanoseconds with all their digits: what ``:7`` means is not known.
 """
 
 from collections.abc import Sequence
@@ -15,8 +16,8 @@ import re
 _WRITTEN = re.compile(
     r'\s*"?\s*(?:(?:(\d{4}[-/.]\d{1,2}[-/.]\d{1,2})|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})'
     r'(?:[Tt_]|,? +))?'
-    r'(\d{1,2}):(\d{2}):(\d{2})(?:[.,:](\d{1,9})\d*)?\s*([AaPp][Mm])?'
-    r'\s*(?:[Zz]|UTC|GMT|([+-]\d{2}):?(\d{2}))?\s*"?\s*', re.ASCII)
+    r'(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9})\d*|:((?:\d{3}){1,3}))?'
+    r'\s*([AaPp][Mm])?\s*(?:[Zz]|UTC|GMT|([+-]\d{2}):?(\d{2}))?\s*"?\s*', re.ASCII)
 _LONGEST = 64
 """Characters of a time; the rest of a longer one is something else."""
 _DAY_S = 86_400     # a leap second is not told from the next
@@ -80,7 +81,7 @@ def written_time(text: str) -> tuple[int, bool] | None:
     match = _WRITTEN.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None:
         return None
-    day, hour, minute, second, fraction, half, zone, zone_minutes = match.groups()
+    day, hour, minute, second, decimals, counted, half, zone, zone_minutes = match.groups()
     hours = int(hour)
     if half is not None:
         hours = hours % 12 + (12 if half.lower() == 'pm' else 0)
@@ -95,7 +96,7 @@ def written_time(text: str) -> tuple[int, bool] | None:
         if zone is not None:
             sign = -1 if zone[0] == '-' else 1
             seconds -= sign * (abs(int(zone)) * 60 + int(zone_minutes)) * 60
-    return seconds * 10**9 + int((fraction or '0').ljust(9, '0')), day is not None
+    return seconds * 10**9 + int((decimals or counted or '0').ljust(9, '0')), day is not None
 
 
 @lru_cache(maxsize=4)

@@ -297,6 +297,7 @@ def test_the_name_of_a_file_tells_the_sensor_of_x_y_and_z(tmp_path, name, column
     ('12:34:56.789', '12:34:56.790', 45_296_789_000_000, 1_000_000),
     ('"4/5/2024 23:59:59.999"', '"4/6/2024 0:00:00.001"', 86_399_999_000_000, 2_000_000),
     ('23:59:59:500', '00:00:00:000', 86_399_500_000_000, 500_000_000),
+    ('12:34:56:789000', '12:34:56:790000', 45_296_789_000_000, 1_000_000),
 ])
 def test_times_may_be_written_out(path, first, second, start, step):
     path.write_text(f'time,gx\n{first},1\n{second},2\n')
@@ -306,7 +307,8 @@ def test_times_may_be_written_out(path, first, second, start, step):
     assert remarks == []
 
 
-@pytest.mark.parametrize('time', ['2014-02-30T00:00:00', '25:00:00', '12:61:00', 'noon', '12:34'])
+@pytest.mark.parametrize('time', [
+    '2014-02-30T00:00:00', '25:00:00', '12:61:00', 'noon', '12:34', '12:34:56:5', '12:34:56:5000'])
 def test_a_written_time_that_is_none_costs_its_line(path, time):
     path.write_text(f'time [UTC],gx\n12:34:56,1\n{time},2\n12:34:57,3\n')
     messages, [remark] = read(path)

@@ -67,6 +67,51 @@ def test_empty_fields_at_the_end_and_single_long_rows_are_no_hindrance(tmp_path)
     assert len(samples_of(tmp_path, text)) == len(ROWS)
 
 
+def test_an_unnamed_column_at_the_end_has_its_place(tmp_path):
+    text = table(HEADER + ',', lambda place, values: [str(place / 100), *values, 'OK'])
+    assert samples_of(tmp_path, text).tolist() == ROWS.tolist()
+    text = table(HEADER + ',', lambda place, values: [str(place), str(place / 100), *values, ''])
+    assert refusal(tmp_path, text).startswith('the rows have 5 fields, the header names 4')
+
+
+@pytest.mark.parametrize('damage', ['\r', '\0', '"\r\0"'])
+def test_marks_of_damage_cost_a_line_at_most(tmp_path, damage):
+    text = table(HEADER + ',note', lambda place, values: [
+        str(place / 100) + (damage if place == 3 else ''), *values, '"a, b"'])
+    path = tmp_path / 'imu.csv'
+    path.write_text(text, newline='')
+    samples = read(path)[0].samples[:, :3]
+    assert samples[:3].tolist() == ROWS[:3].tolist()
+    assert samples[-26:].tolist() == ROWS[4:].tolist()
+
+
+SPLIT = HEADER.replace('time_s', 'seconds,nanoseconds')
+
+
+@pytest.mark.parametrize('times', [
+    lambda place: (f'{7 + place / 8}', f'{125_000_000 * (place % 8)}'),
+    lambda place: (f'{place / 8}', f'{125_000_000 * place}'),
+    lambda place: (f'{place // 8}', f'{125_000_000 * place}'),
+    lambda place: (f'{place // 8}', f'{125_000_000 * (place % 8) - 500_000_000}')])
+def test_seconds_and_nanoseconds_that_are_no_two_parts_are_refused(tmp_path, times):
+    text = table(SPLIT, lambda place, values: [*times(place), *values])
+    assert refusal(tmp_path, text).startswith('no time_s column; give the sample rate with --rate')
+    path = tmp_path / 'imu.csv'
+    path.write_text(text.replace('seconds,nano', 'time,seconds,nano').replace('\n', '\n1.5,'))
+    assert set(read(path)[0].header_ns.tolist()) == {1_500_000_000}
+
+
+def test_a_damaged_line_does_not_part_seconds_from_their_nanoseconds(tmp_path):
+    text = table(SPLIT, lambda place, values: [
+        f'{place // 8}', f'{125_000_000 * (place % 8) if place != 9 else 10**11}', *values])
+    path = tmp_path / 'imu.csv'
+    path.write_text(text)
+    messages, [remark] = read(path)
+    assert messages.header_ns.tolist() == [
+        125_000_000 * place for place in range(len(ROWS)) if place != 9]
+    assert 'line 11: 1,100000000000,' in remark.message
+
+
 @pytest.mark.parametrize(('mark', 'grouped', 'comma'), [
     (';', '1.000', False), (';', '1,000', False), (';', '1.000', True)])
 def test_times_with_a_mark_between_thousands_are_refused(tmp_path, mark, grouped, comma):
