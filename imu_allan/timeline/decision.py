@@ -55,6 +55,8 @@ class Decision(Record):
         Single wild values come all the time, and are left out.
     numbered : bool
         Publication numbers tell which messages were lost on the way.
+    repeated : int
+        Of the numbers so far those of messages that came twice: they are no samples.
     restart : bool
         The next samples given make those before void.
     remarks : dict
@@ -76,6 +78,7 @@ class Decision(Record):
     overlaps: bool = False
     spiky: bool = False
     numbered: bool = False
+    repeated: int = 0
     restart: bool = False
     remarks: dict[str, str] = field(default_factory=dict)
 

@@ -235,6 +235,8 @@ class Intake:
             twice = held if twice is None else twice | held
         self._count(window)
         samples, numbers = window.samples, window.numbers
+        if numbers is not None:
+            numbers = numbers - self.decision.repeated
         none = np.zeros(len(stamps), dtype=bool)
         void = unusable
         if unusable is not None or frozen is not None or twice is not None:
@@ -243,6 +245,9 @@ class Intake:
             twice = none if twice is None else twice & ~(void | gone)
             counts.rejected += int(np.count_nonzero((void | gone)[:c]))
             counts.duplicates += int(np.count_nonzero(twice[:c]))
+            if numbers is not None:
+                numbers = numbers - np.cumsum(twice)
+                self.decision.repeated += int(np.count_nonzero(twice[:c]))
             rows = np.flatnonzero(~(gone | twice))
             c = int(np.searchsorted(rows, c))
             stamps, other, samples, void = stamps[rows], other[rows], samples[rows], void[rows]
@@ -383,13 +388,16 @@ class Intake:
         decision = self.decision
         # Of a polled sensor only the messages with new values show its pace.
         rows = np.arange(len(window.header))
-        for left_out in (repeats.held, repeats.frozen):
+        twice = (self._twice(window, self.stamps(window)[0], None) if decision.unties
+                 else None)
+        for left_out in (repeats.held, repeats.frozen, twice):
             if left_out is not None:
                 rows = rows[~left_out[rows]]
         own, other = (stamps[rows] for stamps in self.stamps(window))
         numbers = self._numbers(window, repeats)
         decision.numbered = numbers is not None
-        numbers = None if numbers is None else numbers[rows]
+        if numbers is not None:
+            numbers = (numbers if twice is None else numbers - np.cumsum(twice))[rows]
         if decision.overlaps:
             own = in_order(own, None, float(np.median(np.diff(own))))
         pace, count = _pace_of(own, other, numbers, bursts=decision.unties)
@@ -498,7 +506,8 @@ def _pace_of(stamps: Stamps, other: Stamps, numbers: Ints | None, bursts: bool
     place = None if numbers is None else np.cumsum(1 + lost_before(numbers, int(numbers[0]) - 1))
     if order is not None:
         stamps, other = stamps[order.keep], other[order.keep]
-        place = None if place is None else place[order.keep]
+        if place is not None:
+            place = (place - np.cumsum(order.duplicate))[order.keep]
         if order.jumps.any():
             starts = np.append(np.flatnonzero(order.jumps[order.keep]), len(stamps))
             starts = np.insert(starts, 0, 0)

@@ -217,7 +217,8 @@ class Placing:
         """Put messages in order and split them where the clock jumps."""
         cursor, counts = self.cursor, self._counts
         stamps, other, samples = messages.stamps, messages.other, messages.samples
-        c, void, numbers = messages.consumed, messages.void, messages.numbers
+        c = consumed = messages.consumed
+        void, numbers = messages.void, messages.numbers
         if self._decision.unties:
             stamps = self._untie(stamps, c)
         order = order_stamps(stamps, None if cursor.fresh_run else cursor.last_ns)
@@ -231,7 +232,9 @@ class Placing:
             stamps, other = stamps[order.keep], other[order.keep]
             samples = samples[order.keep]
             void = None if void is None else void[order.keep]
-            numbers = None if numbers is None else numbers[order.keep]
+            if numbers is not None:
+                self._decision.repeated += int(np.count_nonzero(order.duplicate[:consumed]))
+                numbers = (numbers - np.cumsum(order.duplicate))[order.keep]
         if not c:
             return
         jumps |= self._forward_jumps(stamps, other)
@@ -351,11 +354,18 @@ class Placing:
             return None
         known = None if cursor.begins else cursor.number
         lost = lost_before(numbers, int(numbers[0]) - 1 if known is None else known)
-        if lost.max() >= _MOST_LOST:
-            # Behind another publisher numbers may leap, but time does not.
+        # Behind another publisher numbers may leap, but time does not.
+        leaps = lost > sqrt(12) * decision.spread
+        if leaps.any():
             passed = np.diff(messages.stamps, prepend=messages.stamps[0] if known is None
-                             else np.int64(cursor.last_ns or 0))
-            lost[(lost >= _MOST_LOST) & (passed < 0.5 * lost * decision.pace.interval_ns)] = 0
+                             else np.int64(cursor.last_ns or 0)) / decision.pace.interval_ns
+            for at in np.flatnonzero(leaps & (passed < 0.5 * lost)).tolist():
+                # Within a batch no time passes at once, but before the next ones.
+                ahead = np.cumsum(1 + lost - passed)[max(at - _MOST_LOST, 0):at + _MOST_LOST]
+                before = min(at, _MOST_LOST)
+                usual = float(np.mean(ahead[:before])) if before else 0.0
+                if lost[at] >= _MOST_LOST or np.mean(ahead[before:]) - usual > 0.5 * lost[at]:
+                    lost[at] = 0
         return lost if lost.any() else None
 
     def _passed(self, messages: Messages, steps: Ints) -> tuple[float, int, int]:

@@ -743,6 +743,39 @@ def test_publication_numbers_make_no_loss_of_a_pause_or_another_publisher():
     assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
 
 
+@pytest.mark.parametrize('clock', ['header', 'receive'])
+def test_messages_published_twice_are_no_lost_ones(clock):
+    messages, truth, rng = rest(duration_s=100)
+    n = len(messages.place)
+    stamps = np.sort(messages.place + rng.normal(0, 0.35, n)) / truth.rate_hz
+    messages.header, messages.receive = stamps, stamps + (1e-3 if clock == 'header' else 0)
+    lost = rng.random(n) < 0.02
+    times = np.where(lost, 0, 1 + (rng.random(n) < 0.02))
+    rows = np.repeat(np.arange(n), times)
+    # One that is lost had a number; so has one that comes a second time.
+    numbers = np.repeat(np.cumsum(np.maximum(times, 1)) - times + 1, times)
+    numbers[1:] += np.diff(rows) == 0
+    block = replace(messages.block().part(rows), numbers=numbers)
+    whole, _ = run(block, clock=clock)
+    assert whole.timeline.missing == np.count_nonzero(lost[rows[0]:rows[-1]])
+    assert whole.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+    parts = [block.part(slice(at, at + 97)) for at in range(0, len(block), 97)]
+    assert run(parts, clock=clock)[0] == whole
+
+
+@pytest.mark.parametrize('jitter', [0.35, 0.6])
+@pytest.mark.parametrize('leap', [5, 40, 63])
+def test_numbers_that_leap_without_time_are_no_loss(jitter, leap):
+    messages, truth, rng = rest(duration_s=100)
+    n = len(messages.place)
+    messages.header = np.sort(messages.place + rng.normal(0, jitter, n)) / truth.rate_hz
+    messages.receive = messages.header + 1e-3
+    numbers = messages.place + 1 + leap * (messages.place > 5000)
+    summary, _ = run(replace(messages.block(), numbers=numbers))
+    assert summary.timeline.missing == 0
+    assert summary.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=1e-3)
+
+
 def test_publication_numbers_of_several_frames_are_not_those_of_one():
     messages, truth, _ = rest()
     messages.header = (messages.place // 10 + 1) * 0.1 + messages.place % 10 * 2e-5
