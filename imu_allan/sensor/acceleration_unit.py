@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 _SPAN = 32
 """Messages that are judged at once: what is steady for so long stands still, or nearly."""
+_AGREEING = 8
+"""Spans that must look like g, and none unlike it: a driver's first messages, or a steady push on
+what has gravity taken out, may lie near 1 for a while."""
 _LONGEST_WAIT = 2048
 """Messages that wait at most: ten seconds at 200 Hz in which somebody sets the sensor down."""
 _NEAR_ONE = (0.9, 1.1)
@@ -66,7 +69,7 @@ class AccelerationUnit:
     def __init__(self, decided: bool | None = None) -> None:
         self._decision = decided
         self._waiting: list[ImuBlock] = []
-        self._waited = self._unjudged = 0
+        self._waited = self._unjudged = self._agreeing = 0
         self._latest = np.empty(0)
 
     @property
@@ -123,8 +126,11 @@ class AccelerationUnit:
         usable = np.append(self._latest, magnitudes[magnitudes > 0])
         first = len(self._latest) - self._unjudged
         while self._decision is None and len(usable) - first >= _SPAN:
-            self._decision = _verdict(usable[first:first + _SPAN])
+            verdict = _verdict(usable[first:first + _SPAN])
             first += _SPAN
+            self._agreeing += verdict is True
+            if verdict is False or self._agreeing == _AGREEING:
+                self._decision = verdict
         self._unjudged, self._latest = len(usable) - first, usable[-_SPAN:]
         if self._decision is None:
             if self._waited < _LONGEST_WAIT:

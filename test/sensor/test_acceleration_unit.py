@@ -103,6 +103,21 @@ def test_what_is_not_in_g_stays_as_it_is_and_hardly_waits(gravity, noise, most):
     assert unit.remarks == []
 
 
+@pytest.mark.parametrize(('first', 'gravity', 'acceleration'), [
+    (40, 9.81, (0, 0, 1)), (200, 9.81, (0, 0, 1)), (64, 0.0, (1, 0, 0))],
+    ids=['placeholder', 'long placeholder', 'a push without gravity'])
+def test_a_start_near_one_makes_no_g_of_what_follows(first, gravity, acceleration):
+    block = messages(nothing, 3000)
+    block.samples[:, 3:] = np.random.default_rng(1).normal([0, 0, gravity], 0.05, (3000, 3))
+    block.samples[:first, 3:] = acceleration
+    for size in (1, 100, 3000):
+        unit = AccelerationUnit()
+        came = [part for given in in_parts(block, size) for part in unit(given)]
+        np.testing.assert_array_equal(np.concatenate([part.samples for part in came]),
+                                      block.samples)
+        assert unit.decision is False
+
+
 @pytest.mark.parametrize('nothing_told', ['not a number', 'zero', 'absent'])
 def test_messages_without_acceleration_do_not_wait(nothing_told):
     block = messages(nothing, 100)
