@@ -183,11 +183,10 @@ class CharacterizationNode(Node):
         return Reception(subscription, facts, decode, self._on_malformed)
 
     def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
-        """Refuse what the node would not start with either."""
+        """Refuse together what the node would not start with; one alone may wait for the other."""
         given = {parameter.name: parameter.value for parameter in parameters}
-        now = self._results.filter_of
-        reason = _reason_against(given.get('aiding_interval', now.aiding_interval_s),
-                                 given.get('coast', now.coast_s))
+        reason = (_reason_against(given['aiding_interval'], given['coast'])
+                  if {'aiding_interval', 'coast'} <= given.keys() else '')
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, name: str, value: Any) -> None:
@@ -201,7 +200,10 @@ class CharacterizationNode(Node):
         elif name == 'export_for':
             storage.export_for = value
         elif name in ('aiding_interval', 'coast'):
-            results.filter_of = replace(results.filter_of, **{f'{name}_s': value})
+            filter_of = replace(results.filter_of, **{f'{name}_s': value})
+            results.filter_of = filter_of
+            if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
+                self._log.warning(f'{reason}: filter_random_walk is NaN until they fit')
 
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 

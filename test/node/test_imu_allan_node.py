@@ -18,7 +18,13 @@ from imu_allan.writers.result_file import load_result
 import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage, SetParametersResult
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.parameter import Parameter
 from ros_harness import Ros
 from sensor_msgs.msg import CompressedImage
@@ -291,13 +297,28 @@ def test_every_parameter_out_of_range_is_refused_with_a_reason(live: Ros) -> Non
 def test_a_refused_parameter_keeps_its_value(live: Ros) -> None:
     change(live, 'publish_period', 0.75)
     assert not set_parameter(live, 'publish_period', 0.0).successful
-    answer = set_parameter(live, 'aiding_interval', 31.0)
-    assert answer.reason == 'aiding_interval: 31 s is longer than coast, 30 s'
-    assert not set_parameter(live, 'coast', 0.1).successful
-    response = live.call(GetParameters, 'imu_allan/get_parameters',
-                         GetParameters.Request(names=['publish_period']))
-    assert response.values[0].double_value == 0.75
+    both: list[ParameterMessage] = [
+        Parameter(name, value=value).to_parameter_msg()
+        for name, value in (('aiding_interval', 31.0), ('coast', 29.0))]
+    answer = live.call(SetParametersAtomically, 'imu_allan/set_parameters_atomically',
+                       SetParametersAtomically.Request(parameters=both)).result
+    assert answer.reason == 'aiding_interval: 31 s is longer than coast, 29 s'
+    response = live.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request(
+        names=['publish_period', 'aiding_interval', 'coast']))
+    assert [value.double_value for value in response.values] == [0.75, 0.2, 30.0]
     change(live, 'publish_period', 0.5)
+
+
+def test_parameters_that_fit_each_other_can_be_set_one_after_the_other(live: Ros) -> None:
+    # As `ros2 param load` does it, in whatever order they stand in the file.
+    [log] = live.folder.glob('imu_allan_node_*.log')
+    change(live, 'aiding_interval', 100.0)
+    live.until(lambda: ('aiding_interval: 100 s is longer than coast, 30 s: filter_random_walk '
+                        'is NaN until they fit') in log.read_text())
+    change(live, 'coast', 600.0)
+    change(live, 'aiding_interval', 0.2)
+    assert log.read_text().count('until they fit') == 1
+    change(live, 'coast', 30.0)
 
 
 def test_every_parameter_is_described_and_numbers_have_ranges(live: Ros) -> None:
