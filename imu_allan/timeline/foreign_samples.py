@@ -27,6 +27,8 @@ _TURNS, _TWO_PEAKS = -0.15, -0.6
 -1 or less, 4,096 samples of one -0.06 and 0, each within 0.08. Judgments."""
 _NO_VIBRATION, _IN_PART = -1.55, 0.3
 """Excess kurtosis below that of any sine, and the correlation of an axis that has part in it."""
+_FEW_VALUES = 0.75
+"""Steps of an output: of smaller noise nearly all samples are of two values. A judgment."""
 _LASTING_LAGS = range(16, 25)
 """Messages after which random losses have mixed two sensors, and a vibration goes on."""
 _LARGEST = 1e9
@@ -70,9 +72,11 @@ def alternates(samples: Floats) -> bool:
                         & (together > _IN_TURN * np.mean(steps ** 2, axis=0))) >= enough:
         return True
     own = ~_interpolated(known)
+    least = np.array([np.diff(np.unique(values)).min(initial=np.inf) for values in known.T])
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
-    if _has_two_means(centred.reshape(-1, known.shape[2]), enough):
+    many = centred.std(axis=(0, 1)) > _FEW_VALUES * least
+    if many.any() and _has_two_means(centred[..., many].reshape(blocks * _BLOCK, -1), enough):
         return True
     axes = 0
     for values in (centred, np.abs(centred)):

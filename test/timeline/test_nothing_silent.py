@@ -660,6 +660,19 @@ def test_no_filter_and_no_coarse_output_of_one_sensor_passes_for_two(filtered, s
         assert not alternates(np.rint(samples / step) * step if step else samples)
 
 
+@pytest.mark.parametrize('sigma', [0.2, 0.35, 0.5, 0.7, 1.0])
+@pytest.mark.parametrize('filtered', [0.0, 0.3, 0.5, 0.7])
+def test_an_output_of_few_values_is_no_two_sensors_and_hides_none(sigma, filtered):
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        noise = rng.normal(size=(4097, 6))
+        noise = (noise[1:] - filtered * noise[:-1]) / np.hypot(1, filtered)
+        samples = rng.uniform(-0.5, 0.5, 6) + sigma * noise
+        assert not alternates(0.00106 * np.rint(samples))
+        samples[1::2] += 3 * np.array([1, -2, 0.5, -1, 1, 0.3])
+        assert alternates(0.00106 * np.rint(samples)[rng.random(4096) >= 0.3])
+
+
 @pytest.mark.parametrize(('rate_hz', 'pattern'), [
     (400.0, '1100'), (416.0, '1100'), (1040.0, '110'), (1040.0, '1100')])
 def test_what_is_dropped_in_turn_between_late_receive_stamps_is_missed_or_bounded(
