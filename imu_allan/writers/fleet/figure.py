@@ -112,9 +112,7 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
 def _points_a_decade(panel: 'Axes') -> float:
     """Return how high a decade of a panel is."""
     low, high = np.log10(panel.get_ylim())
-    figure = panel.get_figure(root=True)
-    assert figure is not None
-    return float(72 * figure.get_figheight() * panel.get_position().height / (high - low))
+    return float(72 * panel.bbox.height / panel.figure.dpi / (high - low))
 
 
 def _apart(values: Sequence[float], decades: float) -> list[float]:
