@@ -8,12 +8,12 @@ import math
 import re
 from typing import Literal, TYPE_CHECKING
 
+from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
+
 if TYPE_CHECKING:
     from imu_allan.result import Result
 
 _SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
-_LONGEST_S = 3.2e9
-"""A hundred years: with any stamp of today it still fits into 64 bits of nanoseconds."""
 
 
 def positive_number(text: str) -> float:
@@ -29,6 +29,8 @@ def duration(text: str) -> float:
     value = moment(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f'{text} is not above zero')
+    if value < SHORTEST_S:
+        raise argparse.ArgumentTypeError(f'{text} is less than a microsecond')
     return value
 
 
@@ -43,7 +45,7 @@ def moment(text: str) -> float:
                                          'or a number with ms, s, min, h or d (10min)') from None
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
-    if value > _LONGEST_S:
+    if value > LONGEST_S:
         raise argparse.ArgumentTypeError(f'{text} is more than a hundred years')
     return value
 

@@ -12,11 +12,11 @@ stretches of that length fix a variance, and how much the drift changes from one
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.errors import ImuAllanError
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.process_means import mean_variance, on_mean
 from imu_allan.noise.terms import Quantity
 from imu_allan.result import AxisResult, DriftModel, Interval
+from imu_allan.tuning.arguments import positive_time, positive_times
 from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.uncertainty import hidden_variance, spread_of_forecast
 import numpy as np
@@ -96,11 +96,8 @@ def predicted_drift(axis: AxisResult, horizons_s: Sequence[float] = (1.0, 10.0, 
 
     """
     model = drift_model_of(axis)
-    for name, value in (*(('horizons_s', h) for h in horizons_s),
-                        ('calibration_s', calibration_s)):
-        if not value > 0 or not np.isfinite(value):
-            raise ImuAllanError(f'{name} must be positive times, not {value:g} s')
-    h, c = np.asarray(horizons_s, dtype=np.float64), calibration_s
+    h = np.array(positive_times('horizons_s', horizons_s))
+    c = positive_time('calibration_s', calibration_s)
     wide = np.exp(NORMAL95 * spread_of_forecast(axis, np.maximum(h, c)))
     beyond = hidden_variance(axis, h) + hidden_variance(axis, np.array([c]))
     angle = h * np.sqrt(_mean_about_mean(axis, model, h, c) + beyond)

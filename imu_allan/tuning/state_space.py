@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.process_means import on_mean, rest_of_mean
 from imu_allan.result import AxisResult, DriftModel, Tone
+from imu_allan.tuning.arguments import positive_time
 from imu_allan.tuning.processes import drift_model_of, line_power
 import numpy as np
 from numpy.typing import NDArray
@@ -114,8 +115,7 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
 
     """
     model = drift_model_of(axis)
-    if not step_s > 0 or not np.isfinite(step_s):
-        raise ImuAllanError(f'step_s must be a positive time, not {step_s:g} s')
+    step_s = positive_time('step_s', step_s)
     # The edge may come from a rate that is off by rounding.
     if step_s < model.from_s * (1 - 1e-6):
         raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge: '

@@ -26,6 +26,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.result import AxisResult, GaussMarkov
+from imu_allan.tuning.arguments import positive_number, positive_time
 from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
@@ -145,10 +146,11 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
     True
 
     """
-    _check_times(aiding_interval_s, coast_s)
-    if bias not in ('random_walk', 'gauss_markov'):
+    aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
+    if not isinstance(bias, str) or bias not in ('random_walk', 'gauss_markov'):
         raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
-    _check_correlation_time(correlation_time_s)
+    if correlation_time_s is not None:
+        correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
     known = tunings_of(axis)
     wish = (aiding_interval_s, coast_s, bias, conservative, correlation_time_s)
     if wish not in known:
@@ -217,11 +219,11 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
     True
 
     """
-    _check_times(aiding_interval_s, coast_s)
-    _check_correlation_time(correlation_time_s)
-    if not (noise_density > 0 and random_walk > 0 and np.isfinite(noise_density + random_walk)):
-        raise ImuAllanError('noise_density and random_walk must be positive, '
-                            f'not {noise_density:g} and {random_walk:g}')
+    aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
+    if correlation_time_s is not None:
+        correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
+    noise_density = positive_number('noise_density', noise_density)
+    random_walk = positive_number('random_walk', random_walk)
     known = tunings_of(axis)
     given = (noise_density, random_walk, aiding_interval_s, coast_s, correlation_time_s)
     if given not in known:
@@ -258,7 +260,7 @@ def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 6
     """
     from imu_allan.tuning.coasting import coasting_variance
 
-    _check_times(aiding_interval_s, coast_s)
+    aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
     horizons = _horizons(aiding_interval_s, coast_s)
     sigma = np.sqrt(coasting_variance(axis, aiding_interval_s, horizons))
     return tuple((float(h), float(s), float(s)) for h, s in zip(horizons, sigma, strict=True))
@@ -280,8 +282,9 @@ class Filters:
         Of the process, for filters with one; else 0 and infinite.
     gain : ndarray
         Of the one-step predictor.
-    decay : ndarray
-        What is left of the state after one step without its correction.
+    forgetting : ndarray
+        What is lost of the state in one step without its correction; a filter that learns for
+        ages loses so little that one less that is one.
     covariance : ndarray
         Of the state after a correction.
 
@@ -293,7 +296,7 @@ class Filters:
     sigma: Array
     time: Array
     gain: Array
-    decay: Array
+    forgetting: Array
     covariance: Array
 
     @classmethod
@@ -303,7 +306,7 @@ class Filters:
         p = np.sqrt(q * r - q**2 / 4)
         gain = (p + q / 2) / (p + r)
         return cls(aiding_s, white, walk, np.zeros(len(white)), np.full(len(white), np.inf),
-                   gain, 1 - gain, p)
+                   gain, gain, p)
 
     @classmethod
     def markov(cls, white: Array, sigma: Array, time: Array, aiding_s: float) -> 'Filters':
@@ -317,7 +320,8 @@ class Filters:
         c = s**2 - q * r
         p = (-b + np.sqrt(np.maximum(b**2 - 4 * a**2 * c, 0))) / (2 * a**2)
         gain = (e * a * p + s) / (a**2 * p + r)
-        return cls(aiding_s, white, np.zeros(len(white)), sigma, time, gain, e - gain * a, p)
+        return cls(aiding_s, white, np.zeros(len(white)), sigma, time, gain,
+                   gain * a - np.expm1(-x), p)
 
     def weight(self, horizons: Array) -> Array:
         """Weight of the state in the mean over each horizon, shape (horizons, n)."""
@@ -378,8 +382,9 @@ class Truth:
     def _parts(self, filters: Filters, horizons: Array) -> Iterator[tuple[float | None, Array]]:
         """Terms of E(h), and the time over which each shows itself; None for what is fast."""
         t, h = filters.aiding_s, horizons[:, None]
-        g, phi, weight = filters.gain, filters.decay, filters.weight(horizons)
-        memory = g**2 / (1 - phi**2)    # variance of the state per variance of independent means
+        g, lost, weight = filters.gain, filters.forgetting, filters.weight(horizons)
+        # Variance of the state per variance of independent means.
+        memory = g**2 / (lost * (2 - lost))
         above = self._above_band(t)
         # What is above the band averages out as its phase does.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
@@ -403,8 +408,8 @@ class Truth:
             time, variance = process.correlation_time_s, process.sigma**2
             e, a, ah = np.exp(-t / time), on_mean(time, t), on_mean(time, h)
             r0, c1 = mean_variance(time, t), a**2
-            follow = 1 - phi * e
-            yield scale_s, variance * (weight**2 * memory * (r0 + 2 * c1 * phi / follow)
+            follow = lost * e - np.expm1(-t / time)
+            yield scale_s, variance * (weight**2 * memory * (r0 + 2 * c1 * (1 - lost) / follow)
                                        - 2 * weight * ah * a * g / follow
                                        + mean_variance(time, h))
 
@@ -416,10 +421,9 @@ def tunings_of(axis: AxisResult) -> dict[tuple[object, ...], FilterTuning]:
     """
     Return what was tuned of this very axis object already, by the arguments of `tune`.
 
-    What was assessed stands there too, by the arguments of `assess`, of which there are four.
-
-    A report writes the configurations of some thirty consumers, most of which want the same. The
-    entry goes when the axis does.
+    What was assessed stands there too, by the arguments of `assess`: where `tune` has the name of
+    a bias model, those have a number. A report writes the configurations of some thirty consumers,
+    most of which want the same. The entry goes when the axis does.
 
     Parameters
     ----------
@@ -427,6 +431,8 @@ def tunings_of(axis: AxisResult) -> dict[tuple[object, ...], FilterTuning]:
         The object itself, not one that is equal.
 
     """
+    # What is no axis is told before it is referred to.
+    drift_model_of(axis)
     place = id(axis)
     found = _TUNINGS.get(place)
     if found is None or found[0]() is not axis:
@@ -481,15 +487,10 @@ def _horizons(aiding_s: float, coast_s: float) -> Array:
     return np.geomspace(aiding_s, coast_s, _HORIZONS)
 
 
-def _check_correlation_time(time_s: float | None) -> None:
-    if time_s is not None and not 0 < time_s < np.inf:
-        raise ImuAllanError(f'correlation_time_s must be a positive time, not {time_s:g} s')
-
-
-def _check_times(aiding_s: float, coast_s: float) -> None:
-    for name, value in (('aiding_interval_s', aiding_s), ('coast_s', coast_s)):
-        if not value > 0 or not np.isfinite(value):
-            raise ImuAllanError(f'{name} must be a positive time, not {value:g} s')
+def _times(aiding_s: float, coast_s: float) -> tuple[float, float]:
+    aiding_s = positive_time('aiding_interval_s', aiding_s)
+    coast_s = positive_time('coast_s', coast_s)
     if coast_s < aiding_s:
         raise ImuAllanError(f'coast_s {coast_s:g} s is shorter than aiding_interval_s '
                             f'{aiding_s:g} s: a filter coasts for at least one interval')
+    return aiding_s, coast_s

@@ -23,6 +23,8 @@ _FEWEST = 3
 """Segments: of two the spread is off by any factor, and the usual one is nearer."""
 _LEAST_DOF = 0.5
 """A horizon as long as the record: half a degree of freedom, so that an interval stays finite."""
+_FEWEST_OF_FORECAST = 1e-4
+"""Degrees of freedom of a horizon of thousands of records: its band stays a number."""
 
 
 def unsteadiness(axis: AxisResult) -> float:
@@ -117,7 +119,8 @@ def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
 
     A recording that is steady in itself says little of another day: what is usual is the least.
     """
-    sampling = np.sqrt(1 / (2 * _degrees_of_freedom(axis, horizons)))
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), _FEWEST_OF_FORECAST)
+    sampling = np.sqrt(1 / (2 * dof))
     return np.asarray(np.hypot(sampling, max(unsteadiness(axis), _USUAL[axis.quantity])))
 
 

@@ -172,7 +172,8 @@ def test_times_out_of_order_are_told(result_file, capsys):
         'interval\n')
 
 
-@pytest.mark.parametrize('bad', ['0', '-1s', 'nan', 'inf'])
+@pytest.mark.parametrize('bad', ['0', '-1s', 'nan', 'inf', 'text', '', '1e-30', '1e308',
+                                 '200000d'])
 @pytest.mark.parametrize('option', ['--aiding', '--coast', '--calibration'])
 def test_times_that_make_no_sense_are_wrong_usage(result_file, capsys, option, bad):
     with pytest.raises(SystemExit) as stop:

@@ -91,7 +91,7 @@ def test_a_bias_averaged_for_longer_than_the_recording_knows_widens_the_drift():
 
 @pytest.mark.parametrize('bad', [0.0, -3.0, float('nan'), float('inf')])
 def test_times_that_make_no_sense_are_refused(bad):
-    with pytest.raises(ImuAllanError, match=r'^horizons_s must be positive times, not .* s$'):
+    with pytest.raises(ImuAllanError, match=r'^horizons_s must be a positive time, not .* s$'):
         predicted_drift(axis_of(1e-3), [1.0, bad])
-    with pytest.raises(ImuAllanError, match=r'^calibration_s must be positive times, not .* s$'):
+    with pytest.raises(ImuAllanError, match=r'^calibration_s must be a positive time, not .* s$'):
         predicted_drift(axis_of(1e-3), [1.0], bad)

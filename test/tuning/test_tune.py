@@ -47,7 +47,7 @@ def test_where_the_filter_is_right_what_happens_is_what_it_claims():
 def happened(samples, filters, horizon):
     """Mean square error of a filter that sees every sample and predicts the mean of the next."""
     from scipy.signal import lfilter
-    gain, decay = float(filters.gain[0]), float(filters.decay[0])
+    gain, decay = float(filters.gain[0]), 1 - float(filters.forgetting[0])
     state = lfilter([0.0, gain], [1.0, -decay], samples)
     total = np.concatenate(([0.0], np.cumsum(samples)))
     mean = (total[horizon:] - total[:-horizon]) / horizon
@@ -247,7 +247,7 @@ def test_an_axis_without_noise_is_refused():
 def test_numbers_that_are_not_positive_are_refused():
     with pytest.raises(ImuAllanError) as error:
         assess(axis_of(1e-3), 1e-3, 0.0)
-    assert str(error.value) == 'noise_density and random_walk must be positive, not 0.001 and 0'
+    assert str(error.value) == 'random_walk must be above zero, not 0'
 
 
 @pytest.mark.slow

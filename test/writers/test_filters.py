@@ -19,8 +19,10 @@ import xml.etree.ElementTree as ElementTree
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import DriftModel, GaussMarkov, Result, Source, Timeline
 from imu_allan.tuning.bounds import upper_bound
+from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.filters import CONSUMERS, export as export_as_wished, Wishes
+import numpy as np
 import pytest
 import yaml
 
@@ -641,10 +643,38 @@ def test_the_header_of_the_state_space_compiles(easy, tmp_path):
     (tmp_path / 'try.cpp').write_text(
         '#include "state_space.hpp"\n'
         'static_assert(imu_allan::gyro_x::transition[0][0] == 1.0);\n'
-        'static_assert(imu_allan::gyro_x::process[0][0] == 9.0e-11);\n'
+        'static_assert(imu_allan::gyro_x::states == 1);\n'
         'int main() { return 0; }\n')
     subprocess.run([compiler, '-std=c++17', '-Wall', '-Werror', '-fsyntax-only', 'try.cpp'],
                    cwd=tmp_path, check=True)
+
+
+def test_a_slow_process_keeps_its_time_in_the_state_space(drifting, tmp_path):
+    """Six digits of exp(-0.1/30000) leave one of what it forgets in a step."""
+    import shutil
+    model = drifting.axes['gyro_x'].drift_model
+    slow = replace(model, processes=(GaussMarkov(3e-5, 3e4), GaussMarkov(2e-5, 7e5)))
+    result = replace(drifting, axes={'gyro_x': replace(drifting.axes['gyro_x'],
+                                                       drift_model=slow)})
+    space = state_space(result.axes['gyro_x'], 0.1)
+    found = json.loads(export(result, 'state_space').text)['axes']['gyro_x']
+    for part, rows in found.items():
+        assert rows == getattr(space, part).tolist()
+    assert 1 - found['transition'][0][0] == pytest.approx(0.1 / 3e4, rel=1e-5)
+    # A filter in C++ reads the same doubles.
+    compiler = shutil.which('c++') or pytest.skip('no C++ compiler')
+    (tmp_path / 'state_space.hpp').write_text(export(result, 'state_space_cpp').text)
+    (tmp_path / 'show.cpp').write_text(
+        '#include "state_space.hpp"\n#include <cstdio>\n'
+        'int main() {\n  namespace gyro = imu_allan::gyro_x;\n'
+        '  for (int i = 0; i < gyro::states; ++i)\n'
+        '    std::printf("%.17g %.17g\\n", gyro::transition[i][i], gyro::process[i][i]);\n}\n')
+    subprocess.run([compiler, '-std=c++17', '-Wall', '-Werror', 'show.cpp', '-o', 'show'],
+                   cwd=tmp_path, check=True)
+    said = subprocess.run(['./show'], cwd=tmp_path, check=True, capture_output=True).stdout
+    np.testing.assert_array_equal(
+        np.array(said.split(), dtype=float).reshape(3, 2),
+        np.stack([np.diag(space.transition), np.diag(space.process)], axis=1))
 
 
 # Tuned numbers, and what the comment says about them.
@@ -689,8 +719,8 @@ def test_wishes_are_followed_and_written_down(drifting):
 
 
 @pytest.mark.parametrize(('wish', 'words'), [
-    ({'aiding_s': 0.0}, 'aiding_s must be above zero, not 0'),
-    ({'coast_s': float('nan')}, 'coast_s must be above zero, not nan'),
+    ({'aiding_s': 0.0}, 'aiding_s must be a positive time, not 0 s'),
+    ({'coast_s': float('nan')}, 'coast_s must be a positive time, not nan s'),
     ({'rate_hz': -1.0}, 'rate_hz must be above zero, not -1'),
     ({'rate_hz': float('inf')}, 'rate_hz must be above zero, not inf'),
     ({'inflate': {'K': float('nan')}}, 'inflate K must be above zero, not nan'),

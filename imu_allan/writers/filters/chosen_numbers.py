@@ -12,12 +12,13 @@ says so: a filter needs some number, and this one is not too small. A dead axis 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf, sqrt
+from math import sqrt
 from typing import Literal
 
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Result
+from imu_allan.tuning.arguments import positive_number, positive_time
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.wording import duration
@@ -77,13 +78,19 @@ class Wishes:
 
     def __post_init__(self) -> None:
         """Refuse what makes no sense."""
+        if not isinstance(self.inflate, Mapping):
+            raise ImuAllanError("inflate takes factors of N and K, such as {'K': 5.0}, not "
+                                f'{shorten(printable(repr(self.inflate)))}')
         if unknown := [key for key in self.inflate if key not in (N, K)]:
-            raise ImuAllanError(f'inflate takes factors of N and K, not of {unknown[0]!r}')
-        for name, value in (('rate_hz', self.rate_hz), ('aiding_s', self.aiding_s),
-                            ('coast_s', self.coast_s),
-                            *((f'inflate {key}', factor) for key, factor in self.inflate.items())):
-            if value is not None and not 0 < value < inf:
-                raise ImuAllanError(f'{name} must be above zero, not {value:g}')
+            raise ImuAllanError('inflate takes factors of N and K, not of '
+                                f'{shorten(printable(repr(unknown[0])))}')
+        for key, factor in self.inflate.items():
+            positive_number(f'inflate {key}', factor)
+        if self.rate_hz is not None:
+            positive_number('rate_hz', self.rate_hz)
+        for name, value in (('aiding_s', self.aiding_s), ('coast_s', self.coast_s)):
+            if value is not None:
+                positive_time(name, value)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.result import Result
 from imu_allan.tuning.tune import Bias
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
@@ -139,10 +139,18 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
     ImuAllanError
         If `consumer` is not known, or needs a rate and the result has none, or the result has no
         number for it.
+    TypeError
+        If `result` is no result or `wishes` are none.
 
     """
-    if consumer not in CONSUMERS:
-        raise ImuAllanError(f'no configuration is known for {consumer!r}; '
+    if not isinstance(result, Result):
+        raise TypeError('expected a result, such as imu_allan.load_result gives, not '
+                        f'{type(result).__name__}')
+    if not isinstance(wishes, Wishes):
+        raise TypeError(f'expected Wishes, not {type(wishes).__name__}')
+    if not isinstance(consumer, str) or consumer not in CONSUMERS:
+        raise ImuAllanError(f'no configuration is known for '
+                            f'{shorten(printable(repr(consumer)), 60)}; '
                             f'known are {", ".join(CONSUMERS)}')
     known = CONSUMERS[consumer]
     if rate_hz is not None:
