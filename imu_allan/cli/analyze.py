@@ -155,7 +155,7 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
             if unsaved is not None:
                 complaints.append(unsaved)
             elif len(tasks) == 1 and task.folder is not None:
-                print(_written(task, result))
+                print(_written(task))
             if (nothing := without_coefficient(result, task.path)) is not None:
                 complaints.append(nothing)
     gathering.finish()
@@ -232,10 +232,10 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
         raise unsaved
 
 
-def _written(task: Task, result: 'Result') -> str:
+def _written(task: Task) -> str:
     """Name the files of the only recording; of several the fleet's page is told."""
-    from imu_allan.writers.filters import export
+    from imu_allan.writers.filters import CONSUMERS
 
     own = ('result.json', 'curve.csv', 'report.html', 'allan_deviation.png')
-    names = (*own, *(export(result, consumer).name for consumer in task.exports))
+    names = (*own, *(CONSUMERS[consumer].file for consumer in task.exports))
     return f'Written to {printable(str(task.folder))}: {", ".join(names)}'

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_allan.cli.arguments import duration, factors, positive_number
+from imu_allan.errors import ImuAllanError
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 
 
@@ -48,18 +49,22 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.filters import export, Wishes
+    from imu_allan.writers.filters import CONSUMERS, export, left_from_before, Wishes
     from imu_allan.writers.result_file import load_result
 
     wishes = Wishes(args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
                     args.inflate)
-    config = export(load_result(args.result), args.consumer, None, wishes)
+    result = load_result(args.result)
     if args.output is None:
-        print(config.text, end='')
+        print(export(result, args.consumer, None, wishes).text, end='')
         return 0
     path = Path(args.output)
     if path.is_dir() or args.output.endswith(os.sep):
-        path = path / config.name
+        path = path / CONSUMERS[args.consumer].file
+    try:
+        config = export(result, args.consumer, None, wishes)
+    except ImuAllanError as error:
+        raise ImuAllanError(f'{error}{left_from_before(path)}') from error
     write_atomically(path, config.text.encode())
     print(path)
     return 0

@@ -12,7 +12,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.curves import sensors_of
-from imu_allan.writers.filters import export
+from imu_allan.writers.filters import CONSUMERS, export, left_from_before
 from imu_allan.writers.plot import (
     FORMATS,
     overview_figure,
@@ -83,7 +83,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         try:
             config = export(result, consumer)
         except ImuAllanError as error:
-            left_out.append(str(error))
+            left_out.append(f'{error}{left_from_before(folder / CONSUMERS[consumer].file)}')
             continue
         paths.append(folder / config.name)
         write_atomically(paths[-1], config.text.encode())

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs that start from a result: export, check, report."""
 
+from dataclasses import replace
 import functools
 import json
 from pathlib import Path
@@ -42,6 +43,27 @@ def test_export_writes_into_a_folder_or_a_file(result_file, tmp_path, capsys):
     assert capsys.readouterr().out.split() == [str(tmp_path / 'px4_imu.params'),
                                                str(tmp_path / 'mine.params')]
     assert (tmp_path / 'px4_imu.params').read_text() == (tmp_path / 'mine.params').read_text()
+
+
+def test_export_names_the_older_file_that_it_does_not_replace(result_file, tmp_path, capsys):
+    dead = imu_allan.load_result(result_file)
+    dead = replace(dead, axes={name: replace(axis, drift_model=None, coefficients={
+        key: replace(one, observable=False, value=None, ci95=None)
+        for key, one in axis.coefficients.items()}) for name, axis in dead.axes.items()})
+    save_result(dead, tmp_path / 'dead.json')
+    for where, path in ((tmp_path, tmp_path / 'imu.yaml'),
+                        (tmp_path / 'mine.yaml', tmp_path / 'mine.yaml')):
+        export = ['--for', 'kalibr', '--output', str(where)]
+        assert main(['export', str(tmp_path / 'dead.json'), *export]) == 1
+        assert 'left from before' not in capsys.readouterr().err
+        assert main(['export', str(result_file), *export]) == 0
+        old = path.read_bytes()
+        capsys.readouterr()
+        assert main(['export', str(tmp_path / 'dead.json'), *export]) == 1
+        error = capsys.readouterr().err
+        assert error.startswith('imu_allan: no configuration for kalibr: ')
+        assert error.endswith(f'; {path} is left from before and is not of this result\n')
+        assert path.read_bytes() == old
 
 
 def test_export_takes_another_rate(result_file, capsys):

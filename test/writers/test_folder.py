@@ -36,6 +36,19 @@ def test_where_a_configuration_cannot_be_all_else_is_written(result, tmp_path):
     assert load_result(tmp_path / 'result.json') == rateless
 
 
+def test_a_configuration_of_an_earlier_result_is_named_and_left_alone(result, tmp_path):
+    save_folder(result, tmp_path, ('vins_fusion', 'px4'))
+    old = (tmp_path / 'vins_fusion_imu.yaml').read_bytes()
+    rateless = replace(result, timeline=Timeline(None, 10, 1.0))
+    with pytest.raises(IncompleteSave) as caught:
+        save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
+    assert str(caught.value) == (
+        'the configuration for vins_fusion needs the sample rate, which this result does not '
+        f"have; give it with --rate HZ; {tmp_path / 'vins_fusion_imu.yaml'} is left from before "
+        f'and is not of this result; the other files are in {tmp_path}')
+    assert (tmp_path / 'vins_fusion_imu.yaml').read_bytes() == old
+
+
 def test_a_node_writes_all_but_the_page(result, tmp_path):
     paths = save_folder(result, tmp_path, report=False)
     assert [path.name for path in paths] == ['result.json', 'curve.csv', 'allan_deviation.png']

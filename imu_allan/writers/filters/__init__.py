@@ -14,7 +14,13 @@ it in a comment.
 """
 
 from imu_allan.writers.filters.chosen_numbers import Aiding, Wishes
-from imu_allan.writers.filters.export import Consumer, CONSUMERS, export
-from imu_allan.writers.filters.layout import FilterConfig
+from imu_allan.writers.filters.export import (
+    Consumer,
+    CONSUMERS,
+    export,
+    FilterConfig,
+    left_from_before,
+)
 
-__all__ = ['CONSUMERS', 'Aiding', 'Consumer', 'FilterConfig', 'Wishes', 'export']
+__all__ = ['CONSUMERS', 'Aiding', 'Consumer', 'FilterConfig', 'Wishes', 'export',
+           'left_from_before']

@@ -13,7 +13,6 @@ from math import sqrt
 
 from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
 from imu_allan.writers.filters.layout import (
-    FilterConfig,
     heading,
     joined,
     Pair,
@@ -30,7 +29,7 @@ ARDUPILOT_HZ = 83.0
 _Parameters = dict[Pair, tuple[str, float, float]]
 
 
-def px4(numbers: Numbers) -> FilterConfig:
+def px4(numbers: Numbers) -> str:
     """
     PX4's EKF2 parameters as QGroundControl loads them: N sqrt(F), K sqrt(F), F = 100 Hz.
 
@@ -44,10 +43,10 @@ def px4(numbers: Numbers) -> FilterConfig:
     lines = [*heading(numbers), '# Vehicle-Id Component-Id Name Value Type']
     lines += _parameters(numbers, 'PX4', numbers.rate(PX4_HZ), names,
                          lambda name, value: f'1\t1\t{name}\t{value}\t9')
-    return FilterConfig('px4_imu.params', joined(lines))
+    return joined(lines)
 
 
-def ardupilot(numbers: Numbers) -> FilterConfig:
+def ardupilot(numbers: Numbers) -> str:
     """
     Write ArduPilot's EKF3 parameters: N sqrt(F), K sqrt(F), F = 83 Hz.
 
@@ -61,7 +60,7 @@ def ardupilot(numbers: Numbers) -> FilterConfig:
     lines = heading(numbers)
     lines += _parameters(numbers, 'ArduPilot', numbers.rate(ARDUPILOT_HZ), names,
                          lambda name, value: f'{name},{value}')
-    return FilterConfig('ardupilot_imu.params', joined(lines))
+    return joined(lines)
 
 
 def _parameters(numbers: Numbers, name: str, rate: float, names: _Parameters,

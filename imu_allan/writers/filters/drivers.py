@@ -12,7 +12,6 @@ from math import sqrt
 from imu_allan.writers.filters.chosen_numbers import N, Numbers, Sensor
 from imu_allan.writers.filters.layout import (
     each,
-    FilterConfig,
     heading,
     indented,
     joined,
@@ -32,7 +31,7 @@ _REALSENSE: dict[Sensor, str] = {'accel': 'linear_accel_cov', 'gyro': 'angular_v
 Rows = Callable[..., list[str]]
 
 
-def robot_localization(numbers: Numbers) -> FilterConfig:
+def robot_localization(numbers: Numbers) -> str:
     """
     Covariances of the Imu message, which robot_localization takes from the driver: N^2 f.
 
@@ -47,7 +46,7 @@ def robot_localization(numbers: Numbers) -> FilterConfig:
     body = _deviations(numbers, {sensor: f'{name}_stddev' for sensor, name in _NAMES.items()})
     for sensor, name in _NAMES.items():
         body += _matrix(numbers, sensor, f'{name}_covariance')
-    return FilterConfig('imu_covariance.yaml', joined([*lines, *indented(body, 4)]))
+    return joined([*lines, *indented(body, 4)])
 
 
 def _rates(numbers: Numbers) -> str:
@@ -79,7 +78,7 @@ def _matrix(numbers: Numbers, sensor: Sensor, name: str) -> list[str]:
     return [*lines, f'{name}: [{", ".join(cells)}]']
 
 
-def autoware(numbers: Numbers) -> FilterConfig:
+def autoware(numbers: Numbers) -> str:
     """
     Autoware's ``imu_corrector.param.yaml``: N sqrt(f) and the mean at rest, for each axis.
 
@@ -105,10 +104,10 @@ def autoware(numbers: Numbers) -> FilterConfig:
         if N in own and axis is not None and axis.mean is not None:
             body.append(f'angular_velocity_offset_{letter}: {real(axis.mean)}')
     body += _deviations(numbers, {'accel': 'acceleration_stddev'})
-    return FilterConfig('imu_corrector.param.yaml', joined([*lines, *indented(body, 4)]))
+    return joined([*lines, *indented(body, 4)])
 
 
-def drivers(numbers: Numbers) -> FilterConfig:
+def drivers(numbers: Numbers) -> str:
     """
     Parameters of common drivers: N^2 f or N sqrt(f), each under the driver's own names.
 
@@ -144,4 +143,4 @@ def drivers(numbers: Numbers) -> FilterConfig:
     body += ['', '# mavros, plugin imu', '/**/imu:', '  ros__parameters:']
     body += indented(_deviations(numbers, {sensor: f'{name}_stdev' for sensor, name
                                            in _NAMES.items()}), 4)
-    return FilterConfig('imu_drivers.yaml', joined([*lines, *body]))
+    return joined([*lines, *body])

@@ -4,6 +4,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+import os
+from pathlib import Path
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.result import Result
@@ -19,7 +21,6 @@ from imu_allan.writers.filters import (
     visual,
 )
 from imu_allan.writers.filters.chosen_numbers import Aiding, Numbers, Share, Wishes
-from imu_allan.writers.filters.layout import FilterConfig
 
 CAMERA = Aiding(0.05, 'camera frames at 20 Hz')
 LIDAR = Aiding(0.1, 'lidar scans at 10 Hz')
@@ -31,6 +32,23 @@ NO_BIAS = Aiding(None, 'the consumer has no bias state')
 
 
 @dataclass(frozen=True)
+class FilterConfig:
+    """
+    A configuration file for one consumer.
+
+    Attributes
+    ----------
+    name : str
+        Suggested file name, different for every consumer.
+    text : str
+
+    """
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Consumer:
     """
     A program that wants to know how noisy an IMU is.
@@ -38,7 +56,9 @@ class Consumer:
     Attributes
     ----------
     write : callable
-        Makes the configuration of the numbers.
+        Makes the text of the configuration of the numbers.
+    file : str
+        Suggested name of it, different for every consumer.
     aiding : Aiding
         What usually corrects it.
     bias : {'random_walk', 'gauss_markov'}
@@ -50,7 +70,8 @@ class Consumer:
 
     """
 
-    write: Callable[[Numbers], FilterConfig]
+    write: Callable[[Numbers], str]
+    file: str
     aiding: Aiding
     bias: Bias = 'random_walk'
     one_time: bool = False
@@ -72,43 +93,44 @@ class Consumer:
 
 
 _CONSUMERS = (
-    Consumer(visual.kalibr, CAMERA),
-    Consumer(visual.openvins, CAMERA),
-    Consumer(visual.orb_slam3, CAMERA),
-    Consumer(visual.vins_fusion, CAMERA),
-    Consumer(lidar.lio_sam, LIDAR),
-    Consumer(lidar.fast_lio, LIDAR),
-    Consumer(graphs.gtsam, ESTIMATOR),
-    Consumer(visual.basalt, CAMERA, share='axis'),
-    Consumer(visual.msckf_vio, CAMERA),
-    Consumer(drivers.robot_localization, NO_BIAS),
-    Consumer(autopilots.px4, AUTOPILOT),
-    Consumer(autopilots.ardupilot, AUTOPILOT),
-    Consumer(visual.vins_fusion_midpoint, CAMERA),
-    Consumer(lidar.lio_sam_ros1, LIDAR),
-    Consumer(visual.isaac_ros_vslam, CAMERA),
-    Consumer(visual.okvis2, CAMERA),
-    Consumer(visual.kimera, CAMERA),
-    Consumer(visual.maplab, CAMERA),
-    Consumer(visual.rovio, CAMERA, share='axis'),
-    Consumer(visual.svo_pro, CAMERA),
-    Consumer(visual.rtabmap, CAMERA),
-    Consumer(lidar.point_lio, LIDAR),
-    Consumer(lidar.fast_livo2, LIDAR),
-    Consumer(lidar.glim, LIDAR, share='both'),
-    Consumer(satellites.kf_gins, SATELLITES, 'gauss_markov', one_time=True, share='axis'),
-    Consumer(satellites.ob_gins, SATELLITES, 'gauss_markov', one_time=True),
-    Consumer(satellites.navego, SATELLITES, 'gauss_markov', share='axis'),
-    Consumer(satellites.psins, SATELLITES, 'gauss_markov', share='axis'),
-    Consumer(simulators.gazebo, SIMULATION, 'gauss_markov', share='axis'),
-    Consumer(simulators.rotors, SIMULATION, 'gauss_markov'),
-    Consumer(simulators.matlab,
+    Consumer(visual.kalibr, 'imu.yaml', CAMERA),
+    Consumer(visual.openvins, 'kalibr_imu_chain.yaml', CAMERA),
+    Consumer(visual.orb_slam3, 'orb_slam3_imu.yaml', CAMERA),
+    Consumer(visual.vins_fusion, 'vins_fusion_imu.yaml', CAMERA),
+    Consumer(lidar.lio_sam, 'lio_sam_imu.yaml', LIDAR),
+    Consumer(lidar.fast_lio, 'fast_lio_imu.yaml', LIDAR),
+    Consumer(graphs.gtsam, 'gtsam_imu.yaml', ESTIMATOR),
+    Consumer(visual.basalt, 'basalt_imu.json', CAMERA, share='axis'),
+    Consumer(visual.msckf_vio, 'msckf_vio_noise.yaml', CAMERA),
+    Consumer(drivers.robot_localization, 'imu_covariance.yaml', NO_BIAS),
+    Consumer(autopilots.px4, 'px4_imu.params', AUTOPILOT),
+    Consumer(autopilots.ardupilot, 'ardupilot_imu.params', AUTOPILOT),
+    Consumer(visual.vins_fusion_midpoint, 'vins_fusion_midpoint_imu.yaml', CAMERA),
+    Consumer(lidar.lio_sam_ros1, 'lio_sam_ros1_imu.yaml', LIDAR),
+    Consumer(visual.isaac_ros_vslam, 'isaac_ros_vslam_imu.yaml', CAMERA),
+    Consumer(visual.okvis2, 'okvis2_imu.yaml', CAMERA),
+    Consumer(visual.kimera, 'kimera_imu.yaml', CAMERA),
+    Consumer(visual.maplab, 'maplab_imu.yaml', CAMERA),
+    Consumer(visual.rovio, 'rovio_imu.info', CAMERA, share='axis'),
+    Consumer(visual.svo_pro, 'svo_pro_imu.yaml', CAMERA),
+    Consumer(visual.rtabmap, 'rtabmap_imu.yaml', CAMERA),
+    Consumer(lidar.point_lio, 'point_lio_imu.yaml', LIDAR),
+    Consumer(lidar.fast_livo2, 'fast_livo2_imu.yaml', LIDAR),
+    Consumer(lidar.glim, 'glim_sensors.json', LIDAR, share='both'),
+    Consumer(satellites.kf_gins, 'kf_gins_imu.yaml', SATELLITES, 'gauss_markov', one_time=True,
+             share='axis'),
+    Consumer(satellites.ob_gins, 'ob_gins_imu.yaml', SATELLITES, 'gauss_markov', one_time=True),
+    Consumer(satellites.navego, 'navego_imu.m', SATELLITES, 'gauss_markov', share='axis'),
+    Consumer(satellites.psins, 'psins_imuerr.m', SATELLITES, 'gauss_markov', share='axis'),
+    Consumer(simulators.gazebo, 'gazebo_imu.sdf', SIMULATION, 'gauss_markov', share='axis'),
+    Consumer(simulators.rotors, 'rotors_imu.xml', SIMULATION, 'gauss_markov'),
+    Consumer(simulators.matlab, 'imu_sensor.m',
              replace(NO_BIAS, reason='imuSensor models white noise, flicker and walk itself')),
-    Consumer(simulators.airsim, SIMULATION),
-    Consumer(drivers.autoware, NO_BIAS),
-    Consumer(drivers.drivers, NO_BIAS),
-    Consumer(graphs.state_space, ESTIMATOR, share='model'),
-    Consumer(graphs.state_space_cpp, ESTIMATOR, share='model'),
+    Consumer(simulators.airsim, 'airsim_imu.json', SIMULATION),
+    Consumer(drivers.autoware, 'imu_corrector.param.yaml', NO_BIAS),
+    Consumer(drivers.drivers, 'imu_drivers.yaml', NO_BIAS),
+    Consumer(graphs.state_space, 'state_space.json', ESTIMATOR, share='model'),
+    Consumer(graphs.state_space_cpp, 'state_space.hpp', ESTIMATOR, share='model'),
 )
 CONSUMERS: dict[str, Consumer] = {consumer.name: consumer for consumer in _CONSUMERS}
 
@@ -157,4 +179,26 @@ def export(result: Result, consumer: str, rate_hz: float | None = None,
         wishes = replace(wishes, rate_hz=rate_hz)
     numbers = Numbers(result, consumer, known.title, known.aiding, known.bias, wishes,
                       known.one_time, known.share)
-    return known.write(numbers)
+    return FilterConfig(known.file, known.write(numbers))
+
+
+def left_from_before(path: str | os.PathLike[str]) -> str:
+    """
+    Say what is to be said of a file in the place of a configuration that cannot be made.
+
+    It is left alone: who knows whose it is. But beside a new result it looks like one of that.
+
+    Parameters
+    ----------
+    path : path
+        Where the configuration was to go.
+
+    Returns
+    -------
+    str
+        The end of a message; empty where nothing stands there.
+
+    """
+    if not Path(path).is_file():
+        return ''
+    return f'; {printable(path)} is left from before and is not of this result'

@@ -8,7 +8,6 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
 from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
 from imu_allan.writers.filters.layout import (
-    FilterConfig,
     heading,
     joined,
     Pair,
@@ -20,7 +19,7 @@ from imu_allan.writers.filters.layout import (
 _PARTS = ('transition', 'observation', 'process', 'measurement', 'cross', 'initial')
 
 
-def gtsam(numbers: Numbers) -> FilterConfig:
+def gtsam(numbers: Numbers) -> str:
     """
     Write GTSAM's preintegration covariances: N^2 I and K^2 I, continuous.
 
@@ -45,10 +44,10 @@ def gtsam(numbers: Numbers) -> FilterConfig:
                       f'({UNITS[sensor, key]})^2')
         lines += ['', *(f'# {remark}' for remark in entry.remarks)]
         lines += [f'# {name}:'] if entry.value is None else [f'{name}:', *matrix(entry.value)]
-    return FilterConfig('gtsam_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def state_space(numbers: Numbers) -> FilterConfig:
+def state_space(numbers: Numbers) -> str:
     """
     Write the drift model of every axis as a state space of the mean rate over a step, as JSON.
 
@@ -61,10 +60,10 @@ def state_space(numbers: Numbers) -> FilterConfig:
     document = {'imu_allan': numbers.provenance(), 'step_s': step,
                 'axes': {name: {part: getattr(space, part).tolist() for part in _PARTS}
                          for name, space in spaces.items()}}
-    return FilterConfig('state_space.json', json.dumps(document, indent=2) + '\n')
+    return json.dumps(document, indent=2) + '\n'
 
 
-def state_space_cpp(numbers: Numbers) -> FilterConfig:
+def state_space_cpp(numbers: Numbers) -> str:
     """Write the same as a C++ header of constants, a namespace for each axis."""
     spaces = _spaces(numbers)
     lines = ['#pragma once', *heading(numbers, '//'), '//',
@@ -84,7 +83,7 @@ def state_space_cpp(numbers: Numbers) -> FilterConfig:
             lines.append(f'constexpr Matrix<{len(rows)}, {len(rows[0])}> {part}'
                          f'{{{{{cells}}}}};')
         lines.append(f'}}  // namespace {name}')
-    return FilterConfig('state_space.hpp', joined([*lines, '', '}  // namespace imu_allan']))
+    return joined([*lines, '', '}  // namespace imu_allan'])
 
 
 def _spaces(numbers: Numbers) -> dict[str, StateSpace]:

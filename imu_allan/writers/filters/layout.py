@@ -35,23 +35,6 @@ SAMPLE_UNITS: dict[Pair, str] = {
 
 
 @dataclass(frozen=True)
-class FilterConfig:
-    """
-    A configuration file for one consumer.
-
-    Attributes
-    ----------
-    name : str
-        Suggested file name, different for every consumer.
-    text : str
-
-    """
-
-    name: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Entry:
     """A number for a configuration, or why there is none, with what to say about it."""
 

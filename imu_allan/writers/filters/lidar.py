@@ -6,7 +6,6 @@ from math import sqrt
 
 from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, Sensor
 from imu_allan.writers.filters.layout import (
-    FilterConfig,
     heading,
     indented,
     joined,
@@ -25,7 +24,7 @@ _GLIM: dict[Sensor, tuple[str, str]] = {'accel': ('imu_acc_noise', 'm/s^2'),
                                         'gyro': ('imu_gyro_noise', 'rad/s')}
 
 
-def lio_sam(numbers: Numbers) -> FilterConfig:
+def lio_sam(numbers: Numbers) -> str:
     """
     LIO-SAM's ``params.yaml`` (ROS 2): N and K, continuous.
 
@@ -37,10 +36,10 @@ def lio_sam(numbers: Numbers) -> FilterConfig:
     topic = topic_of(numbers)
     if topic:
         body += ['', f'imuTopic: {topic}']
-    return FilterConfig('lio_sam_imu.yaml', joined([*lines, *indented(body, 4)]))
+    return joined([*lines, *indented(body, 4)])
 
 
-def lio_sam_ros1(numbers: Numbers) -> FilterConfig:
+def lio_sam_ros1(numbers: Numbers) -> str:
     """
     LIO-SAM's ``params.yaml`` of ROS 1: N and K, continuous, under ``lio_sam/``.
 
@@ -51,14 +50,14 @@ def lio_sam_ros1(numbers: Numbers) -> FilterConfig:
     topic = topic_of(numbers)
     if topic:
         body += ['', f'imuTopic: {topic}']
-    return FilterConfig('lio_sam_ros1_imu.yaml', joined([*lines, *indented(body, 2)]))
+    return joined([*lines, *indented(body, 2)])
 
 
 _IN_G = ('# The program scales what it measures at rest to 9.81 m/s^2: the same numbers for a '
          'driver', '# that gives accelerations in g, such as that of Livox.')
 
 
-def fast_lio(numbers: Numbers) -> FilterConfig:
+def fast_lio(numbers: Numbers) -> str:
     """
     FAST-LIO's ``mapping`` section: variances per sample, N^2 f and K^2 f.
 
@@ -73,10 +72,10 @@ def fast_lio(numbers: Numbers) -> FilterConfig:
     topic = topic_of(numbers)
     if topic:
         lines += ['', 'common:', f'  imu_topic: {topic}']
-    return FilterConfig('fast_lio_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def point_lio(numbers: Numbers) -> FilterConfig:
+def point_lio(numbers: Numbers) -> str:
     """
     Point-LIO's ``mapping`` section: variances per sample, N^2 f and K^2 f.
 
@@ -100,10 +99,10 @@ def point_lio(numbers: Numbers) -> FilterConfig:
     topic = topic_of(numbers)
     if topic:
         lines += ['', 'common:', f'    imu_topic: {topic}']
-    return FilterConfig('point_lio_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def fast_livo2(numbers: Numbers) -> FilterConfig:
+def fast_livo2(numbers: Numbers) -> str:
     """
     FAST-LIVO2's ``imu`` section: variances per sample, N^2 f.
 
@@ -119,10 +118,10 @@ def fast_livo2(numbers: Numbers) -> FilterConfig:
     topic = topic_of(numbers)
     if topic:
         lines += ['', 'common:', f'  imu_topic: {topic}']
-    return FilterConfig('fast_livo2_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def glim(numbers: Numbers) -> FilterConfig:
+def glim(numbers: Numbers) -> str:
     """
     Write GLIM's ``config_sensors.json``: N for each sensor, one bias step for both per frame.
 
@@ -151,4 +150,4 @@ def glim(numbers: Numbers) -> FilterConfig:
               'sensors, the larger:', f'    // {", ".join(entries) or "no value"}',
               f'    "imu_bias_noise": {real(max(steps))}' if steps else '    // imu_bias_noise',
               '  }', '}']
-    return FilterConfig('glim_sensors.json', joined(lines))
+    return joined(lines)

@@ -7,7 +7,6 @@ from math import pi, sqrt
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.writers.filters.chosen_numbers import N, Numbers, SIGMA, TIME
 from imu_allan.writers.filters.layout import (
-    FilterConfig,
     heading,
     indented,
     joined,
@@ -42,7 +41,7 @@ _PSINS: _Rows = ((('gyro', N), 'web', _ARW, 'deg/sqrt(h)'),
                  (('accel', TIME), 'TauA', 1.0, 's'))
 
 
-def kf_gins(numbers: Numbers) -> FilterConfig:
+def kf_gins(numbers: Numbers) -> str:
     """
     KF-GINS' ``imunoise``: deg/sqrt(h), m/s/sqrt(h), deg/h, mGal and hours, for each axis.
 
@@ -60,10 +59,10 @@ def kf_gins(numbers: Numbers) -> FilterConfig:
     for pair, name, unit, text in _GINS:
         body += triples(numbers, {pair: name}, times(1 / unit), '', {pair: text})
     lines += indented(body + _correlation_time(numbers), 2)
-    return FilterConfig('kf_gins_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def ob_gins(numbers: Numbers) -> FilterConfig:
+def ob_gins(numbers: Numbers) -> str:
     """
     OB_GINS' ``imumodel``: the same units as KF-GINS, one value for a sensor.
 
@@ -74,7 +73,7 @@ def ob_gins(numbers: Numbers) -> FilterConfig:
     for pair, name, unit, text in _GINS:
         body += pairs(numbers, {pair: name}, times(1 / unit), '', {pair: text})
     lines += indented(body + _correlation_time(numbers), 2)
-    return FilterConfig('ob_gins_imu.yaml', joined(lines))
+    return joined(lines)
 
 
 def _correlation_time(numbers: Numbers) -> list[str]:
@@ -85,7 +84,7 @@ def _correlation_time(numbers: Numbers) -> list[str]:
             f'corrtime: {real(found[1].value / 3600)}']
 
 
-def navego(numbers: Numbers) -> FilterConfig:
+def navego(numbers: Numbers) -> str:
     """
     Write NaveGo's IMU profile, in the units of ``imu_si_errors.m``.
 
@@ -106,10 +105,10 @@ def navego(numbers: Numbers) -> FilterConfig:
                          {pair: text}, 'imu.{name} = [{value}];', '%')
     lines += ['', '% walks beside the process: the drift is in gb_dyn and ab_dyn',
               'imu.arrw = [0.0, 0.0, 0.0];', 'imu.vrrw = [0.0, 0.0, 0.0];']
-    return FilterConfig('navego_imu.m', joined(lines))
+    return joined(lines)
 
 
-def psins(numbers: Numbers) -> FilterConfig:
+def psins(numbers: Numbers) -> str:
     """
     Arguments of PSINS' ``imuerrset``: deg/sqrt(h), ug/sqrt(Hz), deg/h, ug and s.
 
@@ -129,4 +128,4 @@ def psins(numbers: Numbers) -> FilterConfig:
         lines += triples(numbers, {pair: name}, times(1 / unit), '',
                          {pair: text}, "{name} = [{value}]';", '%')
     lines += ['', 'imuerr = imuerrset(eb, db, web, wdb, sqrtR0G, TauG, sqrtR0A, TauA);']
-    return FilterConfig('psins_imuerr.m', joined(lines))
+    return joined(lines)

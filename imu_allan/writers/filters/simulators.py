@@ -9,7 +9,6 @@ from math import pi, sqrt
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.writers.filters.chosen_numbers import K, Key, N, Numbers, Sensor, TIME
 from imu_allan.writers.filters.layout import (
-    FilterConfig,
     heading,
     joined,
     Pair,
@@ -27,7 +26,7 @@ _MATLAB_FIELDS: dict[Key, str] = {N: 'NoiseDensity', K: 'RandomWalk'}
 _AIRSIM_TIMES = {'gyro': 500.0, 'accel': 800.0}
 
 
-def gazebo(numbers: Numbers) -> FilterConfig:
+def gazebo(numbers: Numbers) -> str:
     """
     SDF noise of a Gazebo IMU sensor, for each axis: N sqrt(f), and the driving density K.
 
@@ -57,10 +56,10 @@ def gazebo(numbers: Numbers) -> FilterConfig:
                           '</dynamic_bias_correlation_time>']
             lines.append(f'    </noise></{name[-1]}>')
         lines.append(f'  </{tag}>')
-    return FilterConfig('gazebo_imu.sdf', joined([*lines, '</imu>']))
+    return joined([*lines, '</imu>'])
 
 
-def rotors(numbers: Numbers) -> FilterConfig:
+def rotors(numbers: Numbers) -> str:
     """
     Parameters of the IMU plugin of RotorS and PX4's Gazebo classic: N, K driving, Tc.
 
@@ -81,10 +80,10 @@ def rotors(numbers: Numbers) -> FilterConfig:
         lines += [f'  <!-- {_comment(remark)} -->' for remark in entry.remarks]
         if entry.value is not None:
             lines += [f'  <{tag}>{real(entry.value)}</{tag}>' for tag in tags]
-    return FilterConfig('rotors_imu.xml', joined([*lines, '</plugin>']))
+    return joined([*lines, '</plugin>'])
 
 
-def matlab(numbers: Numbers) -> FilterConfig:
+def matlab(numbers: Numbers) -> str:
     """
     Write MATLAB's ``gyroparams`` and ``accelparams``: N, B and K, for each axis, single-sided.
 
@@ -108,7 +107,7 @@ def matlab(numbers: Numbers) -> FilterConfig:
                   f'{sensor}.BiasInstability = [{", ".join(real(b) for b in flicker)}];']
     lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {real(numbers.rate())}, "
               "'Gyroscope', gyro, 'Accelerometer', accel);"]
-    return FilterConfig('imu_sensor.m', joined(lines))
+    return joined(lines)
 
 
 def _flicker(numbers: Numbers, sensor: str) -> list[float]:
@@ -120,7 +119,7 @@ def _flicker(numbers: Numbers, sensor: str) -> list[float]:
     return found
 
 
-def airsim(numbers: Numbers) -> FilterConfig:
+def airsim(numbers: Numbers) -> str:
     """
     Write AirSim's ``Imu`` settings: deg/sqrt(h), deg/h, mg/sqrt(Hz), ug.
 
@@ -145,7 +144,7 @@ def airsim(numbers: Numbers) -> FilterConfig:
     settings['GyroBiasStabilityTau'] = _AIRSIM_TIMES['gyro']
     settings['AccelBiasStabilityTau'] = _AIRSIM_TIMES['accel']
     text = json.dumps({'imu_allan': remarks, 'Imu': settings}, indent=2, ensure_ascii=False)
-    return FilterConfig('airsim_imu.json', text + '\n')
+    return text + '\n'
 
 
 def _xml_heading(numbers: Numbers, *more: str) -> list[str]:

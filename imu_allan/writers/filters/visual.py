@@ -8,7 +8,6 @@ from math import sqrt
 from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
 from imu_allan.writers.filters.layout import (
     each,
-    FilterConfig,
     heading,
     indented,
     joined,
@@ -27,7 +26,7 @@ _KALIBR: dict[Pair, str] = {
     ('gyro', N): 'gyroscope_noise_density', ('gyro', K): 'gyroscope_random_walk'}
 
 
-def kalibr(numbers: Numbers) -> FilterConfig:
+def kalibr(numbers: Numbers) -> str:
     """
     Kalibr's ``imu.yaml``: N and K, continuous.
 
@@ -35,10 +34,10 @@ def kalibr(numbers: Numbers) -> FilterConfig:
     takes the random walk as it is, and refuses values that are not above zero.
     """
     lines = [*heading(numbers), *pairs(numbers, _KALIBR), '', *_topic_and_rate(numbers)]
-    return FilterConfig('imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def openvins(numbers: Numbers) -> FilterConfig:
+def openvins(numbers: Numbers) -> str:
     """
     Write OpenVINS' ``kalibr_imu_chain.yaml``: N and K, continuous, as for Kalibr.
 
@@ -55,10 +54,10 @@ def openvins(numbers: Numbers) -> FilterConfig:
     for key in ('Tw', 'R_IMUtoGYRO', 'Ta', 'R_IMUtoACC'):
         body += [f'{key}:', *(f'  - {row}' for row in identity)]
     body += ['Tg:', *['  - [0.0, 0.0, 0.0]'] * 3]
-    return FilterConfig('kalibr_imu_chain.yaml', joined([*lines, *indented(body, 2)]))
+    return joined([*lines, *indented(body, 2)])
 
 
-def orb_slam3(numbers: Numbers) -> FilterConfig:
+def orb_slam3(numbers: Numbers) -> str:
     """
     ORB-SLAM3's ``IMU.*`` settings: N and K, continuous.
 
@@ -71,10 +70,10 @@ def orb_slam3(numbers: Numbers) -> FilterConfig:
                              ('gyro', K): 'IMU.GyroWalk', ('accel', K): 'IMU.AccWalk'})
     lines += ['', '# [Hz], a real number in settings of File.version 1.0; '
               'older versions want a whole number', f'IMU.Frequency: {real(numbers.rate())}']
-    return FilterConfig('orb_slam3_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def vins_fusion(numbers: Numbers) -> FilterConfig:
+def vins_fusion(numbers: Numbers) -> str:
     """
     VINS-Fusion (and VINS-Mono): standard deviations per sample, N sqrt(f) and K sqrt(f).
 
@@ -88,10 +87,10 @@ def vins_fusion(numbers: Numbers) -> FilterConfig:
              '--for vins_fusion_midpoint',
              '# writes what it strictly wants, sqrt(2) N sqrt(f).']
     lines += _vins_pairs(numbers, 1.0)
-    return FilterConfig('vins_fusion_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def vins_fusion_midpoint(numbers: Numbers) -> FilterConfig:
+def vins_fusion_midpoint(numbers: Numbers) -> str:
     """
     VINS-Fusion with what its midpoint step strictly wants: sqrt(2) N sqrt(f) and K sqrt(f).
 
@@ -101,7 +100,7 @@ def vins_fusion_midpoint(numbers: Numbers) -> FilterConfig:
     lines = ['%YAML:1.0', *heading(numbers), *_vins_lines(numbers),
              '# acc_n and gyr_n times sqrt(2), which the midpoint step halves in variance again.']
     lines += _vins_pairs(numbers, sqrt(2))
-    return FilterConfig('vins_fusion_midpoint_imu.yaml', joined(lines))
+    return joined(lines)
 
 
 def _vins_lines(numbers: Numbers) -> list[str]:
@@ -122,7 +121,7 @@ def _vins_pairs(numbers: Numbers, midpoint: float) -> list[str]:
     return lines + (['', f'imu_topic: {topic}'] if topic else [])
 
 
-def basalt(numbers: Numbers) -> FilterConfig:
+def basalt(numbers: Numbers) -> str:
     """
     Basalt's ``calibration.json``: N and K for each axis, continuous.
 
@@ -140,10 +139,10 @@ def basalt(numbers: Numbers) -> FilterConfig:
             values[name] = [float(real(value)) for value in found]
             remarks.append(f'{name}: {key} of x, y, z [{UNITS[sensor, key]}], continuous')
     text = json.dumps({'value0': values, 'imu_allan': remarks}, indent=4, ensure_ascii=False)
-    return FilterConfig('basalt_imu.json', text + '\n')
+    return text + '\n'
 
 
-def msckf_vio(numbers: Numbers) -> FilterConfig:
+def msckf_vio(numbers: Numbers) -> str:
     """
     MSCKF-VIO's ``noise`` parameters: N and K, continuous.
 
@@ -156,10 +155,10 @@ def msckf_vio(numbers: Numbers) -> FilterConfig:
              '# <param name="noise/..."> of the same names after it.', 'noise:']
     lines += indented(pairs(numbers, {('gyro', N): 'gyro', ('accel', N): 'acc',
                                       ('gyro', K): 'gyro_bias', ('accel', K): 'acc_bias'}), 2)
-    return FilterConfig('msckf_vio_noise.yaml', joined(lines))
+    return joined(lines)
 
 
-def isaac_ros_vslam(numbers: Numbers) -> FilterConfig:
+def isaac_ros_vslam(numbers: Numbers) -> str:
     """
     Isaac ROS Visual SLAM's node parameters: N and K, continuous.
 
@@ -177,10 +176,10 @@ def isaac_ros_vslam(numbers: Numbers) -> FilterConfig:
                            ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'})
     body += ['', '# [Hz], the rate of the recording',
              f'calibration_frequency: {real(numbers.rate())}']
-    return FilterConfig('isaac_ros_vslam_imu.yaml', joined([*lines, *indented(body, 4)]))
+    return joined([*lines, *indented(body, 4)])
 
 
-def okvis2(numbers: Numbers) -> FilterConfig:
+def okvis2(numbers: Numbers) -> str:
     """
     OKVIS2's ``imu_parameters``: N and K, continuous, through OpenCV's FileStorage.
 
@@ -194,10 +193,10 @@ def okvis2(numbers: Numbers) -> FilterConfig:
              'imu_parameters:']
     body = pairs(numbers, {('gyro', N): 'sigma_g_c', ('accel', N): 'sigma_a_c',
                            ('gyro', K): 'sigma_gw_c', ('accel', K): 'sigma_aw_c'})
-    return FilterConfig('okvis2_imu.yaml', joined([*lines, *indented(body, 4)]))
+    return joined([*lines, *indented(body, 4)])
 
 
-def kimera(numbers: Numbers) -> FilterConfig:
+def kimera(numbers: Numbers) -> str:
     """
     Kimera-VIO's ``ImuParams.yaml``: N and K, continuous.
 
@@ -211,10 +210,10 @@ def kimera(numbers: Numbers) -> FilterConfig:
                              ('gyro', K): 'gyroscope_random_walk',
                              ('accel', K): 'accelerometer_random_walk'})
     lines += ['', f'rate_hz: {real(numbers.rate())}']
-    return FilterConfig('kimera_imu.yaml', joined(lines))
+    return joined(lines)
 
 
-def maplab(numbers: Numbers) -> FilterConfig:
+def maplab(numbers: Numbers) -> str:
     """
     Write maplab's IMU ``sigmas``: N and K, continuous.
 
@@ -225,10 +224,10 @@ def maplab(numbers: Numbers) -> FilterConfig:
                            ('gyro', K): 'gyro_bias_random_walk_noise_density',
                            ('accel', N): 'acc_noise_density',
                            ('accel', K): 'acc_bias_random_walk_noise_density'})
-    return FilterConfig('maplab_imu.yaml', joined([*lines, *indented(body, 2)]))
+    return joined([*lines, *indented(body, 2)])
 
 
-def rovio(numbers: Numbers) -> FilterConfig:
+def rovio(numbers: Numbers) -> str:
     """
     Write ROVIO's ``PredictionNoise``: N^2 and K^2 for each axis, continuous.
 
@@ -245,10 +244,10 @@ def rovio(numbers: Numbers) -> FilterConfig:
         lines += [f'        ; {name}: {key}^2 of x, y, z [({UNITS[sensor, key]})^2]',
                   *(f'        ; {name}: {remark}' for remark in remarks)]
         lines += [f'        {name}_{i} {real(value)};' for i, value in enumerate(found or [])]
-    return FilterConfig('rovio_imu.info', joined([*lines, '    }', '}']))
+    return joined([*lines, '    }', '}'])
 
 
-def svo_pro(numbers: Numbers) -> FilterConfig:
+def svo_pro(numbers: Numbers) -> str:
     """
     SVO Pro's ``imu_params``: N and K, continuous.
 
@@ -263,10 +262,10 @@ def svo_pro(numbers: Numbers) -> FilterConfig:
     body = pairs(numbers, {('gyro', N): 'sigma_omega_c', ('accel', N): 'sigma_acc_c',
                            ('gyro', K): 'sigma_omega_bias_c', ('accel', K): 'sigma_acc_bias_c'})
     body += ['', f'imu_rate: {real(numbers.rate())}']
-    return FilterConfig('svo_pro_imu.yaml', joined([*lines, *indented(body, 2)]))
+    return joined([*lines, *indented(body, 2)])
 
 
-def rtabmap(numbers: Numbers) -> FilterConfig:
+def rtabmap(numbers: Numbers) -> str:
     """
     RTAB-Map's odometry backends: N and K, each under the backend's own names.
 
@@ -292,7 +291,7 @@ def rtabmap(numbers: Numbers) -> FilterConfig:
     for backend, names in backends.items():
         own = {pair: f'{backend}/{name}' for pair, name in names.items()}
         body += pairs(numbers, own, line="{name}: '{value}'")
-    return FilterConfig('rtabmap_imu.yaml', joined([*lines, *indented(body, 4)]))
+    return joined([*lines, *indented(body, 4)])
 
 
 def _topic_and_rate(numbers: Numbers) -> list[str]:
