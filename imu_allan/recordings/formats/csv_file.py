@@ -26,6 +26,7 @@ from imu_allan.recordings.formats.csv_header import (
     read_header,
     with_units_below,
 )
+from imu_allan.recordings.formats.csv_names import is_rest_of_imu
 from imu_allan.recordings.formats.csv_rows import (
     are_split_seconds,
     QUOTED_COMMA,
@@ -215,6 +216,9 @@ class CsvRecording(FileRecording):
         if not (columns.headless or columns.nanoseconds is None or are_split_seconds(
                 rows, columns.delimiter, *columns.used[:2])):
             columns = self._read_header(header, split=False)
+        if columns.stamped and _stand_still(rows[:_FIRST_LINES], columns):
+            other = self._read_header(header, stamped=False)
+            columns = columns if other.time is None else other
         try:
             if not columns.headless:
                 refuse_more_fields_than_names(cells_of(header)[1], columns.delimiter, rows)
@@ -232,9 +236,9 @@ class CsvRecording(FileRecording):
             return QUOTED_COMMA.sub(r'\1.\2', text)
         return text.replace(',', '.') if self._decimal_comma else text
 
-    def _read_header(self, header: str, split: bool = True) -> Columns:
+    def _read_header(self, header: str, split: bool = True, stamped: bool = True) -> Columns:
         try:
-            return read_header(header, self.options, self.path.name, split)
+            return read_header(header, self.options, self.path.name, split, stamped)
         except ImuAllanError as error:
             raise ImuAllanError(f'{printable(self.path)}: {error}') from error
 
@@ -248,7 +252,8 @@ class CsvRecording(FileRecording):
                         f'{_listed(columns.lookalikes)}; --columns '
                         'gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what')
         alike = {*columns.lookalikes}
-        others = [cell for cell in columns.ignored if cell and cell not in alike]
+        others = [cell for cell in columns.ignored
+                  if cell and cell not in alike and not is_rest_of_imu(cell)]
         if others:
             self.remark('ignored_columns',
                         f'columns that are no axes were left out: {_listed(others)}')
@@ -316,18 +321,28 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     if columns.nanoseconds is not None:
         # Of a total, the first second looks like nanoseconds since a whole one.
         timely &= (np.floor(times) == times) & ~((table[:, 1] < 0) | (table[:, 1] >= 1e9))
-    if not timely.all():
-        bad = sorted([*bad, *places[~timely].tolist()])
     with_numbers = 1 if columns.nanoseconds is None else 2
-    some = timely
+    some = np.ones(len(table), np.bool_)
     if columns.ignored:
-        some = timely & ~np.isnan(table[:, with_numbers:]).all(axis=1)
+        some = ~np.isnan(table[:, with_numbers:]).all(axis=1)
+    if not timely.all():
+        # A row without any number may have no time of this topic either.
+        bad = sorted([*bad, *places[some & ~timely].tolist()])
+    some &= timely
     stamps = np.zeros(len(times), np.int64)
     exact = _exact(compress(kept, timely), columns) if unit == 1e-9 else None
     stamps[timely] = np.rint(times[timely] * (unit * 1e9)) if exact is None else exact
     if columns.nanoseconds is not None:
         stamps = stamps + np.nan_to_num(table[:, 1]).astype(np.int64)
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
+
+
+def _stand_still(lines: Sequence[str], columns: Columns) -> bool:
+    """Whether the times of many lines are one: a driver leaves its stamps zero."""
+    assert columns.time is not None
+    times = [cell for cells in (line.split(columns.delimiter) for line in lines)
+             if len(cells) > columns.time and (cell := cells[columns.time].strip(_QUOTES))]
+    return len(times) > 1 and len(set(times)) == 1
 
 
 def _are_written(lines: Sequence[str], columns: Columns) -> bool:

@@ -22,6 +22,8 @@ from imu_allan.noise.terms import AXES
 from imu_allan.recordings.formats.csv_guesses import guessed_axes
 from imu_allan.recordings.formats.csv_names import (
     is_better_clock,
+    is_rest_of_imu,
+    is_stamp,
     is_temperature,
     lookalikes,
     may_stand_beside,
@@ -29,6 +31,7 @@ from imu_allan.recordings.formats.csv_names import (
     name_and_unit,
     numbered_axes,
     split_seconds,
+    stamp_of_axes,
     unit_in_name,
     WORDS,
 )
@@ -77,6 +80,8 @@ class Columns:
         'gyro' or 'accel', where nothing but the name of the file tells the sensor.
     written : bool
         Whether times are dates, or times of day.
+    stamped : bool
+        Whether the times are the stamps of the messages, beside others.
     ignored : tuple of str
         Names of the others.
 
@@ -93,6 +98,7 @@ class Columns:
     lookalikes: tuple[str, ...] = ()
     by_file_name: str | None = None
     written: bool = False
+    stamped: bool = False
 
     @property
     def used(self) -> list[int]:
@@ -101,8 +107,8 @@ class Columns:
         return time + [column for column, _, _ in self.axes]
 
 
-def read_header(header: str, options: RecordingOptions, file_name: str = '', split: bool = True
-                ) -> Columns:
+def read_header(header: str, options: RecordingOptions, file_name: str = '', split: bool = True,
+                stamped: bool = True) -> Columns:
     """
     Understand the header line of a file.
 
@@ -116,6 +122,8 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '', spl
         Which may tell the sensor where the line does not.
     split : bool, optional
         Whether columns of seconds and nanoseconds may be the two parts of a time.
+    stamped : bool, optional
+        Whether a column with the stamp of the messages may be preferred to other times.
 
     Raises
     ------
@@ -140,6 +148,7 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '', spl
     counted = numbered_axes([name for name, _ in plain])
     parts = (split_seconds([name for name, _ in plain])
              if split and not (headless or chosen) else None)
+    own_stamp = stamp_of_axes([name for name, _ in plain]) if stamped else None
     for column, (name, unit) in enumerate(plain):
         meaning, stated = chosen.get(column, (None, None))
         unit = stated or unit
@@ -147,10 +156,15 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '', spl
             meaning = counted.get(name) or meaning_of(name)
             # The user has named another, or two columns say it to the nanosecond.
             meaning = None if (chosen or parts) and meaning == 'time' else meaning
+            # The stamp of another message is no time of these samples.
+            meaning = None if is_stamp(name) and column != own_stamp else meaning
         if meaning == 'time':
-            if time is not None and not may_stand_beside(time_name, name):
+            has_own = own_stamp is not None and time == own_stamp
+            if not (time is None or column == own_stamp or has_own
+                    or may_stand_beside(time_name, name)):
                 raise ImuAllanError('two time columns')
-            if time is None or is_better_clock(time_name, name):
+            if time is None or column == own_stamp or (
+                    not has_own and is_better_clock(time_name, name)):
                 time, time_name, time_unit = column, name, _time_unit(name, unit)
         elif meaning in AXES:
             if meaning in axes:
@@ -185,7 +199,9 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '', spl
     missing = any(all(not axis.startswith(sensor) for axis in axes) for sensor in WORDS)
     return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
                    parts[1] if parts is not None else None, temperature, headless,
-                   tuple(lookalikes(ignored)) if missing and not chosen else (), by_file_name)
+                   tuple(lookalikes([cell for cell in ignored if not is_rest_of_imu(cell)]))
+                   if missing and not chosen else (), by_file_name,
+                   stamped=own_stamp is not None and time == own_stamp)
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:

@@ -40,6 +40,10 @@ _CLOCKS = tuple(re.compile(form) for form in (
 Names of times, the best first: of the sensor, since the beginning of the log, of the day, and
 last what an application notes when it writes a line.
 """
+_STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
+_REST_OF_IMU = re.compile(
+    r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
+    r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)')
 _LETTER = re.compile(r'(.*?)[._-]?([xyz])([._-]?axis)?')
 _SECONDS = re.compile(r'((?:.*[/._])?)(?:secs?|seconds)')
 _PARTS_OF_SECONDS = re.compile(r'((?:.*[/._])?)(?:nano_?secs?|nano_?seconds|nsecs?)')
@@ -150,21 +154,43 @@ def clock_rank(name: str) -> int | None:
     return next((rank for rank, form in enumerate(_CLOCKS) if form.fullmatch(lower)), None)
 
 
+def stamp_of_axes(names: Sequence[str]) -> int | None:
+    """
+    Find the column of the header's stamp in the message of which the first axis is a field.
+
+    Examples
+    --------
+    >>> stamp_of_axes(['__time', '/cam/header/stamp', '/imu/header/stamp',
+    ...                '/imu/angular_velocity/x'])
+    2
+
+    """
+    axis = next((name.lower() for name in names if meaning_of(name) not in (None, 'time')), '')
+    stamps = {match[1]: column for column, name in enumerate(names)
+              if (match := _STAMP.fullmatch(name.lower())) and axis.startswith(match[1])}
+    return stamps[max(stamps, key=len)] if stamps else None
+
+
+def is_stamp(name: str) -> bool:
+    """Whether a column is the header's stamp of some message."""
+    return _STAMP.fullmatch(name.lower()) is not None
+
+
+def is_rest_of_imu(cell: str) -> bool:
+    """Whether a column is another field of sensor_msgs/Imu: its header, orientation, covariance."""
+    return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
+
+
 def is_better_clock(before: str, name: str) -> bool:
     """Whether a second time column is better than the first."""
     first, second = clock_rank(before), clock_rank(name)
-    if first is not None and second is not None and first != second:
-        return second < first
-    # The header's stamp beside that of the recorder.
-    return before.startswith('%') and name.endswith('stamp')
+    return first is not None and second is not None and second < first
 
 
 def may_stand_beside(before: str, name: str) -> bool:
     """Whether a second time column may stand beside the first."""
     first, second = clock_rank(before), clock_rank(name)
-    if first is not None and second is not None and (first != second or first > 0):
-        return True
-    return is_better_clock(before, name) or before.endswith('header.stamp')
+    return first is not None and second is not None and (first != second or first > 0)
 
 
 def lookalikes(ignored: Sequence[str]) -> Iterator[str]:

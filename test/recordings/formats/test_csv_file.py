@@ -207,6 +207,13 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('__time,/gps/fix,/imu/angular_velocity/x,/imu/angular_velocity/y,/imu/angular_velocity/z,'
      '/imu/linear_acceleration/x,/imu/linear_acceleration/y,/imu/linear_acceleration/z\n'
      '1.5,,1,2,3,4,5,6\n1.75,9,,,,,,\n2.5,,1,2,3,4,5,6\n', [1_500_000_000, 2_500_000_000]),
+    ('__time,/cam/header/stamp,/imu/header/stamp,/imu/angular_velocity/x,/imu/angular_velocity/y,'
+     '/imu/angular_velocity/z,/imu/linear_acceleration/x,/imu/linear_acceleration/y,'
+     '/imu/linear_acceleration/z,/imu/orientation/x\n7,,1.5,1,2,3,4,5,6,0\n7,9,,,,,,,,\n'
+     '8,,2.5,1,2,3,4,5,6,0\n', [1_500_000_000, 2_500_000_000]),
+    ('__time,/imu/header/stamp,/imu/angular_velocity/x,/imu/angular_velocity/y,'
+     '/imu/angular_velocity/z,/imu/linear_acceleration/x,/imu/linear_acceleration/y,'
+     '/imu/linear_acceleration/z\n7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
     ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
     ('timestamp,wx,wy,wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
     ('t_us,angular_velocity.x,angular_velocity.y,angular_velocity.z,linear_acceleration.x,'
@@ -241,15 +248,19 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
      'YYYY-MO-DD HH-MI-SS_SSS\n4;5;6;1;2;3;0;250;2019-07-10 14:51:07:234\n', [250_000_000]),
     ('local_time,X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
      '1970-01-01T00:00:02.5,1,2,3,4,5,6\n', [2_500_000_000]),
-], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'short', 'omega',
+], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
+        'with stamps of zero', 'short', 'omega',
         'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments',
         'axis first', 'counted from one', 'counted from zero', 'bagpy', 'seconds in two',
         'units in names', 'sensorlog', 'androsensor', 'units alone'])
 def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     path.write_text(text)
-    messages, _ = read(path)
+    messages, remarks = read(path)
     assert messages.header_ns.tolist() == stamps
     assert messages.samples.tolist() == [[1, 2, 3, 4, 5, 6]] * len(stamps)
+    # The rest of an Imu is nobody's loss.
+    assert not any('orientation' in remark.message for remark in remarks)
+    assert 'malformed_messages' not in {remark.code for remark in remarks}
 
 
 @pytest.mark.parametrize(('header', 'factors'), [
