@@ -1,9 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""ArduPilot logs, written message by message as its LogStructure.h says; pymavlink reads along."""
+"""ArduPilot logs, written as its LogStructure.h says, and by pymavlink, which reads along."""
 
+from array import array
 from pathlib import Path
-from struct import pack
+from struct import calcsize, pack
 import subprocess
 import sys
 
@@ -50,6 +51,19 @@ def write(path: Path, messages: list[Message]) -> Path:
     return path
 
 
+def write_with_pymavlink(path: Path, messages: list[Message]) -> Path:
+    """Write the same log with pymavlink's own formats and messages."""
+    known = {name: DFReader.DFFormat(number, name, 0, form, columns)
+             for name, (number, form, columns) in FORMATS.items()}
+    known['FMT'] = DFReader.DFFormat(128, 'FMT', 89, 'BBnNZ', 'Type,Length,Name,Format,Columns')
+    described = [('FMT', (form.type, 3 + calcsize(form.msg_struct), name, form.format, ','.join(form.columns)))
+                 for name, form in known.items()]
+    path.write_bytes(b''.join(
+        DFReader.DFMessage(known[name], list(values), False, None).get_msgbuf()
+        for name, values in [*described, *messages]))
+    return path
+
+
 def imu(count: int = 300, step_us: int = 2500, number: int = 0) -> list[Message]:
     samples = np.sin(np.arange(count)[:, None] * np.arange(1, 7) + number).astype(np.float32)
     return [('IMU', (1000 + n * step_us, number, *samples[n], 0, 0, 41.5, 1, 1, 400, 400))
@@ -87,6 +101,31 @@ def test_every_bit_is_what_pymavlink_reads(tmp_path):
     assert len(expected) == len(messages) == 300
     assert messages.header_ns.tolist() == [row[0] for row in expected]
     assert messages.samples.tolist() == [list(row[1:]) for row in expected]
+
+
+def test_samples_that_pymavlink_wrote_are_read_to_the_last_bit(tmp_path):
+    path = write_with_pymavlink(tmp_path / 'a.bin', imu() + raw('GYR', 1000, 300, 0.01))
+    assert read(path, 'IMU')[0].samples.tolist() == [list(values[2:8]) for _, values in imu()]
+    log = DFReader.DFReader_binary(str(path))
+    expected = [(m.SampleUS * 1000, m.GyrX, m.GyrY, m.GyrZ) for m in iter(
+        lambda: log.recv_match(type='GYR'), None)]
+    log.close()
+    messages, _ = read(path, 'GYR')
+    assert len(expected) == 300
+    assert list(zip(messages.header_ns.tolist(), *messages.samples[:, :3].T.tolist(),
+                    strict=True)) == expected
+
+
+def test_batches_that_pymavlink_wrote_are_unrolled_to_the_last_bit(tmp_path):
+    counts = NOISE.integers(-2**15, 2**15, (32, 3, 32)).astype(np.int16)
+    messages = [('ISBH', (7, 1, 1, 0, 1024, 1024, 5_000_000, 4000.0))] + [
+        ('ISBD', (7, 1, part, *(array('h', axis.tobytes()) for axis in counts[part])))
+        for part in range(32)]
+    found, _ = read(write_with_pymavlink(tmp_path / 'a.bin', messages))
+    expected = counts.transpose(0, 2, 1).reshape(-1, 3) / 1024
+    assert found.samples[:, :3].tolist() == expected.tolist()
+    assert found.header_ns.tolist() == (5 * 10**9 + 250_000 * np.arange(1024)).tolist()
+    assert found.absent.all(axis=0).tolist() == [False, True]
 
 
 def test_the_temperature_of_its_imu_is_taken_for_raw_samples(tmp_path):
