@@ -175,7 +175,7 @@ def _tell_others(recording: Recording) -> None:
         recording.remark(
             'chosen_topic',
             f'of {len(recording.topics)} IMU topics {" and ".join(map(printable, chosen))} '
-            f'{"is" if len(chosen) == 1 else "are"} read, with the highest rate; '
+            f'{"is" if len(chosen) == 1 else "are"} read, {recording.preferred_for}; '
             f'--topic, or --gyro-topic and --accel-topic, choose among '
             f'{", ".join(map(printable, others))}')
 

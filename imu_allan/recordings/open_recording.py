@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opening a recording by what it is, whatever its name."""
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +31,7 @@ def open_recording(
     ----------
     path : path-like
         A rosbag2 directory, a .mcap or .db3 file (also compressed as a whole with zstd), a ROS 1
-        .bag, a PX4 .ulg, an ArduPilot .bin, or a CSV file.
+        .bag, a PX4 .ulg, an ArduPilot .bin, a CSV file, or a folder with one for each sensor.
     rate_hz : float, optional
         Sample rate in Hz of a CSV file without a time column.
     options : RecordingOptions, optional
@@ -56,6 +57,10 @@ def open_recording(
             for name in ('result.json', 'fleet.json'):
                 if (path / name).is_file() and not holds_recording(path):
                     raise _result_given(path, path / name)
+            if not holds_recording(path):
+                from imu_allan.recordings.formats.table_folder import TableFolder
+                with suppress(ImuAllanError):
+                    return TableFolder(path, options)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)
         head = read_head(path)

@@ -83,6 +83,8 @@ class Recording(ABC):
     preferred : tuple of str
         The topic, or gyroscope and accelerometer, that is read where none is named; empty where
         the user is asked.
+    preferred_for : str
+        Why, for the user who might prefer another.
     size_bytes : int
         Bytes that `decoded` goes through, for progress.
     remarks : list of Remark
@@ -104,6 +106,7 @@ class Recording(ABC):
         self.other_topics: dict[str, str] = {}
         self.reasons: dict[str, str] = {}
         self.preferred: tuple[str, ...] = ()
+        self.preferred_for = 'with the highest rate'
         self.size_bytes = 0
         self.remarks: list[Remark] = []
         self._withheld: dict[str, set[str]] = {}

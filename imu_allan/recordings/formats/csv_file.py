@@ -91,6 +91,11 @@ class CsvRecording(FileRecording):
             self.thermometers = [
                 ImuTopic(f'{TOPIC}:{options.temperature or "temperature"}', None)]
 
+    @property
+    def sensors(self) -> list[str]:
+        """Which sensors have columns in it: 'gyro', 'accel' or both."""
+        return sorted({'gyro' if axis < 3 else 'accel' for _, axis, _ in self._columns.axes})
+
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""
         columns = self._columns
@@ -322,9 +327,9 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
         # Of a total, the first second looks like nanoseconds since a whole one.
         timely &= (np.floor(times) == times) & ~((table[:, 1] < 0) | (table[:, 1] >= 1e9))
     with_numbers = 1 if columns.nanoseconds is None else 2
-    some = np.ones(len(table), np.bool_)
+    some = np.ones_like(timely)
     if columns.ignored:
-        some = ~np.isnan(table[:, with_numbers:]).all(axis=1)
+        some &= ~np.isnan(table[:, with_numbers:]).all(axis=1)
     if not timely.all():
         # A row without any number may have no time of this topic either.
         bad = sorted([*bad, *places[some & ~timely].tolist()])

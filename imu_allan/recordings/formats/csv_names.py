@@ -177,7 +177,7 @@ def is_stamp(name: str) -> bool:
 
 
 def is_rest_of_imu(cell: str) -> bool:
-    """Whether a column is another field of sensor_msgs/Imu: its header, orientation, covariance."""
+    """Whether a column is another field of an Imu: its header, orientation or a covariance."""
     return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
 
 

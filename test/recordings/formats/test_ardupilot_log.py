@@ -56,8 +56,8 @@ def write_with_pymavlink(path: Path, messages: list[Message]) -> Path:
     known = {name: DFReader.DFFormat(number, name, 0, form, columns)
              for name, (number, form, columns) in FORMATS.items()}
     known['FMT'] = DFReader.DFFormat(128, 'FMT', 89, 'BBnNZ', 'Type,Length,Name,Format,Columns')
-    described = [('FMT', (form.type, 3 + calcsize(form.msg_struct), name, form.format, ','.join(form.columns)))
-                 for name, form in known.items()]
+    described = [('FMT', (form.type, 3 + calcsize(form.msg_struct), name, form.format,
+                          ','.join(form.columns))) for name, form in known.items()]
     path.write_bytes(b''.join(
         DFReader.DFMessage(known[name], list(values), False, None).get_msgbuf()
         for name, values in [*described, *messages]))
