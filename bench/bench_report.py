@@ -1,15 +1,18 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Wall time of a small recording from start to end, with result, configurations, pictures and page.
+Time of a small recording from start to end, with result, configurations, pictures and page.
 
 The command is started as a user starts it, interpreter and imports included; what it takes without
-`--output` stands beside it, so that the share of the pictures can be seen in the same run.
+`--output` stands beside it, so that the share of the pictures can be seen in the same run. The
+processor time of all its processes is what other work on the computer changes least; of the wall
+time the least is nearest to that of an idle one.
 
     python bench/bench_report.py [--repeats 5]
 """
 
 import argparse
+import os
 from pathlib import Path
 from statistics import median
 import subprocess
@@ -21,11 +24,13 @@ ROOT = Path(__file__).resolve().parents[1]
 COMMAND = [sys.executable, '-m', 'imu_allan']
 
 
-def seconds(*arguments: str) -> float:
-    """Return how long a command takes."""
-    begin = time.perf_counter()
+def seconds(*arguments: str) -> tuple[float, float]:
+    """Return how long a command takes, and the processor time of it and its children."""
+    begin, before = time.perf_counter(), os.times()
     subprocess.run([*COMMAND, *arguments], check=True, stdout=subprocess.DEVNULL)
-    return time.perf_counter() - begin
+    after = os.times()
+    return time.perf_counter() - begin, (after.children_user + after.children_system
+                                         - before.children_user - before.children_system)
 
 
 def main() -> None:
@@ -42,10 +47,12 @@ def main() -> None:
         for _ in range(args.repeats):
             table.append(seconds('analyze', recording))
             whole.append(seconds('analyze', recording, '--output', str(Path(folder) / 'out')))
-    print('60,000 samples at 100 Hz, from start to end:')
-    print(f'  table alone                       {median(table):.2f} s')
-    print(f'  with pictures, page and all files {median(whole):.2f} s '
-          f'(pictures and page {median(whole) - median(table):.2f} s)')
+    print('60,000 samples at 100 Hz, from start to end: wall time, least and median; processor')
+    for what, runs in (('table alone', table), ('with pictures, page and all files', whole)):
+        wall, processor = zip(*runs, strict=True)
+        print(f'  {what:<33} {min(wall):.2f} s  {median(wall):.2f} s  {median(processor):.2f} s')
+    ratio = median(p for _, p in whole) / median(p for _, p in table)
+    print(f'  processor time with pictures and page: {ratio:.2f} of that of the table')
 
 
 if __name__ == '__main__':

@@ -60,17 +60,41 @@ def bounded(bound: float, symbol: str = '') -> str:
     Parameters
     ----------
     bound : float
-        In any unit; three significant digits of it are told.
+        In any unit; three significant digits of it are told, zeros as well.
     symbol : str, optional
         Of the coefficient: the ramp R has a sign, and the bound is one of its size.
 
     Examples
     --------
-    >>> bounded(52071.3, 'R'), bounded(0.0372, 'K')
-    ('|R| < 52100', '< 0.0372')
+    >>> bounded(52071.3, 'R'), bounded(0.0372, 'K'), bounded(47.96, 'K')
+    ('|R| < 52100', '< 0.0372', '< 48.0')
 
     """
-    return f'{"|R| " if symbol == "R" else ""}< {number(float(f"{bound:.2e}"), 3)}'
+    return f'{"|R| " if symbol == "R" else ""}< {rounded(bound)}'
+
+
+def rounded(value: float, digits: int = 3) -> str:
+    """
+    Return a number in so many significant digits, zeros at its end as well.
+
+    Parameters
+    ----------
+    value : float
+        In any unit.
+    digits : int, optional
+        From two to six.
+
+    Examples
+    --------
+    >>> rounded(0.53), rounded(149.96), rounded(99.96), rounded(5.3e-7)
+    ('0.530', '150', '100', '5.30e-07')
+
+    """
+    # Rounding may carry: 99.96 to three digits is 100.
+    shown = float(f'{value:.{digits - 1}e}')
+    if shown == 0 or not isfinite(shown):
+        return number(shown)
+    return _rounded(shown, floor(log10(abs(shown))) - digits + 1)
 
 
 def measured(value: float, low: float, high: float) -> tuple[str, str, str]:
@@ -152,15 +176,16 @@ def duration(seconds: float) -> str:
 
 def about(seconds: float) -> str:
     """
-    Return a length of time to two digits.
+    Return a length of time to two digits of the unit it is said in.
 
     Examples
     --------
-    >>> about(1215.0)
-    '20 min'
+    >>> [about(seconds) for seconds in (0.123, 1215.0, 7900.0, 156_300.0)]
+    ['120 ms', '20 min', '2 h 12 min', '43 h']
 
     """
-    return duration(float(f'{seconds:.2g}'))
+    size = 3600.0 if round(seconds) >= 7200 else 60.0 if round(seconds) >= 120 else 1.0
+    return duration(float(f'{seconds / size:.2g}') * size)
 
 
 def counted(count: int, one: str, many: str | None = None) -> str:

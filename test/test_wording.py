@@ -24,7 +24,8 @@ def test_numbers_without_an_interval_have_four_significant_digits(value, text):
 
 
 @pytest.mark.parametrize(('bound', 'symbol', 'text'), [
-    (52071.3, 'R', '|R| < 52100'), (0.03718, 'K', '< 0.0372'), (99.96, '', '< 100')])
+    (52071.3, 'R', '|R| < 52100'), (0.03718, 'K', '< 0.0372'), (99.96, '', '< 100'),
+    (47.96, 'K', '< 48.0'), (0.9801, 'B', '< 0.980'), (1.2345e-7, 'Q', '< 1.23e-07')])
 def test_a_bound_is_told_in_three_digits_and_that_of_the_ramp_for_either_sign(bound, symbol, text):
     assert bounded(bound, symbol) == text
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import imu_allan
 from imu_allan.noise.terms import AXES
 from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.figure_style import COLOURS, DASHES, empty_figure, MARKERS, plot_style
 from imu_allan.writers.plot import render
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -155,24 +156,33 @@ def run(rates: Array, densities: Densities, seed: int) -> tuple[Array, Array]:
 
 def figure(found: Mapping[str, tuple[Array, Array]]) -> Figure:
     """Draw NEES over the outage and NIS of the fixes, for each way to feed the filter."""
-    drawn = Figure(figsize=(9, 3.8), layout='constrained')
-    left, right = drawn.subplots(1, 2, width_ratios=[2, 1])
-    for name, (nees, _) in found.items():
-        left.plot(np.arange(1, OUTAGE_S + 1), nees.mean(axis=0), label=name)
-    left.axhline(1, color='0.5', linewidth=0.8)
-    left.set(yscale='log', xlabel='seconds without a fix', ylabel='NEES of the position / 3',
-             title='outages: 1 is right, above 1 overconfident')
-    left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
-    left.yaxis.set_minor_formatter(NullFormatter())
-    left.legend()
-    # The colours of the lines.
-    right.bar(list(found), [float(nis.mean()) for _, nis in found.values()],
-              color=[line.get_color() for line in left.lines[:len(found)]])
-    right.axhline(1, color='0.5', linewidth=0.8)
-    right.set(ylabel='NIS of the fixes / 3', title='while corrected')
-    right.tick_params(axis='x', rotation=20)
-    return drawn
+    looks = [(COLOURS['light'][letter], DASHES[letter], MARKERS[letter]) for letter in 'xzy']
+    with plot_style():
+        drawn = empty_figure(9, 3.8)
+        drawn.set_layout_engine('constrained')
+        left, right = drawn.subplots(1, 2, width_ratios=[2, 1])
+        seconds = np.arange(1, OUTAGE_S + 1)
+        for (name, (nees, nis)), (colour, dashes, marker) in zip(found.items(), looks,
+                                                                 strict=True):
+            mean = nees.mean(axis=0)
+            left.plot(seconds, mean, color=colour, linestyle=dashes, linewidth=1.8)
+            left.plot(seconds[9::10], mean[9::10], marker, color=colour, markersize=5)
+            left.annotate(name, (seconds[-1], mean[-1]), xytext=(7, 0), color=colour, va='center',
+                          textcoords='offset points', fontweight='bold')
+            right.plot([float(nis.mean())], [name], marker, color=colour, markersize=8)
+        left.axhline(1, color=COLOURS['light']['ink'], linewidth=0.8)
+        left.set(yscale='log', xlim=(0, OUTAGE_S * 1.35), xticks=range(0, OUTAGE_S + 1, 10),
+                 xlabel='seconds without a fix', ylabel='NEES of the position / 3')
+        left.set_title('outages: 1 is right, above 1 overconfident', loc='left')
+        left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+        left.yaxis.set_minor_formatter(NullFormatter())
+        right.axvline(1, color=COLOURS['light']['ink'], linewidth=0.8)
+        right.set(xlabel='NIS of the fixes / 3', xlim=(0.7, 1.3), ylim=(2.5, -0.5))
+        right.set_title('while corrected', loc='left')
+        for panel in (left, right):
+            panel.grid(True)
+        return drawn
 
 
 def main() -> int:

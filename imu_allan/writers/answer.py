@@ -9,13 +9,14 @@ same.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import pi
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.result import AxisResult, Coefficient, Result
+from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.wording import bounded, measured, number, SENSORS
+from imu_allan.wording import bounded, listed, measured, number, SENSORS
 
 AIDING_S = 0.1
 """A camera or a wheel of 10 Hz corrects the filter."""
@@ -86,7 +87,8 @@ class Answer:
     ----------
     sensor, title : str
     word : str
-        The worst that is to be said of its noise and its drift.
+        The worst that is to be said of its noise and its drift; where some axes do not measure,
+        which and why: ``z constant``.
     noise, drift : Figure or None
         N and K of the worst axis.
     tuned : Tuned or None
@@ -94,6 +96,8 @@ class Answer:
     forecast : str
         How far off it is after `COAST_S` without correction, its bias averaged over
         `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
+    forecast_interval : str
+        Of an accelerometer that of the position.
     extrapolated : bool
         Whether `COAST_S` is beyond what the recording knows: the model goes further than it saw.
 
@@ -106,6 +110,7 @@ class Answer:
     drift: Figure | None
     tuned: Tuned | None
     forecast: str
+    forecast_interval: str = ''
     extrapolated: bool = False
 
 
@@ -125,7 +130,7 @@ def answers(result: Result) -> list[Answer]:
         if axes:
             noise, drift = (_figure(axes, key) for key in ('noise_density', 'rate_random_walk'))
             found.append(Answer(sensor, title, _overall(axes, noise), noise, drift,
-                                _tuned(axes), _forecast(sensor, axes),
+                                _tuned(axes), *_forecast(sensor, axes),
                                 _beyond_what_is_known(axes)))
     return found
 
@@ -160,9 +165,14 @@ def word_of(axis: AxisResult) -> str:
 
 def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
     words = {word_of(axis) for axis in axes.values()}
+    faults = [axis.fault for axis in axes.values()]
+    if any(faults) and words != {CONSTANT}:
+        first = next(fault for fault in faults if fault is not None)
+        letters = listed([name[-1] for name, axis in axes.items() if axis.fault == first])
+        return f'{letters} {first}'
     if words == {CONSTANT} or noise is None:
         return CONSTANT if words == {CONSTANT} else UNKNOWN
-    return next(word for word in (UNKNOWN, MISFIT, WARMING, UNSTEADY, CONSTANT, FITS, STEADY)
+    return next(word for word in (UNKNOWN, MISFIT, WARMING, UNSTEADY, FITS, STEADY)
                 if word in words)
 
 
@@ -224,29 +234,36 @@ def _tuned(axes: Mapping[str, AxisResult]) -> Tuned | None:
                  f'{max(t.random_walk or 0.0 for t in tunings.values()):#.3g}', units, tunings)
 
 
-def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> str:
-    """Write what integrating the worst axis comes to."""
-    angles, positions = [], []
+def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
+    """Write what integrating the worst axis comes to, and between what that lies."""
+    found = []
     for axis in axes.values():
         if axis.drift_model is None or axis.constant:
             continue
         try:
-            drift = predicted_drift(axis, (COAST_S,), CALIBRATION_S)
+            found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
         except ImuAllanError:
             continue
-        angles.append(drift.integral[0])
-        positions += list(drift.position or ())
-    if not angles:
-        return ''
+    if not found:
+        return '', ''
+    angle = max(found, key=lambda drift: drift.integral[0])
     if sensor == 'gyro':
-        return _with_unit(convert(max(angles), 'rad', 'deg'), (('deg', 1.0),))
-    speed = _with_unit(max(angles), (('m/s', 1.0), ('cm/s', 100.0), ('mm/s', 1000.0)))
-    place = _with_unit(max(positions), (('km', 1e-3), ('m', 1.0), ('cm', 100.0), ('mm', 1000.0)))
-    return f'{place} ({speed})'
+        degrees = (('deg', 180 / pi),)
+        return _with_unit(angle.integral[0], angle.integral_ci95[0], degrees)
+    place = max(found, key=lambda drift: drift.position or (0.0,))
+    if place.position is None or place.position_ci95 is None:
+        return '', ''
+    speed, _ = _with_unit(angle.integral[0], angle.integral_ci95[0],
+                          (('m/s', 1.0), ('cm/s', 100.0), ('mm/s', 1000.0)))
+    text, interval = _with_unit(place.position[0], place.position_ci95[0],
+                                (('km', 1e-3), ('m', 1.0), ('cm', 100.0), ('mm', 1000.0)))
+    return f'{text} ({speed})', interval
 
 
-def _with_unit(value: float, units: tuple[tuple[str, float], ...]) -> str:
+def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float], ...]
+               ) -> tuple[str, str]:
     """Write a standard deviation in the largest unit in which it is one at least."""
     unit, factor = next((pair for pair in units if float(number(value * pair[1], 2)) >= 1),
                         units[-1])
-    return f'{number(value * factor, 2)} {unit}'
+    text, low, high = measured(*(factor * v for v in (value, *interval)))
+    return f'{text} {unit}', f'{low} .. {high} {unit}'

@@ -25,6 +25,8 @@ _FINE, _BETWEEN = 161, 8
 _LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
 _BAND = 0.25
 """Octaves: 80 points in all; half as wide scatters 1.4 times as much, twice hides a hump."""
+_MARKED = 8
+"""Marks on the curve of an axis: those of three stand apart in a phone's width, too."""
 
 
 def sensors_of(result: Result) -> list[str]:
@@ -277,6 +279,30 @@ def wander(axis: AxisResult) -> tuple[Array, Array]:
     if not np.isfinite(mean).any():
         return np.zeros(0), np.zeros(0)
     return time, np.asarray(mean - np.nanmean(mean))
+
+
+def marked(mean: Array, place: int) -> NDArray[np.intp]:
+    """
+    Choose where the curve of a mean has the mark of its axis, for what colour does not tell.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (n,)
+        NaN where there is none.
+    place : int
+        Of the axis among those in the same picture: the marks of one lie between those of others.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Indices, m at most `_MARKED`.
+
+    """
+    known = np.flatnonzero(np.isfinite(mean))
+    if not len(known):
+        return known
+    share = (np.arange(_MARKED) + (place + 0.5) / 3) / _MARKED
+    return np.unique(known[(share * len(known)).astype(int)])
 
 
 def time_unit(length_s: float) -> tuple[float, str]:

@@ -16,7 +16,7 @@ from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import counted, duration, listed, named, number, spoken
+from imu_allan.wording import about, counted, listed, named, number, spoken
 
 TITLES = {
     'axis_absent_in_part': 'absent in part', 'axis_late_start': 'late axis',
@@ -135,10 +135,10 @@ def outlook_of(result: Result) -> str:
             if coefficient.observable_in_s:
                 waiting.setdefault(coefficient.symbol, []).append(
                     (coefficient.observable_in_s, name))
-    parts = [f'all intervals half as wide after another {duration(max(halves))}'] if halves else []
+    parts = [f'all intervals half as wide after another {about(max(halves))}'] if halves else []
     if waiting:
         first = {symbol: min(times) for symbol, times in waiting.items()}
-        parts.append(listed([f'{symbol} of {named([name])} after {duration(wait)}'
+        parts.append(listed([f'{symbol} of {named([name])} after {about(wait)}'
                              for symbol, (wait, name) in first.items()]) + ' at the earliest')
     return f'Recording on: {"; ".join(parts)}.' if parts else ''
 

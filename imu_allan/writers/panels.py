@@ -19,6 +19,7 @@ from imu_allan.writers.curves import (
     coefficients_of,
     few_degrees,
     in_bands,
+    marked,
     model_curve,
     model_density,
     reading_point,
@@ -27,7 +28,7 @@ from imu_allan.writers.curves import (
     wander,
     written,
 )
-from imu_allan.writers.figure_style import COLOURS, Theme
+from imu_allan.writers.figure_style import COLOURS, MARKERS, Theme
 from imu_allan.writers.frames import write_in_a_row
 from imu_allan.writers.label_places import best_place, Box, LETTER
 from imu_allan.writers.svg import FONT
@@ -295,9 +296,13 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
     if any(len(time) for time, _ in moved.values()):
         quantity = AXES[next(iter(axes))].unit
         shown = MEAN_UNITS[quantity]
-        for name, (time, mean) in moved.items():
+        for place, (name, (time, mean)) in enumerate(moved.items()):
             panel.plot(time / scale, mean * convert(1.0, quantity, shown), linewidth=0.8,
                        color=colours[name[-1]])
+            at = marked(mean, place)
+            panel.plot(time[at] / scale, mean[at] * convert(1.0, quantity, shown),
+                       MARKERS[name[-1]], color=colours[name[-1]], markersize=4.6, zorder=3,
+                       markeredgewidth=0.6, markeredgecolor=colours['paper'])
         panel.grid(True)
         panel.locator_params(axis='y', nbins=4)
         parts = [(f'mean of each stretch less the mean of all [{typeset(shown)}]',

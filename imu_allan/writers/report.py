@@ -18,12 +18,11 @@ from importlib.resources import files
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.characterization.mean import error_of_mean
+from imu_allan.characterization.mean import recorded_s
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Segment, Span
-from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
+from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import (
     amount_of,
@@ -61,6 +60,7 @@ from imu_allan.writers.comparison import compare, Difference, shown
 from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.grouped_remarks import count_of, grouped, outlook_of
+from imu_allan.writers.means import written_mean
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -184,7 +184,9 @@ def _card(answer: Answer) -> dict[str, Any]:
         'tuned': [] if tuned is None else [
             ('N', tuned.noise_density, typeset(tuned.units[0])),
             ('K', tuned.random_walk, typeset(tuned.units[1]))],
-        'forecast': answer.forecast.replace(' deg', '°'), 'extrapolated': answer.extrapolated,
+        'forecast': answer.forecast.replace(' deg', '°'),
+        'between': answer.forecast_interval.replace(' .. ', ' – ').replace(' deg', '°'),
+        'extrapolated': answer.extrapolated,
         'sensor': 'gyroscope' if answer.sensor == 'gyro' else 'accelerometer'}
 
 
@@ -233,9 +235,9 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
             'shown': any(axis.coefficients[key].observable for axis in axes.values()),
             'cells': [_cell(axis.coefficients[key]) for axis in axes.values()]})
     unit = MEAN_UNITS[quantity.unit]
-    means = [None if axis.mean is None else
-             (number(convert(axis.mean, axis.unit, unit)), number(axis.mean))
-             for axis in axes.values()]
+    means = [None if axis.mean is None else tuple(
+        written_mean(axis, axis.mean, recorded_s(result), shown)[0]
+        for shown in (unit, axis.unit)) for axis in axes.values()]
     return {'title': SENSORS[sensor], 'axes': [name[-1] for name in axes], 'rows': rows,
             'means': means if any(means) else [], 'mean_unit': typeset(unit),
             'mean_si_unit': typeset(quantity.unit), 'dead': dead}
@@ -289,15 +291,12 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
     for name, stationarity in known.items():
         for place, segment in enumerate(stationarity.segments):
             density, interval, spread, drift, around = '', '', '', '', ''
-            mean = number(convert(segment.mean, axis.unit, mean_unit), 5)
+            mean, *bounds = written_mean(axes[name], segment.mean, segment.duration_s, mean_unit)
             if segment.noise_density is not None and segment.ci95 is not None:
+                spread = ' – '.join(bounds)
                 density, *bounds = measured(*(engineering(v, n_unit)[0] for v in (
                     segment.noise_density, *segment.ci95)))
                 interval = ' – '.join(bounds)
-                half = NORMAL95 * error_of_mean(axes[name], segment.duration_s)
-                mean, *bounds = measured(*(convert(v, axis.unit, mean_unit) for v in (
-                    segment.mean, segment.mean - half, segment.mean + half)))
-                spread = ' – '.join(bounds)
             if segment.drift_sigma is not None:
                 drift, around = _drift_of(segment, axis.unit)
             rows.append({

@@ -12,10 +12,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TextIO, TYPE_CHECKING
 
+from imu_allan.characterization.mean import recorded_s
 from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
-from imu_allan.sensor.units import convert, engineering, MEAN_UNITS
+from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.wording import (
     amount_of,
     bounded,
@@ -23,7 +24,6 @@ from imu_allan.wording import (
     faults_of,
     measured,
     names_of,
-    number,
 )
 from imu_allan.writers.answer import (
     AIDING_S,
@@ -34,6 +34,7 @@ from imu_allan.writers.answer import (
     GOOD,
 )
 from imu_allan.writers.grouped_remarks import grouped, outlook_of
+from imu_allan.writers.means import written_mean
 from imu_allan.writers.terminal import console_of
 
 if TYPE_CHECKING:
@@ -107,11 +108,11 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     for answer in found:
         axes = {name: result.axes[name] for name in AXES
                 if name.startswith(answer.sensor) and name in result.axes}
-        rows = list(_rows(axes, units, verbose=verbose))
+        rows = list(_rows(axes, units, recorded_s(result), verbose=verbose))
         columns = _column_widths(rows)
         parts += [Text(), *answer_lines(answer, width)]
         parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)
-    parts += [Text(), *_notes(result, tuned=any(answer.tuned for answer in found)),
+    parts += [Text(), *_notes(result, found),
               *_remarks(result, None if verbose else width)]
     return Group(*parts)
 
@@ -146,8 +147,14 @@ def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
                   f'{figure.symbol} {figure.si_value} {figure.si_unit}')
                  for figure in (answer.noise, answer.drift) if figure is not None]
     if answer.forecast:
-        doubt = ', beyond what this recording knows' if answer.extrapolated else ''
-        rows.append((f'alone {duration(COAST_S)}', f'off by {answer.forecast}{doubt}'))
+        off = [f'off by {answer.forecast}']
+        if answer.forecast_interval:
+            off.append(f'95 %: {answer.forecast_interval}')
+        beside = ', '.join(off)
+        rows += zip((f'alone {duration(COAST_S)}', ''),
+                    [beside] if _HEAD + len(beside) <= width else off, strict=False)
+        if answer.extrapolated:
+            rows.append(('', 'beyond what this recording knows'))
     return [head, *(Text(f'  {name:<{_HEAD - 2}}{text}') for name, text in rows)]
 
 
@@ -184,7 +191,8 @@ class _Row:
         return f'{self.label}\n  {self.unit}' if tall or len(beside) > _LONGEST_HEAD else beside
 
 
-def _rows(axes: Mapping[str, AxisResult], units: Units, *, verbose: bool) -> Iterator[_Row]:
+def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verbose: bool
+          ) -> Iterator[_Row]:
     from rich.text import Text
 
     quantity = AXES[next(iter(axes))]
@@ -203,8 +211,9 @@ def _rows(axes: Mapping[str, AxisResult], units: Units, *, verbose: bool) -> Ite
     if any(axis.mean is not None for axis in axes.values()):
         unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
         yield _Row('mean', unit, {
-            name: Text('' if axis.mean is None else number(convert(axis.mean, axis.unit, unit)),
-                       style='dim') for name, axis in axes.items()}, dim=True)
+            name: Text('' if axis.mean is None else
+                       written_mean(axis, axis.mean, recorded, unit)[0], style='dim')
+            for name, axis in axes.items()}, dim=True)
 
 
 def _column_widths(rows: Sequence[_Row]) -> list[int]:
@@ -272,14 +281,16 @@ def _cell(coefficient: Coefficient, units: Units) -> 'Text':
     return Text(bounded(shown(coefficient.upper95), coefficient.symbol), style='dim')
 
 
-def _notes(result: Result, *, tuned: bool) -> 'Iterator[Text]':
+def _notes(result: Result, found: Sequence[Answer]) -> 'Iterator[Text]':
     from rich.text import Text
 
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
     words = []
-    if tuned:
+    if any(answer.tuned for answer in found):
         words.append(f'"for a filter": corrected every {AIDING_S:g} s, alone up to '
                      f'{duration(COAST_S)}; else: imu_allan tune.')
+    if any(answer.forecast for answer in found):
+        words.append('"off by": one standard deviation.')
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
     if longer := outlook_of(result):

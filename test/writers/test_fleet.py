@@ -8,7 +8,7 @@ from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
-from imu_allan.writers.fleet.figure import curves_figure
+from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import sentence
 from imu_allan.writers.fleet.page import fleet_html
 from imu_allan.writers.fleet.table import cells
@@ -29,7 +29,7 @@ def fleet(make_result):
 
 @pytest.mark.parametrize(('oddity', 'words'), [
     (Oddity('u', 'gyro_y', 'noise_density', None, 2e-4, 1e-4, 9.31),
-     'gyro_y angle random walk 0.6875 deg/sqrt(h): 2 times the median of the others, '
+     'gyro_y angle random walk 0.6875 deg/sqrt(h): 2.00 times the median of the others, '
      '9.3 spreads away'),
     (Oddity('u', 'gyro_y', 'mean', None, 1e-3, 1e-4, -4.0),
      'gyro_y zero bias 206.3 deg/h: the mean of the others is 20.63, 4.0 spreads away'),
@@ -133,3 +133,15 @@ def test_a_page_of_forty_units_can_be_read(make_result, tmp_path, browser, dark)
         assert 'SN1017' in browser.run('return document.body.innerText')
     # The population, two pictures that are cut nowhere, the table of units.
     assert pages_in_print(page, browser) == 4
+
+
+def test_a_unit_is_named_where_it_sticks_out_and_not_among_the_dots_of_others(fleet):
+    alike = dict(fleet.results)
+    usual, odd = alike['unit1'], alike['unit5']
+    # Of gyro x alone.
+    alike['unit5'] = replace(usual, axes={**usual.axes, 'gyro_x': odd.axes['gyro_x']})
+    figure = units_figure(Fleet(alike))
+    named = [panel.get_title(loc='left') for panel in figure.axes
+             if 'unit5' in {text.get_text() for text in panel.texts}]
+    assert 'N gyro x' in named
+    assert all(title.endswith('gyro x') for title in named)

@@ -380,3 +380,13 @@ def test_a_paper_s_figure_of_constant_axes_is_one_line(result, make_axis):
     with pytest.raises(ImuAllanError, match='no axis of the result has an Allan deviation'):
         plot.paper_figure(replace(result, axes={'gyro_x': make_axis('gyro_x', {}, curve=flat)}),
                           8.5)
+
+
+def test_the_courses_of_the_means_are_told_apart_without_colour(filtered):
+    figure = plot.overview_figure(filtered)
+    strip = figure.axes[-1]
+    marks = [line for line in strip.lines if line.get_linestyle() == 'None']
+    assert [line.get_marker() for line in marks] == ['o', 's', '^']
+    places = [set(line.get_xdata()) for line in marks]
+    assert all(len(one) == 8 for one in places)
+    assert len(set.union(*places)) == 24

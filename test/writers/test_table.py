@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 
-from imu_allan.result import Curve, Remark, Source
+from imu_allan.result import Curve, Remark, Source, Span
 from imu_allan.writers.grouped_remarks import told_once
 from imu_allan.writers.table import print_result
 import pytest
@@ -53,7 +53,8 @@ def test_si_units_hold_for_the_mean_too(result):
     text = printed(result, units='si')
     assert lines_of(text, 'rad/s/sqrt(Hz)')[0].split()[:4] == [
         'rad/s/sqrt(Hz)', '0.0006986', '..', '0.0007014']
-    assert lines_of(text, 'mean')[0].split() == ['mean', 'rad/s', '0.01', '0.01', '0.01']
+    assert lines_of(text, 'mean')[0].split() == [
+        'mean', 'rad/s', '0.0100', '0.0100', '0.01000']
 
 
 def test_what_is_not_observable_shows_its_bound(result):
@@ -76,8 +77,8 @@ def test_a_forecast_longer_than_the_recording_says_so(filtered):
     short = replace(filtered, axes={
         name: replace(axis, drift_model=replace(axis.drift_model, to_s=30.0))
         for name, axis in filtered.axes.items()})
-    assert re.search(r'  alone 60 s    off by [\d.]+ deg, beyond what this recording knows\n',
-                     printed(short))
+    assert re.search(r'  alone 60 s    off by [\d.]+ deg, 95 %: [\d.]+ .. [\d.]+ deg\n'
+                     r' {16}beyond what this recording knows\n', printed(short))
     assert 'beyond what this recording knows' not in printed(filtered)
 
 
@@ -90,6 +91,23 @@ def test_a_constant_sensor_says_so_and_has_no_empty_rows(make_axis, make_result)
     text = printed(make_result(axes={'gyro_x': axis}, warnings=()))
     assert text.splitlines()[3:6] == ['Gyroscope: constant', '                 x',
                                       'mean  deg/s  0.573']
+
+
+def test_an_axis_that_does_not_measure_is_named_in_the_answer(filtered):
+    axes = dict(filtered.axes)
+    flat = replace(axes['gyro_z'].curve, adev=(0.0,) * len(axes['gyro_z'].curve.adev))
+    axes['gyro_z'] = replace(axes['gyro_z'], curve=flat)
+    axes['accel_x'] = replace(axes['accel_x'], stood_still=Span(100.0, 50.0))
+    text = printed(replace(filtered, axes=axes))
+    assert lines_of(text, 'Gyroscope') == ['Gyroscope: z constant']
+    assert lines_of(text, 'Accelerometer') == ['Accelerometer: x dead']
+
+
+def test_the_mean_has_the_digits_that_its_error_leaves(result):
+    # The Allan deviation at three hours is 2.5e-4 rad/s with K, 0.8e-4 without.
+    axes = {name: replace(result.axes[name], mean=1.23456789) for name in ('gyro_x', 'gyro_z')}
+    text = printed(replace(result, axes=axes), units='si')
+    assert lines_of(text, 'mean')[0].split() == ['mean', 'rad/s', '1.2346', '1.23457']
 
 
 @pytest.mark.parametrize('width', [60, 80, 100, 200])

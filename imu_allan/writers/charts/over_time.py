@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from imu_allan.result import AxisResult, Result, Span, Timeline
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
-from imu_allan.wording import duration, measured, SENSORS
+from imu_allan.wording import duration, measured, number, SENSORS
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, padded, shape_of
-from imu_allan.writers.curves import time_unit, wander
+from imu_allan.writers.curves import marked, time_unit, wander
 from imu_allan.writers.svg import Drawing, group, Panel
 import numpy as np
 from numpy.typing import NDArray
@@ -61,9 +61,14 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         _shade(main, result.timeline, scale, known)
         main.frame('', f'mean of each stretch less the mean of all [{typeset(shown)}]',
                    x_labels=False, most_y=6)
-        drawing.add(main, [group(name[-1], f'axis-{name[-1]}', [
-            main.line(time / scale, mean * factor, 'curve')])
-            for name, axis in known.items() for time, mean in [wander(axis)]])
+        courses = [(name[-1], *wander(axis)) for name, axis in known.items()]
+        lines = [group(letter, f'axis-{letter}', [main.line(time / scale, mean * factor, 'curve')])
+                 for letter, time, mean in courses]
+        # Over all of the lines.
+        marks = [group(letter, f'axis-{letter}', [
+            _marks(main, letter, time, mean * factor, marked(mean, place), scale)])
+            for place, (letter, time, mean) in enumerate(courses)]
+        drawing.add(main, [*lines, *marks])
         drawing.text(left - 50, split + 18, f'lowest and highest sample [{typeset(shown)}]',
                      'title')
         for place, (tag, kind, signal, times) in enumerate(extents):
@@ -80,7 +85,11 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
             shape = part.line(time, (low + high) / 2, 'curve') if signal is warmth else \
                 part.band(time, low, high, 'extent')
             drawing.add(part, [group(tag, kind, [shape])])
-            drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
+            if signal is warmth:
+                drawing.text(right - 4, y0 + 14, tag, f'tag {kind}', 'end')
+            else:
+                # On the paper: on the band of its own colour it would hardly be seen.
+                drawing.text(right + 4, y0 + strip / 2 - 1, tag, f'tag {kind}')
 
     name = f'{sensor}-signal'
     text = ('Mean and extremes of equal stretches of the recording. A drift, a warm-up or a knock '
@@ -94,6 +103,14 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     return Chart(name, f'{SENSORS[sensor]}: the signal', ' '.join([text, *shades]),
                  both(name, f'{SENSORS[sensor]}: mean and extremes over time', height,
                        draw, height), groups_of(known))
+
+
+def _marks(panel: Panel, letter: str, time_s: Array, mean: Array, at: NDArray[np.intp],
+           scale: float) -> str:
+    """Draw the mark of an axis here and there on its curve: in grey colours are alike."""
+    return panel.points(time_s[at] / scale, mean[at], shape_of(letter),
+                        [f'{letter} axis, after {duration(time_s[i])}: {number(mean[i], 3)}'
+                         for i in at], [False] * len(at))
 
 
 def _wander(axes: Mapping[str, AxisResult], factor: float) -> tuple[float, float, bool]:

@@ -186,10 +186,13 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
         panel.axhspan(low, high, color=COLOURS[theme]['z'], alpha=0.13, linewidth=0)
         panel.axhline(middle, color=COLOURS[theme]['ink'], linewidth=0.9)
     many = len(axes) > _MOST_CURVES
+    # By name where it sticks out in this; elsewhere the name would stand on the dots of others.
+    odd = {oddity.unit for oddity in fleet.population.oddities
+           if (oddity.axis, oddity.key) == (name, key)}
     for place, member in enumerate(fleet.population.units, 1):
         if member in axes:
             _draw_unit(panel, place, axes[member].coefficients[key], colours.get(member),
-                       _short(member), theme, rasterized=many)
+                       _short(member) if member in odd else '', theme, rasterized=many)
     # There is no unit between the third and the fourth.
     panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
     panel.margins(x=0.03, y=0.12)
@@ -210,7 +213,7 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
     panel.plot([place, place], [low, high], color=ink, linewidth=0.8, rasterized=rasterized)
     panel.plot([place], [value], 'o', color=ink, markersize=4.2 if colour else 2.4,
                rasterized=rasterized)
-    if colour:
+    if name:
         panel.annotate(name, (place, value), xytext=(4, 4), textcoords='offset points',
                        fontsize=8, color=COLOURS[theme]['ink'])
 

@@ -10,7 +10,7 @@ from imu_allan.fleet.population import FEWEST_UNITS, MEAN, Oddity, Population, p
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import listed, named, number
+from imu_allan.wording import listed, named, number, rounded
 from imu_allan.writers.grouped_remarks import told_once
 
 
@@ -95,4 +95,4 @@ def sentence(oddity: Oddity) -> str:
     what = f'{oddity.axis} {quantity_name(oddity.axis, oddity.key)} {number(value)} {shown_unit}'
     if oddity.key in (MEAN, 'rate_ramp') or oddity.median == 0:
         return f'{what}: the mean of the others is {number(median)}{away}'
-    return f'{what}: {oddity.value / oddity.median:.3g} times the median of the others{away}'
+    return f'{what}: {rounded(oddity.value / oddity.median)} times the median of the others{away}'

@@ -12,7 +12,7 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
-from imu_allan.wording import bounded, duration, number
+from imu_allan.wording import bounded, duration, rounded
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
@@ -115,7 +115,7 @@ def _worst(result: Result, sensor: str, key: str) -> str:
              if name.startswith(sensor)]
     values = [c.value for c in found if c.value is not None]
     if values:
-        return number(engineering(max(values), found[0].unit)[0], 3)
+        return rounded(engineering(max(values), found[0].unit)[0])
     bounds = [c.upper95 for c in found if c.upper95 is not None]
     return bounded(engineering(max(bounds), found[0].unit)[0]) if bounds else ''
 

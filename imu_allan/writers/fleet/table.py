@@ -8,7 +8,7 @@ from imu_allan.errors import printable
 from imu_allan.fleet.population import MEAN, Trait
 from imu_allan.noise.terms import TERMS
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import bounded, number
+from imu_allan.wording import bounded, rounded, spoken
 from imu_allan.writers.fleet.findings import Fleet
 
 if TYPE_CHECKING:
@@ -58,10 +58,10 @@ def population_table(fleet: Fleet) -> 'RenderableType':
 def cells(trait: Trait) -> tuple[str, ...]:
     """Return a trait as a row of the table, in the units of datasheets."""
     def shown(value: float) -> str:
-        return number(engineering(value, trait.unit)[0], 3)
+        return rounded(engineering(value, trait.unit)[0])
 
     symbol = 'mean' if trait.key == MEAN else TERMS[trait.key].symbol
-    return (trait.axis, symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
+    return (spoken(trait.axis), symbol, engineering(1.0, trait.unit)[1], shown(trait.median),
             ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),
             shown(trait.between) if trait.between else
             bounded(engineering(trait.between_ci95[1], trait.unit)[0]),
