@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
-from imu_allan.noise.correlated import process_column
 from imu_allan.noise.drift_model import capped
-from imu_allan.noise.groups import bins_of, grouped, Groups, WALK, WHITE
+from imu_allan.noise.groups import Bins, bins_of, grouped, Groups, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.periodogram import SHORTEST
+from imu_allan.noise.periodogram import SHORTEST, SpectrumPiece
+from imu_allan.noise.process_means import dct_power
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
 from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stretches
@@ -133,15 +133,15 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
     # Long ones begin anew, too: what a filter keeps of every step is much.
     met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
                          for at in range(0, part.shape[1], MOST_STEPS)), means.cell_s)
-    bins = bins_of([piece_of(part) for part in parts], means.cell_s)
+    pieces = [piece_of(part) for part in parts]
+    bins = bins_of(pieces, means.cell_s)
     found = {}
     for i, (name, axis) in enumerate(kept.items()):
-        spectrum = capped(grouped(bins, i))
+        spectrum = capped(grouped(_as_predicted(bins, pieces, axis, means.cell_s), i))
         found[name] = FieldTest(
             sum(part.shape[1] for part in parts) * means.cell_s, len(parts),
             _outcome(met, 2 * i, axis), _outcome(met, 2 * i + 1, axis),
-            *_factors(axis, _scales(axis, spectrum, means.cell_s), aiding_interval_s, coast_s,
-                      bias))
+            *_factors(axis, _scales(spectrum), aiding_interval_s, coast_s, bias))
     return found
 
 
@@ -163,23 +163,30 @@ def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
     return Outcome(innovations, coasts, bands)
 
 
-def _scales(axis: AxisResult, spectrum: Groups, step_s: float) -> list[tuple[float, Interval]]:
-    """Factors on white noise and on drift of a model that are likeliest, with intervals."""
+def _as_predicted(bins: Bins, pieces: Sequence[SpectrumPiece], axis: AxisResult, step_s: float
+                  ) -> Bins:
+    """Return the spectrum with two columns: what a model predicts of noise, and of drift."""
     model = drift_model_of(axis)
-    white = spectrum.design[:, WHITE]
     lines = step_s * float(line_power(axis.tones, step_s))
-    drift = spectrum.design[:, WALK] * model.rate_random_walk**2
+    drift = bins.design[:, WALK] * model.rate_random_walk**2
     for process in model.processes:
-        drift = drift + process.sigma**2 * process_column(spectrum, step_s,
-                                                          process.correlation_time_s)
-    columns = [white * (model.noise_density**2 + lines)]
-    if drift.any():
-        columns.append(drift)
-    scaled = spectrum.with_design(np.stack(columns, axis=1))
+        # A stop is short beside a slow process: the spectrum of an endless record is not its.
+        power = {length: dct_power(process.correlation_time_s, step_s, length)
+                 for length in {piece.length for piece in pieces}}
+        drift = drift + process.sigma**2 * np.concatenate(
+            [power[piece.length][piece.first - 1:piece.last - 1] for piece in pieces])
+    white = bins.design[:, WHITE] * (model.noise_density**2 + lines)
+    return replace(bins, design=np.stack((white, drift), axis=1))
+
+
+def _scales(spectrum: Groups) -> list[tuple[float, Interval]]:
+    """Factors on white noise and on drift that are likeliest, with intervals."""
+    drifting = bool(spectrum.design[:, 1].any())
+    scaled = spectrum if drifting else spectrum.with_design(spectrum.design[:, :1])
     best = maximise(scaled)
     found = [(float(np.sqrt(best.theta[i])), _interval(scaled, best, i))
-             for i in range(len(columns))]
-    return found if len(found) == 2 else [*found, (1.0, (0.0, float('inf')))]
+             for i in range(scaled.design.shape[1])]
+    return found if drifting else [*found, (1.0, (0.0, float('inf')))]
 
 
 def _interval(spectrum: Groups, best: Solution, column: int) -> Interval:

@@ -4,6 +4,7 @@
 
 from drifting_axes import axis_of
 from imu_allan.block import EvenBlock
+from imu_allan.characterization.axis import characterize
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
 from imu_allan.tuning.field_test import field_test
@@ -132,3 +133,50 @@ def test_factors_lie_in_their_intervals():
             inside += [one.noise_ci95[0] < 2 < one.noise_ci95[1],
                        one.walk_ci95[0] < 3 < one.walk_ci95[1]]
     assert np.all(inside / 200 > 0.91)
+
+
+@pytest.mark.slow
+def test_the_drift_of_flicker_is_not_too_small_in_short_stops():
+    """Half an hour of stops of a minute each: their lowest coefficients hold a quarter less."""
+    bank = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
+    axes = {'gyro_x': axis_of(N, processes=bank)}
+    there = axis_of(N, processes=tuple((2 * sigma, time) for sigma, time in bank))
+    wanted = tune(there, 1.0).random_walk / tune(axes['gyro_x'], 1.0).random_walk
+    factors, inside = [], 0
+    for seed in range(100):
+        samples = simulate({'noise_density': N, 'bias_instability': 6e-4}, 54_000, RATE, seed)
+        rows = np.full((54_000, 6), np.nan)
+        rows[:, 0] = samples
+        stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 54_000, 1800)]
+        [one] = field_test(axes, means_of(*stops), 1.0).values()
+        factors.append(one.walk_factor)
+        inside += one.walk_ci95[0] < wanted < one.walk_ci95[1]
+    assert np.median(factors) == pytest.approx(wanted, rel=0.05)
+    assert inside > 91
+
+
+@pytest.mark.slow
+def test_factors_hold_where_the_numbers_come_from_a_recording():
+    """Two hours fitted, then half an hour of stops with more noise and drift: 100 pairs."""
+    bank = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
+    sensors = {'N+K': ({'rate_random_walk': K}, axis_of(2 * N, 3 * K)),
+               'N+B': ({'bias_instability': 3e-4},
+                       axis_of(2 * N, processes=tuple((3 * sigma, time) for sigma, time in bank)))}
+    for name, (terms, there) in sensors.items():
+        right = tune(there, 1.0)
+        inside = np.zeros(2)
+        for seed in range(100):
+            axis = characterize(simulate({'noise_density': N, **terms}, 144_000, RATE,
+                                         1000 + seed), RATE)
+            rows = np.full((108_000, 6), np.nan)
+            rows[:, 0] = simulate({'noise_density': 2 * N, **{key: 3 * value for key, value
+                                                              in terms.items()}},
+                                  108_000, RATE, 5000 + seed)
+            stops = [EvenBlock(rows[at:at + 1200], at) for at in range(0, 108_000, 3600)]
+            [one] = field_test({'gyro_x': axis}, means_of(*stops), 1.0).values()
+            own = tune(axis, 1.0)
+            inside += [low < wanted < high for (low, high), wanted in (
+                (one.noise_ci95, right.noise_density / own.noise_density),
+                (one.walk_ci95, right.random_walk / own.random_walk))]
+        print(f'{name}: factor of N in its interval {inside[0]:g} %, of K {inside[1]:g} %')
+        assert np.all(inside > 84), name

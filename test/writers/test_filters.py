@@ -574,6 +574,28 @@ def test_matlab_takes_densities_of_each_axis_whose_bandwidth_is_the_sample_rate(
         'accel.RandomWalk': [5e-4, 2.5e-4, 1e-6], 'accel.BiasInstability': [0.0, 0.0, 0.0]}
 
 
+def test_the_filter_that_matlab_is_given_makes_flicker_of_b(easy):
+    text = export(easy, 'matlab').text
+    # Kasdin's recursion, which fractalcoef(1, 1) shows in code generated from it: 1, -1/2.
+    [poles] = set(re.findall(r'BiasInstabilityCoefficients = fractalcoef\((\d+), 1\);', text))
+    k = np.arange(1, int(poles) + 1)
+    denominator = np.concatenate(([1.0], np.cumprod((k - 1.5) / k)))
+    assert denominator[1] == -0.5
+    nu = np.fft.rfftfreq(1 << 17)[1:]
+    power = np.abs(np.fft.rfft(denominator, 1 << 17)[1:]) ** -2.0
+
+    def flat(m, power):
+        weight = 2 * np.sin(np.pi * m * nu) ** 4 / (m * np.sin(np.pi * nu)) ** 2
+        return np.sqrt(2 * np.sum(power * weight) / (1 << 17) / (2 * np.log(2) / np.pi))
+
+    for m in (10, 100, 1000):
+        assert flat(m, power) == pytest.approx(1, abs=0.02)
+    assert flat(8000, power) == pytest.approx(1, abs=0.1)
+    # The default of one pole is white noise of twice the size.
+    one = np.abs(1 - 0.5 * np.exp(-2j * np.pi * nu)) ** -2
+    assert flat(1000, one) * 0.6643 == pytest.approx(2 / np.sqrt(1000), rel=0.01)
+
+
 def test_airsim_takes_its_own_units(easy):
     # ImuSimpleParams.hpp: stability/sqrt(tau) is the density of the walk.
     found = json.loads(export(easy, 'airsim').text)['Imu']

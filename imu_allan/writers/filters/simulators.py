@@ -23,6 +23,8 @@ _DEGREE = pi / 180  # rad
 _SDF: dict[Sensor, str] = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
 _MATLAB: dict[Sensor, str] = {'gyro': 'gyroparams', 'accel': 'accelparams'}
 _MATLAB_FIELDS: dict[Key, str] = {N: 'NoiseDensity', K: 'RandomWalk'}
+_FLICKER_POLES = 2000
+"""Flicker is right to 2 % for half as many samples, to 10 % for four times as many."""
 _AIRSIM_TIMES = {'gyro': 500.0, 'accel': 800.0}
 
 
@@ -91,12 +93,17 @@ def matlab(numbers: Numbers) -> str:
     of 'single-sided' and f/2 for 'double-sided', the default. ``setStdDevWhiteNoise`` multiplies
     NoiseDensity by the root of that, ``setStdDevRandWalk`` divides RandomWalk by it: N sqrt(f) and
     K/sqrt(f), as they should be, are those of 'single-sided'. ``setStdDevBiasInst`` takes B as it
-    is for the noise that its filter makes flicker of; that filter, ``fractalcoef``, was not read.
+    is, for white noise that goes through the filter of BiasInstabilityCoefficients. That is
+    ``fractalcoef`` (R2023b; N. J. Kasdin, Proc. IEEE 83(5), 1995): of n poles it makes flicker of
+    level B out of it for as long as n samples, and of one, the default, white noise of 2 B a
+    sample, without any flicker.
     """
     lines = [*heading(numbers, '%'), "% NoiseType is 'single-sided': imuSensor then makes N "
              "sqrt(f) of NoiseDensity. 'double-sided', its default,",
-             '% makes N sqrt(f/2) of it. BiasInstability is B, flicker; how imuSensor filters it '
-             'was not read in its source.']
+             '% makes N sqrt(f/2) of it. BiasInstability is B, flicker, by a filter of '
+             f'{_FLICKER_POLES} poles (MATLAB R2023b and later):',
+             f'% right to 10 % for {4 * _FLICKER_POLES / numbers.rate():.3g} s; more poles reach '
+             'further and take more time. The default of one pole makes no flicker.']
     for sensor, function in _MATLAB.items():
         lines += ['', f'{sensor} = {function};', f"{sensor}.NoiseType = 'single-sided';"]
         for key, field in _MATLAB_FIELDS.items():
@@ -104,7 +111,8 @@ def matlab(numbers: Numbers) -> str:
                              line='{name} = [{value}];', sign='%')
         flicker = _flicker(numbers, sensor)
         lines += ['', '% B of x, y, z, bias instability; 0 where it is not observable',
-                  f'{sensor}.BiasInstability = [{", ".join(real(b) for b in flicker)}];']
+                  f'{sensor}.BiasInstability = [{", ".join(real(b) for b in flicker)}];',
+                  f'{sensor}.BiasInstabilityCoefficients = fractalcoef({_FLICKER_POLES}, 1);']
     lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {real(numbers.rate())}, "
               "'Gyroscope', gyro, 'Accelerometer', accel);"]
     return joined(lines)
