@@ -18,11 +18,17 @@ from imu_allan.characterization.findings import (
     step_remarks,
     still_remark,
 )
-from imu_allan.noise.axis_fit import AxisFit, fit_axes, sample_noise, still_stretch
+from imu_allan.noise.axis_fault import (
+    axis_fault,
+    AxisFault,
+    Constant,
+    sample_noise,
+    StoodStill,
+)
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.bias_step import bias_step
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
-from imu_allan.noise.deadband import deadband
 from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
@@ -32,7 +38,7 @@ from imu_allan.noise.groups import Groups, WHITE
 from imu_allan.noise.high_pass import high_pass_corner_hz
 from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
-from imu_allan.noise.saturation import cut_off
+from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, TERMS
@@ -164,24 +170,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                        signal=signals[axis])
         remarks: list[Remark] = []
         if fitted_axis is None:
-            if finished.samples and finished.lowest[axis] == finished.highest[axis]:
-                remarks = [constant_remark(float(mean[axis]), quantity)]
-                curve = _flat_curve(points, dt)
-            elif (dead := deadband(finished, axis)) is not None:
-                base = replace(base, deadband=Deadband(dead.width, dead.share))
-                remarks = [deadband_remark(dead, quantity)]
-                curve = _curve(points, axis, dt, FittedModel({}), {})
-            elif (still := still_stretch(finished, axis)) is not None:
-                span = Span(still[0] * dt, still[1] * dt)
-                remarks = [still_remark(span)]
-                base = replace(base, stood_still=span)
-                curve = _curve(points, axis, dt, FittedModel({}), {})
-            elif (end := cut_off(finished, axis)) is not None:
-                base = replace(base, saturated=Saturation(end.value, end.share))
-                remarks = [saturated_remark(end, quantity)]
-                curve = _curve(points, axis, dt, FittedModel({}), {})
-            else:
-                curve = _curve(points, axis, dt, FittedModel({}), {})
+            fault = axis_fault(finished, axis)
+            curve = (_flat_curve(points, dt) if isinstance(fault, Constant)
+                     else _curve(points, axis, dt, FittedModel({}), {}))
+            if fault is not None:
+                base, remarks = _with_fault(base, fault, quantity, dt)
             found.append((replace(base, curve=curve), remarks))
             continue
         corner_hz = ((corners_hz[axis] if corners_hz is not None else None)
@@ -238,6 +231,22 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             coarse_step=float(finished.step[axis]) if steps else None,
         ), remarks))
     return found
+
+
+def _with_fault(axis: AxisResult, fault: AxisFault, quantity: Quantity, dt: float
+                ) -> tuple[AxisResult, list[Remark]]:
+    """Enter into an axis why it does not measure, and say so."""
+    match fault:
+        case Constant(value):
+            return axis, [constant_remark(value, quantity)]
+        case Deadband():
+            return replace(axis, deadband=fault), [deadband_remark(fault, quantity)]
+        case StoodStill(first, samples):
+            span = Span(first * dt, samples * dt)
+            return replace(axis, stood_still=span), [still_remark(span)]
+        case CutOff(value, share):
+            return (replace(axis, saturated=Saturation(value, share)),
+                    [saturated_remark(fault, quantity)])
 
 
 def bounded(axis: AxisResult) -> AxisResult:

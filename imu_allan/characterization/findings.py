@@ -8,13 +8,12 @@ from math import ceil, inf, isfinite, isinf
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.bias_step import BiasStep
-from imu_allan.noise.deadband import Deadband
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
-from imu_allan.result import AxisResult, Remark, Segment, Span
+from imu_allan.result import AxisResult, Deadband, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import about, duration, listed, named
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.alike import pairs
-from imu_allan.noise.deadband import deadband
+from imu_allan.noise.axis_fault import axis_fault, steps_hide_noise
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit, Spectra
 from imu_allan.noise.groups import bins_of, grouped, Groups
@@ -17,8 +17,6 @@ from imu_allan.noise.leaks import Course, without_mean
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.parts import Part
 from imu_allan.noise.periodogram import Periodogram
-from imu_allan.noise.saturation import cut_off
-from imu_allan.noise.signal_over_time import stood_still
 from imu_allan.noise.slow_cycle import is_harmonic
 from imu_allan.noise.stationarity import (
     segment_powers,
@@ -30,14 +28,9 @@ from imu_allan.noise.stationarity import (
 from imu_allan.noise.temperature import TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.noise.trends import RecordSpectrum
-import numpy as np
-from numpy.typing import NDArray
 
 SHORTEST_RECORD = 64
 """Samples below which no coefficient is estimated."""
-_COARSE_STEP = 2.0
-"""In noise of a sample: with coarser steps a mean between two borders often gives one value, and
-the noise changes with the place of the mean between them."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +90,13 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     bins = bins_of(pieces, dt, finished.bridged / finished.samples)
     segments = segment_powers(finished.periodogram)
     brief = short_powers(finished.periodogram) if segments is None else None
-    noise = sample_noise(finished)
+    coarse = steps_hide_noise(finished)
     bridged_share = finished.bridged / finished.samples
     quarters = _quarters(finished.periodogram, dt, bridged_share)
     found: list[AxisFit | None] = []
     asked: dict[int, partial[Fit]] = {}
     for axis in range(finished.axes):
-        if tells_nothing(finished, axis):
+        if axis_fault(finished, axis) is not None:
             found.append(None)
             continue
         whole = grouped(bins, axis)
@@ -112,7 +105,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         lines_hz = [line.frequency_hz for line in lines]
         steady = steadiness(segments, axis, dt, lines_hz) if segments else None
         own = segments
-        if brief is not None and finished.step[axis] <= _COARSE_STEP * noise[axis]:
+        if brief is not None and not coarse[axis]:
             # All that a short record can say of its parts is that their noise is not the same.
             said = steadiness(brief, axis, dt, lines_hz, white_alone=True)
             own, steady = (None, None) if said.steady else (brief, said)
@@ -148,21 +141,6 @@ def _asked_for_cycles(found: list[AxisFit | None], asked: dict[int, partial[Fit]
     return found
 
 
-def sample_noise(finished: Estimator) -> NDArray[np.float64]:
-    """Return the noise of one sample about its neighbours, shape (axes,); 0 when unknown."""
-    pyramid = finished.pyramid
-    # White noise: the mean squared second difference of phase over single samples is 2 sigma^2.
-    return np.asarray(np.sqrt(pyramid.sums[0] / max(2 * pyramid.counts[0], 1)))
-
-
-def tells_nothing(finished: Estimator, axis: int) -> bool:
-    """Tell whether an axis is constant, for a while or throughout, cut off, or has a deadband."""
-    return (finished.lowest[axis] == finished.highest[axis]
-            or deadband(finished, axis) is not None
-            or still_stretch(finished, axis) is not None
-            or cut_off(finished, axis) is not None)
-
-
 def copies(finished: Estimator) -> list[tuple[int, int, int]]:
     """
     Find pairs of axes that give the same samples, or those of the other sign.
@@ -174,16 +152,9 @@ def copies(finished: Estimator) -> list[tuple[int, int, int]]:
         constant, or steps of which hide the noise, may be the same by nature.
 
     """
-    fine = finished.step <= _COARSE_STEP * sample_noise(finished)
+    coarse = steps_hide_noise(finished)
     return [] if finished.samples < SHORTEST_RECORD else [
-        pair for pair in pairs(finished.alike) if fine[pair[0]]]
-
-
-def still_stretch(finished: Estimator, axis: int) -> tuple[int, int] | None:
-    """Find where an axis gave one value, see `stood_still`; coarse steps do so by nature."""
-    if finished.step[axis] > _COARSE_STEP * sample_noise(finished)[axis]:
-        return None
-    return stood_still(finished.signal.columns(), axis)
+        pair for pair in pairs(finished.alike) if not coarse[pair[0]]]
 
 
 def _quarters(periodogram: Periodogram, dt: float, bridged_share: float) -> list[Part]:

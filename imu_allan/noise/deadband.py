@@ -8,10 +8,9 @@ its width, but many just beyond. Magnitudes are counted in bins of constant rati
 add up and the step of the output need not be known.
 """
 
-from typing import NamedTuple
-
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.near_zero import BINS_PER_OCTAVE, lower_edge
+from imu_allan.result import Deadband
 import numpy as np
 
 _LEAST_SHARE = 0.01
@@ -29,23 +28,6 @@ _LEAST_STEPS = 0.7
 """Of the step, which is the width of a wide deadband; below lie sums that rarely come out."""
 _WIDEST_EMPTY, _EMPTY = 3, 0.05
 """Bins in a row, and of their mean count: of 3, 4, 5 steps 3 bins are empty. A judgment."""
-
-
-class Deadband(NamedTuple):
-    """
-    Where small values are given as zero.
-
-    Attributes
-    ----------
-    width : float
-        No magnitude lies between zero and this one, in the unit of a sample.
-    share : float
-        Of the samples that are zero.
-
-    """
-
-    width: float
-    share: float
 
 
 def deadband(finished: Estimator, axis: int) -> Deadband | None:

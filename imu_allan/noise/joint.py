@@ -16,7 +16,8 @@ H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD, tells_nothing
+from imu_allan.noise.axis_fault import axis_fault
+from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import fit
 from imu_allan.noise.groups import bins_of, grouped, joined_groups
@@ -73,7 +74,7 @@ def joint_fits(records: Sequence[Estimator], dt: float,
     for axis in range(records[0].axes):
         spectra, heat = [], []
         for record, course in zip(records, courses, strict=True):
-            if record.samples < SHORTEST_RECORD or tells_nothing(record, axis):
+            if record.samples < SHORTEST_RECORD or axis_fault(record, axis) is not None:
                 continue
             spectrum = _spectrum(record, axis, dt)
             if spectrum is not None:

@@ -5,7 +5,8 @@
 import re
 import tracemalloc
 
-from imu_allan.characterization.axis import axis_results, characterize, sample_noise
+from imu_allan.characterization.axis import axis_results, characterize
+from imu_allan.noise.axis_fault import sample_noise
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
