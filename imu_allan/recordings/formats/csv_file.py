@@ -17,8 +17,8 @@ import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.formats.csv_cells import cell, cells_of, QUOTES
 from imu_allan.recordings.formats.csv_header import (
-    cells_of,
     Columns,
     echoed_imu,
     is_remark,
@@ -54,7 +54,6 @@ _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _FIRST_LINES = 64
 """By which times without a unit are judged: two batches of a FIFO of 32."""
-_QUOTES = ' \t\r"'
 _DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
 _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
@@ -307,7 +306,7 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
                 continue
             cells = line.split(columns.delimiter)
             try:
-                rows.append([float(cells[column].strip(_QUOTES) or 'nan')
+                rows.append([float(cells[column].strip(QUOTES) or 'nan')
                              for column in columns.used])
                 kept.append(line)
                 numbers.append(number)
@@ -355,9 +354,9 @@ def _are_written(lines: Sequence[str], columns: Columns) -> bool:
     if columns.time is None or columns.nanoseconds is not None:
         return False
     for line in lines:
-        cells = line.split(columns.delimiter)
-        if len(cells) > columns.time and cells[columns.time].strip(_QUOTES):
-            return written_time(cells[columns.time]) is not None
+        with suppress(IndexError):
+            if time := cell(line, columns.delimiter, columns.time):
+                return written_time(time) is not None
     return False
 
 
@@ -367,7 +366,7 @@ def _first_times(lines: Sequence[str], columns: Columns) -> NDArray[np.float64]:
     if columns.time is not None and columns.time_unit is None and columns.nanoseconds is None:
         for line in lines:
             with suppress(ValueError, IndexError):
-                times.append(float(line.split(columns.delimiter)[columns.time].strip(_QUOTES)))
+                times.append(float(cell(line, columns.delimiter, columns.time)))
     return np.array(times)
 
 
@@ -375,7 +374,7 @@ def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:
     """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
     assert columns.time is not None
     try:
-        return np.array([int(line.split(columns.delimiter, columns.time + 1)[columns.time])
-                         for line in lines], np.int64)
+        return np.array([int(cell(line, columns.delimiter, columns.time)) for line in lines],
+                        np.int64)
     except (ValueError, OverflowError):
         return None

@@ -19,6 +19,7 @@ import re
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
+from imu_allan.recordings.formats.csv_cells import cells_of, is_number
 from imu_allan.recordings.formats.csv_guesses import guessed_axes
 from imu_allan.recordings.formats.csv_names import (
     is_better_clock,
@@ -39,7 +40,6 @@ from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 
-_WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
 """A name, with its unit, in a header whose names have nothing but blanks between them."""
 _COMMENT = ('#', '%', '//')
 MOST_COMMENTS = 100
@@ -221,7 +221,7 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
     delimiter, names = cells_of(header)
     units = cells_of(line)[1]
     if (columns.headless or delimiter is None or len(names) != len(units)
-            or any(map(_is_number, units))):
+            or any(map(is_number, units))):
         return None
     bare = [unit.strip(' "[]()\r-') for unit in units]
     of_axes = [bare[axis[0]] for axis in columns.axes]
@@ -242,31 +242,10 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
         return None
 
 
-def cells_of(header: str) -> tuple[str | None, list[str]]:
-    """Tell what stands between the cells of a line, and take them apart."""
-    plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
-    marks = [mark for mark in (',', ';', '\t', '|') if mark in plain]
-    if len(marks) > 1 and all(map(_is_number, filter(str.strip, plain.split(marks[1])))):
-        # Numbers with decimal commas.
-        del marks[0]
-    if marks:
-        return marks[0], plain.split(marks[0])
-    words = _WORD.findall(plain)
-    return (None, words) if len(words) > 1 else (',', [plain])
-
-
 def _is_headless(cells: Sequence[str]) -> bool:
     """Whether a line holds numbers where the names should be."""
-    return any(map(_is_number, cells)) and not any(
+    return any(map(is_number, cells)) and not any(
         meaning_of(name_and_unit(cell)[0]) for cell in cells)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.strip(' \t"').replace(',', '.'))
-    except ValueError:
-        return False
-    return True
 
 
 def _no_header(cells: Sequence[str]) -> str:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import re
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.recordings.formats.csv_cells import cell, QUOTES, whole_cells
 
 QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a file whose cells commas part."""
@@ -17,9 +18,6 @@ _ROWS = 64
 _GROUPED = re.compile(r'\d{1,3}(?:[.,]\d{3})+')
 _SHORT = re.compile(r'\d{1,3}')
 _NO_DIGIT = re.compile(r'\D')
-_QUOTED = re.compile('"[^"]*"?')
-_QUOTES = ' \t\r\n"'
-"""What may stand about a number."""
 
 
 def refuse_more_fields_than_names(names: Sequence[str], delimiter: str | None, rows: Sequence[str]
@@ -44,7 +42,8 @@ be told by its name; name every column, the number of the row, too, as R does wi
     named = len(names) - _empty_at_end(names)
     # An unnamed column at the end, of remarks say, has its place.
     counts = Counter(len(cells) - _empty_at_end(cells) if len(cells) > len(names) else named
-                     for cells in (_cells(row, delimiter) for row in rows[:_ROWS] if row.strip()))
+                     for cells in (whole_cells(row, delimiter)
+                                   for row in rows[:_ROWS] if row.strip()))
     if not counts:
         return
     fields, _ = counts.most_common(1)[0]
@@ -76,8 +75,10 @@ between thousands; write the times without
     >>> refuse_grouped_times(['0', '0.005', '0.010'], ',', 0)
 
     """
-    cells = [row.split(delimiter) for row in rows]
-    times = [row[column].strip(' \t\r"') for row in cells if len(row) > column]
+    times = []
+    for row in rows:
+        with suppress(IndexError):
+            times.append(cell(row, delimiter, column))
     for before, time in pairwise(filter(None, times)):
         whole = _SHORT.fullmatch(before)
         if not (whole or _GROUPED.fullmatch(before)):
@@ -104,21 +105,13 @@ def are_split_seconds(rows: Sequence[str], delimiter: str | None, seconds: int, 
     """
     others = 0
     for row in rows:
-        cells = row.split(delimiter)
         with suppress(ValueError, IndexError):
-            whole, part = (float(cells[column].strip(_QUOTES))
+            whole, part = (float(cell(row, delimiter, column))
                            for column in (seconds, nanoseconds))
             others += not (whole.is_integer() and 0 <= part < 1e9)
     return others < 2
 
 
-def _cells(row: str, delimiter: str | None) -> list[str]:
-    """Take a row apart, but no text in quotes."""
-    if delimiter is None:
-        return row.split()
-    return _QUOTED.sub(lambda quoted: quoted[0].replace(delimiter, ''), row).split(delimiter)
-
-
 def _empty_at_end(cells: Sequence[str]) -> int:
-    filled = [place for place, cell in enumerate(cells) if cell.strip(_QUOTES)]
+    filled = [place for place, text in enumerate(cells) if text.strip(QUOTES)]
     return len(cells) - 1 - filled[-1] if filled else len(cells)

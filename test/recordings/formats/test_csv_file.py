@@ -263,6 +263,12 @@ def test_the_tables_of_other_programs_are_understood(path, text, stamps):
     assert 'malformed_messages' not in {remark.code for remark in remarks}
 
 
+def test_nanoseconds_in_quotes_keep_all_their_digits(path):
+    path.write_text('timestamp,gyro_x,gyro_y,gyro_z\n'
+                    f'"{STAMP}","1","2","3"\n"{STAMP + 5_000_001}","1","2","3"\n')
+    assert read(path)[0].header_ns.tolist() == [STAMP, STAMP + 5_000_001]
+
+
 @pytest.mark.parametrize(('header', 'factors'), [
     ('gx_dps,gy_dps,gz_dps,ax_g,ay_g,az_g', (pi / 180, 9.80665)),
     ('Gyro X (deg/s),Gyro Y (deg/s),Gyro Z (deg/s),Acc X (G),Acc Y (G),Acc Z (G)',
