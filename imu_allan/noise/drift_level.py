@@ -61,6 +61,12 @@ def drift_of_means(model: DriftModel, part_s: float, parts: int) -> Array:
     return covariance
 
 
+def about_mean(covariance: Array) -> Array:
+    """Return the covariance of what is left when the mean of all is taken off, same shape."""
+    centre = np.eye(len(covariance)) - 1 / len(covariance)
+    return np.asarray(centre @ covariance @ centre)
+
+
 def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, Interval]]:
     """
     Tell the level of the drift from the spread of the means of the parts of a segment.
@@ -82,10 +88,9 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
 
     """
     parts = len(shape)
-    centre = np.eye(parts) - 1 / parts
-    drift = centre @ shape @ centre
+    drift = about_mean(shape)
     if not np.trace(drift) > 0:
-        drift = centre @ np.minimum.outer(np.arange(parts), np.arange(parts)) @ centre
+        drift = about_mean(np.minimum.outer(np.arange(parts), np.arange(parts)))
     drift = drift * (parts / np.trace(drift))
     square, noise = float(np.sum(drift * drift)), white * (parts - 1) / parts
     found: list[tuple[float, Interval]] = []

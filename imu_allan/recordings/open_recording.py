@@ -10,10 +10,8 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.messages.definitions import definition_paths
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 
-SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
-"""How the names of the files in a rosbag2 directory end."""
 _WHOLE = ('.bag', '.ulg', '.bin')
 """How the names of files end that are a recording each, whatever lies beside them."""
 _HEAD = 64
@@ -120,7 +118,7 @@ def holds_recording(folder: Path) -> bool:
 
 def _is_bag(folder: Path) -> bool:
     return (folder / 'metadata.yaml').is_file() or any(
-        item.name.endswith(SUFFIXES) for item in folder.iterdir())
+        item.name.endswith(BAG_SUFFIXES) for item in folder.iterdir())
 
 
 def read_head(path: Path) -> bytes:

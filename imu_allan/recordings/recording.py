@@ -25,6 +25,9 @@ from imu_allan.recordings.messages.imus_in import (
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.result import Remark
 
+BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+"""How the names of the files in a rosbag2 directory end."""
+
 
 @dataclass(frozen=True)
 class ImuTopic:

@@ -3,7 +3,7 @@
 """What a recording does not know about the drift that it shows."""
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.drift_level import drift_of_means
+from imu_allan.noise.drift_level import about_mean, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.result import AxisResult
@@ -59,15 +59,14 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
     """
     Return the variance of the logarithm of the drift that a steady segment shows.
 
-    That drift is the spread of the means of its parts, less what white noise adds. Slow drift is
-    all but a slope in so short a time, and its spread a chi-square of hardly more than one degree.
+    That drift is the spread of the means of its parts, less what white noise adds, with the
+    degrees of freedom that `imu_allan.noise.drift_level` tells of.
     """
     model = drift_model_of(axis)
     part = duration_s / SEGMENT_PARTS
     drift = drift_of_means(model, part, SEGMENT_PARTS)
-    centre = np.eye(SEGMENT_PARTS) - 1 / SEGMENT_PARTS
-    whole = centre @ (drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part) @ centre
-    of_drift = float(np.trace(centre @ drift @ centre))
+    whole = about_mean(drift + np.eye(SEGMENT_PARTS) * model.noise_density**2 / part)
+    of_drift = float(np.trace(about_mean(drift)))
     if of_drift <= 0:
         return np.inf
     total = float(np.trace(whole))

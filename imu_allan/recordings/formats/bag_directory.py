@@ -19,10 +19,9 @@ from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import BAG_SUFFIXES, ImuTopic, Recording
 import yaml
 
-_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 _TOLD_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
                 'unfinished_recording'}
 """Remarks that say why there are fewer messages than metadata.yaml counts."""
@@ -239,5 +238,5 @@ def _item(mapping: object, key: str, kind: type) -> Any:
 def _recorded_files(path: Path) -> list[Path]:
     """Files that a recorder wrote, in the order of their numbers."""
     return sorted(
-        (file for file in path.iterdir() if file.name.endswith(_SUFFIXES) and file.is_file()),
+        (file for file in path.iterdir() if file.name.endswith(BAG_SUFFIXES) and file.is_file()),
         key=lambda file: natural(file.name))
