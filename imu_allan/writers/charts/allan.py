@@ -58,10 +58,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
             max(axis.curve.tau_s[-1] for axis in known.values()) * 1.9)
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
-                              (low * factor, high * factor, True))
-        panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
-                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+        panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
         inside = []
         for name, axis in known.items():
             inside.append(group(name[-1], f'detail axis-{name[-1]}',
@@ -86,6 +83,18 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                             if beyond(known.values(), (low, high)) else ''),
                  both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
                        draw, 330), groups_of(known), worst_axis(known))
+
+
+def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[float, float],
+            heights: tuple[float, float]) -> Panel:
+    """Return the panel of a curve between ends of averaging time and heights in SI units."""
+    factor, shown = engineering(1.0, unit)
+    low, high = heights
+    panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
+                          (low * factor, high * factor, True))
+    panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
+                f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+    return panel
 
 
 def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float) -> list[str]:
@@ -178,10 +187,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
             max(item.curve.tau_s[-1] for item in found) * 1.6)
 
     def draw(drawing: Drawing, narrow: bool) -> None:
-        panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
-                              (low * factor, high * factor, True))
-        panel.frame('averaging time τ [s]', f'Allan deviation of {SAMPLES[sensor]} '
-                    f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
+        panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
         inside = []
         for place, (name, item, timeline) in known.items():
             tau, adev = model_curve(item, timeline)
