@@ -6,8 +6,11 @@ import os
 import signal
 
 from hypothesis import settings
+from imu_allan.blas_threads import use_one_thread
 import pytest
 
+# As the command and the node do.
+use_one_thread()
 # A suite that a script starts in the background inherits that Ctrl-C is ignored, and so would
 # every process that the tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

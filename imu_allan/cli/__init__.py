@@ -1,3 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """The command `imu_allan`: one verb, one module."""
+
+from imu_allan.blas_threads import use_one_thread
+
+use_one_thread()
