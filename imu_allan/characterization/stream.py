@@ -118,6 +118,18 @@ class Characterization:
     topic : str or None
     options : TimelineOptions, optional
 
+    Examples
+    --------
+    >>> import numpy as np
+    >>> samples = np.random.default_rng(1).normal(0, [0.01] * 3 + [0.05] * 3, (20_000, 6))
+    >>> stamps = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(20_000)
+    >>> imu = Characterization(kind='topic', topic='/imu')
+    >>> imu.update(ImuBlock(stamps, stamps, samples, np.zeros((20_000, 2), dtype=bool), 'imu'))
+    >>> imu.finish()
+    >>> low, high = imu.result().axes['accel_z'].coefficients['noise_density'].ci95
+    >>> low < 0.005 < high
+    True
+
     """
 
     def __init__(self, *, kind: Literal['recording', 'topic'], path: str | None = None,

@@ -131,7 +131,7 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None = None,
         known_hz: Sequence[float] = ()) -> Fit:
     """
-    Fit one axis.
+    Fit one axis: the terms of (1) in docs/statistics.md by the likelihood (7) of powers (6).
 
     Parameters
     ----------
@@ -158,6 +158,17 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
     Returns
     -------
     Fit
+
+    Examples
+    --------
+    >>> from imu_allan.noise.estimator import Estimator
+    >>> from imu_allan.noise.groups import bins_of, grouped
+    >>> estimator = Estimator()
+    >>> estimator.update(np.random.default_rng(1).normal(scale=0.01, size=20_000))
+    >>> pieces = estimator.finished().periodogram.pieces()
+    >>> found = fit(grouped(bins_of(pieces, 0.01), 0), 0.01).estimates['noise_density']
+    >>> bool(found.low < 1e-3 < found.high)
+    True
 
     """
     found = _fit(groups, dt, start, record, steady, parts, calmed, known_hz)

@@ -27,6 +27,8 @@ class FittedModel:
     """
     A sum of terms, its white noise behind a low-pass, and Gauss-Markov processes.
 
+    Equations (1) and (8) of docs/statistics.md, and (2) between the two.
+
     Attributes
     ----------
     coefficients : mapping

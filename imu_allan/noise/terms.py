@@ -271,7 +271,7 @@ def _moving_average_avar(n: float, m: NDArray[np.float64]) -> NDArray[np.float64
 
 def allan_variance(coefficients: dict[str, float], tau: ArrayLike) -> NDArray[np.float64]:
     """
-    Allan variance of a sum of independent terms.
+    Allan variance of a sum of independent terms: equation (1) of docs/statistics.md.
 
     Parameters
     ----------

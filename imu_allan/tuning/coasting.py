@@ -17,7 +17,7 @@ _DOUBLINGS = 40
 
 def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Array:
     """
-    Variance of the mean over each horizon after very many corrections.
+    Variance of the mean over each horizon after very many corrections, by docs/statistics.md (9).
 
     Parameters
     ----------
