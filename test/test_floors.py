@@ -103,17 +103,27 @@ def test_a_number_with_a_name_says_where_it_comes_from(module: str) -> None:
     text = MODULES[module].read_text()
     lines, body = text.splitlines(), ast.parse(text).body
     for node, after in pairwise([*body, None]):
-        if not (isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
-                and node.targets[0].id.isupper() and is_number(node.value)):
+        if not (isinstance(node, ast.Assign) and all_upper(node.targets[0])
+                and is_number(node.value)):
             continue
         explained = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
         beside = '#' in lines[node.lineno - 1] or lines[node.lineno - 2].startswith('#')
         assert explained or beside, lines[node.lineno - 1]
 
 
+def all_upper(target: ast.expr) -> bool:
+    """Tell whether a name, or each of several, is that of a constant."""
+    if isinstance(target, ast.Tuple):
+        return all(map(all_upper, target.elts))
+    return isinstance(target, ast.Name) and target.id.isupper()
+
+
 def is_number(value: ast.expr) -> bool:
+    """Tell whether a value is a number, worked out from some, or several of them."""
     if isinstance(value, ast.BinOp):
         return is_number(value.left) or is_number(value.right)
+    if isinstance(value, ast.Tuple):
+        return bool(value.elts) and all(map(is_number, value.elts))
     return isinstance(value, ast.UnaryOp) or (
         isinstance(value, ast.Constant) and isinstance(value.value, (int, float)))
 

@@ -15,6 +15,7 @@ from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Result
 
 PERCENTILES = (5, 25, 50, 75, 95)
+"""Median, the half of the units about it, and all but one in ten."""
 TOLERANCE_SHARE = 0.95         # of the units ...
 TOLERANCE_CONFIDENCE = 0.95
 """The usual 95/95 limit: 95 % of all units keep it, with 95 % confidence."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.int8]
 
-SAME, OPPOSITE = 1, -1
+SAME, OPPOSITE = 1, -1     # the sign between two axes
 _KINDS = {SAME: 1, OPPOSITE: 2}
 """Bits of both in the flags of a pair."""
 

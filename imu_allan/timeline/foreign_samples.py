@@ -40,6 +40,7 @@ _LEAST_SPIKES = 1e-3
 _MOST_SPIKES = 0.05
 """More are the sensor's own: no errors on a bus are so many. A judgment."""
 _ISOLATED, _KNOCK = 3, 2.5
+"""Two wild samples within so many of each other may be errors, three are the motion of a knock."""
 _SECTIONS = 16
 """A knock lies in one or two of them, errors on a bus in more than four."""
 

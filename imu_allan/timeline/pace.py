@@ -54,9 +54,11 @@ _SHORTEST_ON = 0.1
 _LONGEST_BATCH_NS = 5e8
 """A FIFO is read more often: it overflows after some tenths of a second."""
 _TICKS_NS = (100_000, 1_000_000, 10_000_000)
+"""Clocks of drivers count in these: tenths of a millisecond, milliseconds, and Linux's jiffies."""
 _LEAST_OUTAGE = 4.0
 """Intervals: losses of single messages leave shorter pauses."""
 _SHORT_PERCENT, _MOST_PERCENT = 20, 95
+"""Of steps, the share that drops in turn leave alone, and of lags, all but strays. Judgments."""
 _FEW_LOSSES = 8
 """So few move the rate by no more than its error."""
 _STRAIGHT = 0.75

@@ -28,8 +28,9 @@ from scipy.fft import dct
 
 Array = NDArray[np.float64]
 
-INTERVALS_S = (1.0, 10.0, 60.0)
+INTERVALS_S = (1.0, 10.0, 60.0)    # between corrections
 COASTS_S = (10.0, 60.0, 300.0)
+"""Without any: from satellites that miss some beats to a tunnel. Judgments, as the intervals."""
 _SHORTEST_S = 600.0     # of a record: half of it has to hold some coasts
 _FEWEST_STEPS = 10      # of a filter in one half
 _FEWEST_COASTS = 3

@@ -17,6 +17,7 @@ from imu_allan.tuning.tune import assess, FilterTuning, tune
 import numpy as np
 
 _BANDS_S = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
+"""A decade each: of cameras and lidars, of satellites, of an outage, and what lies beyond."""
 
 
 @dataclass(frozen=True)

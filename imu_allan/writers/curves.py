@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 FEWEST_DEGREES = 3.0
 """Below, the 95 % interval of a deviation reaches over more than a factor of five."""
 _FINE, _BETWEEN = 161, 8
+"""Points of a line, two pixels apart on a report, and those that each stands for beside lobes."""
 _LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
 _BAND = 0.25
 """Octaves: 80 points in all; half as wide scatters 1.4 times as much, twice hides a hump."""

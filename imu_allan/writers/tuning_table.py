@@ -23,6 +23,7 @@ from rich.text import Text
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 CONSERVATIVE = 'conservative'
 FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
+"""From the beat of satellites to an hour without them, as a terminal of 80 columns holds."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ _MATLAB_FIELDS: dict[Key, str] = {N: 'NoiseDensity', K: 'RandomWalk'}
 _FLICKER_POLES = 2000
 """Flicker is right to 2 % for half as many samples, to 10 % for four times as many."""
 _AIRSIM_TIMES = {'gyro': 500.0, 'accel': 800.0}
+"""In seconds: ImuSimpleParams.hpp has these, which the file then states."""
 
 
 def gazebo(numbers: Numbers) -> str:
