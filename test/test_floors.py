@@ -3,6 +3,7 @@
 """The layout: every floor imports only what lies below it."""
 
 import ast
+from functools import cache
 from graphlib import TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
@@ -31,10 +32,16 @@ ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'diagnos
        'builtin_interfaces', 'rcl_interfaces', 'rosgraph_msgs', 'ament_index_python'}
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
     """Give the full names of the modules that a file imports, anywhere in it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -45,7 +52,7 @@ def imported(path: Path) -> set[str]:
             found |= parts
             if len(parts) < len(node.names):
                 found.add(node.module)
-    return found
+    return frozenset(found)
 
 
 def floor(module: str) -> int:
@@ -94,14 +101,14 @@ def test_no_module_is_named_after_nothing() -> None:
 def test_a_long_module_says_in_its_first_line_why(module: str) -> None:
     text = MODULES[module].read_text()
     if text.count('\n') > LONG:
-        first = (ast.get_docstring(ast.parse(text)) or '').partition('\n')[0]
+        first = (ast.get_docstring(tree_of(MODULES[module])) or '').partition('\n')[0]
         assert re.search(r'in one (module|class)|more than 300 lines', first)
 
 
 @pytest.mark.parametrize('module', sorted(MODULES))
 def test_a_number_with_a_name_says_where_it_comes_from(module: str) -> None:
     text = MODULES[module].read_text()
-    lines, body = text.splitlines(), ast.parse(text).body
+    lines, body = text.splitlines(), tree_of(MODULES[module]).body
     for node, after in pairwise([*body, None]):
         if not (isinstance(node, ast.Assign) and all_upper(node.targets[0])
                 and is_number(node.value)):
