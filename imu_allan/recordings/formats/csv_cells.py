@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lines of a CSV file taken apart into cells."""
 
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 import re
 
 QUOTES = ' \t\r\n"'
@@ -46,6 +48,22 @@ def cell(line: str, delimiter: str | None, column: int) -> str:
 
     """
     return line.split(delimiter, column + 1)[column].strip(QUOTES)
+
+
+def filled_cells(lines: Iterable[str], delimiter: str | None, column: int) -> Iterator[str]:
+    """
+    Yield the cells of a column that hold anything.
+
+    Examples
+    --------
+    >>> list(filled_cells(['1,2', '3', '4,""', '5,6'], ',', 1))
+    ['2', '6']
+
+    """
+    for line in lines:
+        with suppress(IndexError):
+            if text := cell(line, delimiter, column):
+                yield text
 
 
 def is_number(text: str) -> bool:

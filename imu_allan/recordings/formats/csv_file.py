@@ -17,7 +17,7 @@ import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.csv_cells import cell, cells_of, QUOTES
+from imu_allan.recordings.formats.csv_cells import cell, cells_of, filled_cells, QUOTES
 from imu_allan.recordings.formats.csv_header import (
     Columns,
     echoed_imu,
@@ -344,8 +344,7 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
 def _stand_still(lines: Sequence[str], columns: Columns) -> bool:
     """Whether the times of many lines are one: a driver leaves its stamps zero."""
     assert columns.time is not None
-    times = [cell for cells in (line.split(columns.delimiter) for line in lines)
-             if len(cells) > columns.time and (cell := cells[columns.time].strip(_QUOTES))]
+    times = list(filled_cells(lines, columns.delimiter, columns.time))
     return len(times) > 1 and len(set(times)) == 1
 
 
@@ -353,20 +352,17 @@ def _are_written(lines: Sequence[str], columns: Columns) -> bool:
     """Whether the first time of all is a date, or a time of day."""
     if columns.time is None or columns.nanoseconds is not None:
         return False
-    for line in lines:
-        with suppress(IndexError):
-            if time := cell(line, columns.delimiter, columns.time):
-                return written_time(time) is not None
-    return False
+    first = next(filled_cells(lines, columns.delimiter, columns.time), '')
+    return written_time(first) is not None
 
 
 def _first_times(lines: Sequence[str], columns: Columns) -> NDArray[np.float64]:
     """Read the times alone, those that are numbers; none where their unit is known."""
     times = []
     if columns.time is not None and columns.time_unit is None and columns.nanoseconds is None:
-        for line in lines:
-            with suppress(ValueError, IndexError):
-                times.append(float(cell(line, columns.delimiter, columns.time)))
+        for text in filled_cells(lines, columns.delimiter, columns.time):
+            with suppress(ValueError):
+                times.append(float(text))
     return np.array(times)
 
 

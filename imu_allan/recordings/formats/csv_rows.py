@@ -9,7 +9,7 @@ from itertools import pairwise
 import re
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings.formats.csv_cells import cell, QUOTES, whole_cells
+from imu_allan.recordings.formats.csv_cells import cell, filled_cells, QUOTES, whole_cells
 
 QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 """A number with a decimal comma in a file whose cells commas part."""
@@ -75,11 +75,7 @@ between thousands; write the times without
     >>> refuse_grouped_times(['0', '0.005', '0.010'], ',', 0)
 
     """
-    times = []
-    for row in rows:
-        with suppress(IndexError):
-            times.append(cell(row, delimiter, column))
-    for before, time in pairwise(filter(None, times)):
+    for before, time in pairwise(filled_cells(rows, delimiter, column)):
         whole = _SHORT.fullmatch(before)
         if not (whole or _GROUPED.fullmatch(before)):
             return
