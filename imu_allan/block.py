@@ -9,7 +9,7 @@ Columns of `samples` are always the six of `imu_allan.noise.terms.AXES`, in SI u
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -76,8 +76,8 @@ class EvenBlock:
     first_index : int
         Place of the first row on the grid. It equals the end of the block before, or lies beyond
         it: then the samples between are missing and no difference is taken across them.
-    bridged : int
-        How many of the rows stand in for missing samples.
+    bridged : ndarray of int64, shape (b,)
+        Rows that stand in for missing samples, rising.
     new_run : bool
         The length of the gap before this block is unknown (clock jump, restart, resume): nothing
         relates its place on the grid to the block before.
@@ -90,7 +90,7 @@ class EvenBlock:
 
     samples: NDArray[np.float64]
     first_index: int
-    bridged: int = 0
+    bridged: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     new_run: bool = False
     restart: bool = False
     start_s: float = 0.0

@@ -17,8 +17,6 @@ _LEAST_SHARE = 0.01
 """A deadband of a fiftieth of sigma holds that many, and takes next to nothing off the noise."""
 _FEWEST = 20
 """Samples beyond the hole, and fewer than that in it: so many are no chance, nor strays."""
-_STAND_INS = 3
-"""Of the share of zeros, that of stand-ins near zero: they vary less than samples. A judgment."""
 _LEAST_FILL = 0.6
 """
 Zeros for each sample in the octave beyond the hole, which is as wide: a deadband has about 1,
@@ -59,25 +57,21 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
 
     """
     zeros, sizes = int(finished.at_zero[axis]), finished.near_zero[axis]
-    if (finished.reference is None or zeros < max(1, _LEAST_SHARE * finished.samples)
+    if (finished.reference is None or zeros < max(1, _LEAST_SHARE * finished.measured)
             or not finished.lowest[axis] < -finished.reference[axis] < finished.highest[axis]):
         return None
-    # Samples that stand in for missing ones are means of others, and lie in the hole as often as
-    # it holds values. Were as many passed over as there are, of an output in steps about a far
-    # mean the values next to zero would be among them.
-    stray = _FEWEST + finished.bridged * min(1.0, _STAND_INS * zeros / finished.samples)
-    beyond = np.flatnonzero(np.cumsum(sizes) > stray)
+    beyond = np.flatnonzero(np.cumsum(sizes) > _FEWEST)
     if not len(beyond):
         return None
     first = int(beyond[0])
     # Of an output that steps, the second value lies an octave above the first; either may lie
     # next to the border of a bin.
     octave = sizes[first:first + BINS_PER_OCTAVE]
-    if (int(octave[2:-1].sum()) <= stray or zeros < _LEAST_FILL * octave.sum()
+    if (int(octave[2:-1].sum()) <= _FEWEST or zeros < _LEAST_FILL * octave.sum()
             or lower_edge(first) < _LEAST_STEPS * finished.step[axis]):
         return None
     # Mixed axes of few values each leave lines, far apart.
     taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > _EMPTY * octave.mean())
     if np.diff(taken, append=BINS_PER_OCTAVE + 1).max() > _WIDEST_EMPTY + 1:
         return None
-    return Deadband(lower_edge(first), zeros / finished.samples)
+    return Deadband(lower_edge(first), zeros / finished.measured)

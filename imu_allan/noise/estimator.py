@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The streaming estimator, in one class as every part takes in the same chunks of samples."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -82,6 +83,7 @@ class Estimator:
         self.near_zero = np.zeros((axes, BINS), dtype=np.int64)
         self.alike = undecided(axes)
         self._chunk = np.zeros((axes, CHUNK))
+        self._stand_ins: list[int] = []     # their places in the chunk, rising
         self._n = _Counters()
 
     @property
@@ -95,9 +97,14 @@ class Estimator:
         return self._n.bridged
 
     @property
+    def measured(self) -> int:
+        """How many of the samples the sensor gave."""
+        return self._n.samples - self._n.bridged
+
+    @property
     def constant(self) -> NDArray[np.bool_]:
         """Whether each axis has given one value so far, shape (axes,)."""
-        held = self._chunk[:, :self._n.held]
+        held = self._without_stand_ins()
         return np.asarray(np.maximum(self.highest, held.max(axis=1, initial=-np.inf))
                           <= np.minimum(self.lowest, held.min(axis=1, initial=np.inf)))
 
@@ -106,7 +113,8 @@ class Estimator:
         """Return the run that is being taken in, by number, and the place of its next sample."""
         return self._n.runs, self._n.first + self._n.held
 
-    def update(self, samples: ArrayLike, bridged: int = 0) -> None:
+    def update(self, samples: ArrayLike, bridged: Sequence[int] | NDArray[np.int64] = ()
+               ) -> None:
         """
         Take in the next samples of the stretch.
 
@@ -114,13 +122,15 @@ class Estimator:
         ----------
         samples : array_like, shape (n, axes) or, for one axis, (n,)
             Evenly spaced, finite.
-        bridged : int, optional
-            How many of them stand in for missing ones.
+        bridged : sequence of int, optional
+            Which rows stand in for missing ones, rising. They are no values of the sensor: its
+            range, its steps and its zeros are told without them.
 
         Raises
         ------
         ValueError
-            If the shape is not that of the axes or a sample is not finite.
+            If the shape is not that of the axes, a sample is not finite or a row of `bridged` is
+            not there.
 
         """
         block = np.asarray(samples, dtype=np.float64)
@@ -130,6 +140,9 @@ class Estimator:
             raise ValueError(f'samples must have shape (n, {self.axes}), not {block.shape}')
         if not np.isfinite(block).all():
             raise ValueError('samples must be finite')
+        stand_ins = [int(row) for row in bridged]
+        if stand_ins and not 0 <= stand_ins[0] <= stand_ins[-1] < len(block):
+            raise ValueError(f'no rows of {len(block)} samples: {stand_ins}')
         if not len(block):
             return
         if self.reference is None:
@@ -139,12 +152,15 @@ class Estimator:
             take = min(CHUNK - self._n.held, len(block) - start)
             np.subtract(block[start:start + take].T, self.reference[:, None],
                         out=self._chunk[:, self._n.held:self._n.held + take])
+            if stand_ins:
+                low, high = (bisect_left(stand_ins, end) for end in (start, start + take))
+                self._stand_ins += [self._n.held + row - start for row in stand_ins[low:high]]
             self._n.held += take
             start += take
             if self._n.held == CHUNK:
                 self._absorb()
         self._n.samples += len(block)
-        self._n.bridged += bridged
+        self._n.bridged += len(stand_ins)
 
     def skip(self, missing: int) -> None:
         """
@@ -190,7 +206,7 @@ class Estimator:
         twin.step, twin.at_ends = self.step.copy(), self.at_ends.copy()
         twin.at_zero, twin.near_zero = self.at_zero.copy(), self.near_zero.copy()
         twin.alike = self.alike.copy()
-        twin._chunk = self._chunk.copy()
+        twin._chunk, twin._stand_ins = self._chunk.copy(), self._stand_ins.copy()
         twin._n = _Counters(**vars(self._n))
         return twin
 
@@ -276,19 +292,26 @@ class Estimator:
         n = self._n
         if not n.held:
             return
-        rows = self._chunk[:, :n.held]
-        count_ends(rows, self.lowest, self.highest, self.at_ends)
         assert self.reference is not None
-        count_near_zero(rows, self.reference, self.at_zero, self.near_zero)
-        narrow_down(rows, self.reference, self.alike)
-        if n.resolved < _RESOLUTION_SAMPLES:
-            n.resolved += n.held
-            np.minimum(self.step, step_of(rows), out=self.step)
+        rows, own = self._chunk[:, :n.held], self._without_stand_ins()
+        if own.shape[1]:
+            count_ends(own, self.lowest, self.highest, self.at_ends)
+            count_near_zero(own, self.reference, self.at_zero, self.near_zero)
+            narrow_down(own, self.reference, self.alike)
+            if n.resolved < _RESOLUTION_SAMPLES:
+                n.resolved += own.shape[1]
+                np.minimum(self.step, step_of(own), out=self.step)
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, n.runs, n.first)
         self.signal.absorb(rows)
         n.first += n.held
         n.held = 0
+        self._stand_ins = []
+
+    def _without_stand_ins(self) -> Array:
+        """Return the samples held back that the sensor gave."""
+        held = self._chunk[:, :self._n.held]
+        return np.delete(held, self._stand_ins, axis=1) if self._stand_ins else held
 
     def to_state(self) -> State:
         """
@@ -303,6 +326,7 @@ class Estimator:
         state: State = {
             'counters': np.array(list(vars(self._n).values())),
             'chunk': self._chunk[:, :self._n.held].copy(),
+            'stand_ins': np.array(self._stand_ins, dtype=np.int64),
             'range': np.array([self.lowest, self.highest, self.step]),
             'at_ends': self.at_ends.copy(),
             'at_zero': self.at_zero.copy(),
@@ -339,18 +363,21 @@ class Estimator:
                 ('at_ends', (2, len(chunk))), ('at_zero', len(chunk)),
                 ('near_zero', (len(chunk), BINS))))
         alike = np.array(state.get('alike', np.zeros((len(chunk), len(chunk)))), dtype=np.int8)
+        # ... and does not tell which of the samples held back stand in for others.
+        stand_ins = np.array(state.get('stand_ins', []), dtype=np.int64)
         counters = _Counters(*(int(value) for value in state['counters']))
         if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
                 or ranges.shape != (3, len(chunk)) or at_ends.shape != (2, len(chunk))
                 or at_zero.shape != (len(chunk),) or near_zero.shape != (len(chunk), BINS)
-                or alike.shape != (len(chunk), len(chunk))
+                or alike.shape != (len(chunk), len(chunk)) or stand_ins.ndim != 1
+                or np.any(np.diff(stand_ins, prepend=-1, append=counters.held) <= 0)
                 or any(np.any((counts < 0) | (counts > counters.samples))
                        for counts in (at_ends, at_zero, near_zero))
                 or not 0 <= counters.runs < MOST_RUNS):
             raise ValueError('arrays of the estimator do not fit together')
         self = cls(len(chunk))
         self._n = counters
-        self._chunk[:, :counters.held] = chunk
+        self._chunk[:, :counters.held], self._stand_ins = chunk, stand_ins.tolist()
         (self.lowest, self.highest, self.step), self.at_ends = ranges.copy(), at_ends
         self.at_zero, self.near_zero, self.alike = at_zero, near_zero, alike
         if 'reference' in state:

@@ -85,7 +85,7 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
 
     """
     end = int(np.argmax(finished.at_ends[:, axis]))
-    count, samples = int(finished.at_ends[end, axis]), finished.samples
+    count, samples = int(finished.at_ends[end, axis]), finished.measured
     if not is_cut_off(finished, axis, count, samples):
         return None
     assert finished.reference is not None

@@ -9,8 +9,8 @@ Array = NDArray[np.float64]
 
 _OFF_STEPS = 0.05
 """
-Share of the changes that may lie off the steps, as those to samples in place of missing ones do;
-smooth noise seems to step by a tenth of it then, which is far below what a step matters from.
+Share of the changes that may lie off the steps, as those to a few odd readings do; smooth noise
+seems to step by a tenth of it then, which is far below what a step matters from.
 """
 _ROUNDING = 1e-12
 """Of a value, or of 1: the same value twice may differ by so much."""

@@ -85,8 +85,8 @@ class EvenPiece:
 
     def block(self) -> EvenBlock:
         """Give all rows."""
-        return EvenBlock(self.samples, self.first_index, len(self.bridged), self.new_run,
-                         start_s=self.start_s)
+        return EvenBlock(self.samples, self.first_index, self.bridged - self.first_index,
+                         self.new_run, start_s=self.start_s)
 
     def by_axes(self, interval_s: float) -> Iterator['EvenPiece']:
         """Give the piece in parts within which the same axes are there, and at least one."""

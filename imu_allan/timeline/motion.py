@@ -274,8 +274,8 @@ class MotionDetector:
                 bridged = stretch.bridged
                 if len(bridged):
                     bridged = bridged[np.searchsorted(bridged, first + begin):
-                                      np.searchsorted(bridged, first + end)]
-                blocks.append(EvenBlock(rows[begin:end], first + begin, len(bridged),
+                                      np.searchsorted(bridged, first + end)] - (first + begin)
+                blocks.append(EvenBlock(rows[begin:end], first + begin, bridged,
                                         stretch.new_run or self._run_pending, self._void,
                                         start_s))
                 self._run_pending = self._void = False

@@ -371,3 +371,35 @@ def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
         np.testing.assert_allclose(state[key], value, rtol=1e-12, err_msg=key)
     assert together.axes == 5
     assert together.samples == 40_000
+
+
+def test_stand_ins_are_no_values_of_the_sensor_however_they_arrive():
+    rng = np.random.default_rng(4)
+    samples = np.round(rng.normal(size=(3 * CHUNK + 77, 2)))
+    rows = np.flatnonzero(rng.random(len(samples)) < 0.2)
+    samples[rows] = 0.3
+    samples[rows[5]] = 99.0
+    whole, bits = Estimator(2), Estimator(2)
+    whole.update(samples, rows)
+    cuts = [0, *np.sort(rng.integers(0, len(samples), 40)).tolist(), len(samples)]
+    for first, last in pairwise(cuts):
+        low, high = np.searchsorted(rows, [first, last])
+        bits.update(samples[first:last], rows[low:high] - first)
+        bits = Estimator.from_state(bits.to_state()).copy()
+    own = np.delete(samples, rows, axis=0)
+    for one in (whole.finished(), bits.finished()):
+        assert (one.samples, one.measured) == (len(samples), len(own))
+        assert np.array_equal(one.reference + one.lowest, own.min(axis=0))
+        assert np.array_equal(one.reference + one.highest, own.max(axis=0))
+        assert np.array_equal(one.at_zero, np.count_nonzero(own == 0, axis=0))
+        assert one.step.tolist() == [1.0, 1.0]
+    assert {key: value.tobytes() for key, value in whole.to_state().items()} == {
+        key: value.tobytes() for key, value in bits.to_state().items()}
+
+
+def test_nothing_but_stand_ins_is_no_range():
+    estimator = Estimator()
+    estimator.update(np.ones(5), range(5))
+    assert (estimator.finished().measured, estimator.finished().highest[0]) == (0, -np.inf)
+    with pytest.raises(ValueError, match='no rows of 5 samples'):
+        estimator.update(np.ones(5), [5])

@@ -205,7 +205,7 @@ def test_white_noise_of_bridged_samples_is_given_back():
     around = sum(samples[missing + k] for k in range(-8, 9) if k) / 16
     samples[missing] = around
     estimator = Estimator()
-    estimator.update(samples, bridged=len(missing))
+    estimator.update(samples, np.sort(missing))
     pieces = estimator.finished().periodogram.pieces()
     share = len(missing) / len(samples)
     plain = maximise(grouped(bins_of(pieces, 1.0), 0), fixed={QUANTIZATION: 0.0})

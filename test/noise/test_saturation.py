@@ -69,6 +69,35 @@ def test_few_samples_off_the_steps_of_the_others_do_not_make_an_end_of_a_range()
     assert cut_off(shown(samples), 0) is None
 
 
+def bridged(samples, share):
+    """Fill in missing samples as the timeline does: by the mean of others on both sides."""
+    missing = np.random.default_rng(8).random(samples.shape) < share
+    around = np.convolve(samples, np.full(16, 1 / 16), 'same')
+    return np.where(missing, around, samples), np.flatnonzero(missing)
+
+
+@pytest.mark.parametrize('share', [0.02, 0.1, 0.4])
+@pytest.mark.parametrize('step', [1.5, 2.0, 3.0])
+def test_steps_above_the_noise_are_not_cut_off_where_samples_are_missing(share, step):
+    for offset in (0.0, 0.2, 0.4):
+        samples, missing = bridged(step * np.round(WHITE[:6000] / step + offset), share)
+        estimator = Estimator()
+        estimator.update(samples, missing)
+        assert cut_off(estimator.finished(), 0) is None
+        assert estimator.finished().step[0] == step
+
+
+@pytest.mark.parametrize('share', [0.02, 0.1, 0.4])
+def test_a_clipped_axis_is_told_where_samples_are_missing_with_its_share_of_those_there(share):
+    clipped = np.minimum(0.1 * np.round(WHITE / 0.1), 1.0)
+    samples, missing = bridged(clipped, share)
+    estimator = Estimator()
+    estimator.update(samples, missing)
+    found = cut_off(estimator.finished(), 0)
+    assert found.value == pytest.approx(1.0)
+    assert found.share == np.mean(np.delete(clipped, missing) == clipped.max())
+
+
 def test_ends_are_counted_however_samples_arrive():
     rows = np.minimum(WHITE, 0.5)
     whole = shown(rows)

@@ -129,6 +129,16 @@ def test_a_coarse_output_that_repeats_itself_is_not_frozen():
     assert result.timeline.samples == len(messages.place)
 
 
+@pytest.mark.parametrize('step', [1.5, 2.0, 3.0])
+@pytest.mark.parametrize('lost', [0.05, 0.2])
+def test_a_coarse_output_with_losses_is_not_at_the_end_of_its_range(step, lost):
+    messages, _, rng = rest(duration_s=60, seed=7)
+    messages.samples += rng.uniform(-5, 5, 6) * SIGMA
+    messages.samples = np.rint(messages.samples / (step * SIGMA)) * step * SIGMA
+    kept = keep(messages, rng.random(len(messages.place)) >= lost)
+    assert codes(characterized(kept)).isdisjoint({'saturated', 'deadband', 'stood_still'})
+
+
 @pytest.mark.parametrize(('rate_hz', 'tick'), [(952.0, 1e-3), (208.0, 4e-3), (80.0, 1e-2)])
 @pytest.mark.parametrize('other_clock', [True, False])
 def test_a_tick_as_long_as_the_interval_is_not_taken_for_it(rate_hz, tick, other_clock):
