@@ -135,7 +135,7 @@ def without_coefficient(result: 'Result', path: str) -> ImuAllanError | None:
     if any(axis.high_passed_hz is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: a filter has taken out the slow part of '
                              'the noise; take the raw topic')
-    if any(axis.fault is not None for axis in result.axes.values()):
+    if result.axes and all(axis.fault is not None for axis in result.axes.values()):
         return ImuAllanError(f'{path}: no coefficient: the output is cut off at an end of its '
                              'range, stood still or has a deadband; see the warnings of the '
                              'axes')

@@ -197,12 +197,15 @@ def test_options_that_need_others_are_wrong_usage(
     ([f'{i / 100},0.5' for i in range(500)], 'no coefficient: every axis is constant, there is '
      'no noise to measure; look whether the IMU works and is read out'),
     ([f'{i / 100},{(i * i) % 7}' for i in range(56)],
+     'no coefficient: 56 samples are too few; record for longer'),
+    ([f'{i / 100},{(i * i) % 7},2' for i in range(56)],
      'no coefficient: 56 samples are too few; record for longer')])
 def test_where_no_coefficient_comes_out_the_status_is_1(
         rows: list[str], complaint: str, tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / 'r.csv'
-    path.write_text('\n'.join(['time_s,gyro_x', *rows, '']))
+    header = ','.join(['time_s', 'gyro_x', 'gyro_y'][:rows[0].count(',') + 1])
+    path.write_text('\n'.join([header, *rows, '']))
     assert main(['analyze', str(path), '--json', str(tmp_path / 'r.json')]) == 1
     assert capsys.readouterr().err == f'imu_allan: {path}: {complaint}\n'
     assert load_result(tmp_path / 'r.json').timeline.samples == len(rows)

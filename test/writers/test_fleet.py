@@ -145,3 +145,10 @@ def test_a_unit_is_named_where_it_sticks_out_and_not_among_the_dots_of_others(fl
              if 'unit5' in {text.get_text() for text in panel.texts}]
     assert 'N gyro x' in named
     assert all(title.endswith('gyro x') for title in named)
+
+
+def test_a_unit_that_is_left_out_is_not_counted_whatever_the_reason(fleet):
+    copy = Failure('copy', 'units/copy', 'unit1 and copy hold the same messages')
+    page = fleet_html(replace(fleet, failures=(*fleet.failures, copy)))
+    assert '2 not counted' in page
+    assert '<b>copy</b> is not counted: unit1 and copy hold the same messages' in page

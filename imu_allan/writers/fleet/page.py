@@ -76,7 +76,7 @@ def _facts(fleet: Fleet) -> list[str]:
     odd, failed = len(fleet.population.odd_units), len(fleet.failures)
     facts.append('none sticks out' if not odd else f'{odd} {"stick" if odd > 1 else "sticks"} out')
     if failed:
-        facts.append(f'{failed} could not be analyzed')
+        facts.append(f'{failed} not counted')
     return facts
 
 
