@@ -12,9 +12,10 @@ import sys
 import threading
 import time
 
+from imu_allan.cli.main import main
 from imu_allan.cli.workers import characterize, Task
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.run_folder import claimed
+from imu_allan.node.run_folder import claimed, try_folder
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -101,6 +102,38 @@ def test_a_link_in_a_folder_that_another_user_made_in_a_shared_one_is_not_follow
     with pytest.raises(ImuAllanError, match='is a link that another user put into a folder that'):
         write_atomically(theirs / 'result.json', b'x')
     assert (tmp_path / 'precious').read_text() == 'mine'
+
+
+def planted_link(folder: Path, target: Path) -> Path:
+    """Let another user put a link to a folder of this user into a shared one."""
+    target.mkdir()
+    (folder / 'link').symlink_to(target)
+    os.lchown(folder / 'link', SOMEBODY_ELSE, SOMEBODY_ELSE)
+    return folder / 'link'
+
+
+def test_a_simulated_recording_follows_no_link_of_another_user(tmp_path, capsys):
+    link = planted_link(shared_folder(tmp_path / 'shared'), tmp_path / 'precious')
+    (tmp_path / 'm.yaml').write_text(MODEL)
+    for output in (link / 'sim', link / 'deeper' / 'sim'):
+        assert main(['simulate', str(tmp_path / 'm.yaml'), '--duration', '1s', '--output',
+                     str(output)]) == 1
+        assert capsys.readouterr().err.startswith(
+            f'imu_allan: {output}: cannot be created ({link} is a link that another user put ')
+    assert not list((tmp_path / 'precious').iterdir())
+
+
+def test_a_node_makes_no_folder_behind_a_link_of_another_user(tmp_path):
+    link = planted_link(shared_folder(tmp_path / 'shared'), tmp_path / 'precious')
+    with pytest.raises(ImuAllanError, match='is a link that another user put into a folder that'):
+        try_folder(str(link / 'runs'))
+    claimed(link / 'runs' / 'imu')
+    assert not list((tmp_path / 'precious').iterdir())
+
+
+def test_what_is_tried_in_the_folder_of_a_node_does_not_stay(tmp_path):
+    try_folder(str(tmp_path / 'runs'))
+    assert not list((tmp_path / 'runs').iterdir())
 
 
 def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, monkeypatch):

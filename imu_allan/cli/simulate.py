@@ -3,6 +3,7 @@
 """Write a recording of a simulated IMU."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -61,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if samples < 1:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '
                             f'--rate {args.rate:g}; simulate for longer')
+    _make_folder_above(output)
     blocks = simulated_blocks(model, args.rate, samples, seed=args.seed,
                               start_ns=_START_NS)
     with progress_bar(printable(output), samples, wanted=not args.no_progress,
@@ -68,6 +70,19 @@ def run(args: argparse.Namespace) -> int:
         write_recording(output, _counted(blocks, progress), storage=args.storage)
     print(output)
     return 0
+
+
+def _make_folder_above(output: Path) -> None:
+    """Make the folder in which the recording will lie, through no link of another user."""
+    from imu_allan.writers.output_path import followed, open_folder
+    if os.name != 'posix':
+        return
+    try:
+        os.close(open_folder(followed(output.parent)))
+    except OSError as error:
+        reason = error.strerror or error
+        where = '' if error.filename is None else f': {printable(error.filename)}'
+        raise ImuAllanError(f'{printable(output)}: cannot be created ({reason}{where})') from error
 
 
 def _counted(blocks: 'Iterator[ImuBlock]',

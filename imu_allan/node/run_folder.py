@@ -8,11 +8,13 @@ import fcntl
 import os
 from pathlib import Path
 import re
+import secrets
 import tempfile
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.settings import DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
+from imu_allan.writers.output_path import followed, open_folder, open_to_lock
 
 _CLAIMS: dict[Path, int] = {}
 """Folders of this process, and the handles that hold their locks, the latest last."""
@@ -32,11 +34,13 @@ def try_folder(output_dir: str) -> None:
         If that cannot be done; the message names the parameter.
 
     """
-    folder = _expanded(output_dir)
+    expanded = _expanded(output_dir)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, prefix='.imu_allan.') as file:
-            file.write(b'x')
+        folder = open_folder(followed(expanded))
+        try:
+            _try_file(f'.imu_allan.{secrets.token_hex(4)}', folder)
+        finally:
+            os.close(folder)
     except OSError as error:
         raise ImuAllanError(
             f'output_dir {output_dir}: cannot be written ({error.strerror or error}); set the '
@@ -96,8 +100,7 @@ def claimed(folder: Path) -> Path:
             return candidate
         # Where a folder cannot be made or opened, the files are about to tell why.
         with contextlib.suppress(OSError):
-            candidate.mkdir(parents=True, exist_ok=True)
-            handle = os.open(candidate, os.O_RDONLY | os.O_DIRECTORY)
+            handle = open_to_lock(candidate)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -109,6 +112,16 @@ def claimed(folder: Path) -> Path:
                 os.close(_CLAIMS.pop(next(iter(_CLAIMS))))
         return candidate
     return folder
+
+
+def _try_file(name: str, folder: int) -> None:
+    """Write a byte to a new file in an open folder and remove it."""
+    handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)
+    try:
+        os.write(handle, b'x')
+    finally:
+        os.close(handle)
+        os.unlink(name, dir_fd=folder)
 
 
 def _expanded(folder: str) -> Path:

@@ -133,6 +133,28 @@ def open_folder(path: Path) -> int:
     return handle
 
 
+def open_to_lock(folder: str | os.PathLike[str]) -> int:
+    """
+    Open a folder to be locked, made where it is missing, through no link of another user.
+
+    Returns
+    -------
+    int
+        Descriptor, which can be locked and listed.
+
+    Raises
+    ------
+    OSError
+        As `followed` and `open_folder`, or if it may not be read.
+
+    """
+    passed = open_folder(followed(folder))
+    try:
+        return os.open('.', os.O_RDONLY, dir_fd=passed)
+    finally:
+        os.close(passed)
+
+
 def _is_there(name: str, folder: int) -> bool:
     try:
         os.stat(name, dir_fd=folder, follow_symlinks=False)

@@ -8,7 +8,7 @@ import os
 import time
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.writers.output_path import followed, open_folder
+from imu_allan.writers.output_path import open_to_lock
 
 PATIENCE_S = 30.0
 """Writing takes seconds; whoever holds a folder for longer, such as a node its own, keeps it."""
@@ -45,9 +45,7 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
         handle = None
         # What is wrong with the folder is told by whoever writes to it.
         with contextlib.suppress(OSError, ImuAllanError):
-            found = open_folder(followed(folder))
-            stack.callback(os.close, found)
-            handle = os.open('.', os.O_RDONLY, dir_fd=found)
+            handle = open_to_lock(folder)
             stack.callback(os.close, handle)
         end = time.monotonic() + PATIENCE_S
         while handle is not None:
