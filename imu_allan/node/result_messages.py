@@ -14,6 +14,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.node.findings import live_text
 from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import AxisResult, Coefficient, Remark, Result, TurnOnBias
+from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
@@ -197,10 +198,31 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Remark],
     for i, tone in enumerate(axis.tones):
         entries |= {f'tones/{i}/frequency_hz': tone.frequency_hz,
                     f'tones/{i}/amplitude': tone.amplitude}
+    entries |= _forecast_values(axis)
     entries |= {f'remarks/{remark.code}': live_text(remark).partition(': ')[2]
                 for remark in remarks}
     return [KeyValue(key=key, value=as_text(value)) for key, value in entries.items()
             if value is not None]
+
+
+def _forecast_values(axis: AxisResult) -> dict[str, object]:
+    """Tell what the axis does on its own, after a minute at rest; nothing before it is known."""
+    if axis.drift_model is None:
+        return {}
+    found = predicted_drift(axis, FORECAST_S)
+    entries: dict[str, object] = {'predicted_drift/calibration_s': found.calibration_s,
+                                  'predicted_drift/known_to_s': found.known_to_s}
+    gyro = found.position is None
+    parts = [('angle', 'rad', found.integral, found.integral_ci95) if gyro else
+             ('velocity', 'm/s', found.integral, found.integral_ci95)]
+    if found.position is not None and found.position_ci95 is not None:
+        parts.append(('position', 'm', found.position, found.position_ci95))
+    for what, unit, sigmas, bands in parts:
+        for horizon, sigma, (low, high) in zip(found.horizons_s, sigmas, bands, strict=True):
+            key = f'predicted_drift/{horizon:g}s/{what}'
+            entries |= {f'{key}/value': sigma, f'{key}/ci95_low': low, f'{key}/ci95_high': high,
+                        f'{key}/unit': unit}
+    return entries
 
 
 def as_text(value: object) -> str:

@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
+"""From the beat of satellites to an hour without them, as a terminal of 80 columns holds."""
 _SMALL = 0.05
 """Of h/T: the series errs by 1e-8 there, the formula, which cancels, by 1e-9 at a quarter."""
 

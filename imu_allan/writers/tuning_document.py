@@ -8,10 +8,10 @@ from typing import Any
 
 from imu_allan.result import Result
 from imu_allan.tuning.field_test import FieldTest
-from imu_allan.tuning.forecast import predicted_drift
+from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import Bias
 from imu_allan.tuning.verification import Verification
-from imu_allan.writers.tuning_table import Choice, choices, FORECAST_S, known_axes
+from imu_allan.writers.tuning_table import Choice, choices, known_axes
 import numpy as np
 
 

@@ -10,7 +10,7 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.field_test import FieldTest
-from imu_allan.tuning.forecast import DriftForecast, predicted_drift
+from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, number, SENSORS, spoken
@@ -22,8 +22,6 @@ from rich.text import Text
 
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 CONSERVATIVE = 'conservative'
-FORECAST_S = (1.0, 10.0, 60.0, 600.0, 3600.0)
-"""From the beat of satellites to an hour without them, as a terminal of 80 columns holds."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
+from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import tune
 from imu_allan.writers.result_file import load_result
 import numpy as np
@@ -150,6 +151,27 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
         for letter in 'xyz':
             assert getattr(tuned.vector, letter) == tune(
                 result.axes[f'{sensor}_{letter}'], 0.2, 30.0).random_walk
+
+
+def test_the_forecast_of_every_axis_is_among_the_values(live: Ros, result: Result) -> None:
+    array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
+    for name, axis in result.axes.items():
+        entries, wanted = values(array, name), predicted_drift(axis, [1, 10, 60, 600, 3600], 60)
+        assert float(entries['predicted_drift/calibration_s']) == 60
+        assert float(entries['predicted_drift/known_to_s']) == wanted.known_to_s
+        parts = ({'angle': (wanted.integral, wanted.integral_ci95, 'rad')}
+                 if name.startswith('gyro') else
+                 {'velocity': (wanted.integral, wanted.integral_ci95, 'm/s'),
+                  'position': (wanted.position, wanted.position_ci95, 'm')})
+        found = {}
+        for what, (sigmas, bands, unit) in parts.items():
+            for horizon, sigma, (low, high) in zip((1, 10, 60, 600, 3600), sigmas, bands,
+                                                   strict=True):
+                key = f'predicted_drift/{horizon}s/{what}'
+                found |= {f'{key}/value': repr(sigma), f'{key}/ci95_low': repr(low),
+                          f'{key}/ci95_high': repr(high), f'{key}/unit': unit}
+        assert found == {key: value for key, value in entries.items()
+                         if key.startswith('predicted_drift/') and key.count('/') == 3}
 
 
 def test_a_volatile_subscription_that_comes_late_gets_the_last_result(live: Ros) -> None:
