@@ -10,12 +10,10 @@ first sample. A number that is not known is None, never NaN.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-import json
-import math
-import types
-from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
+from typing import Any, Literal
 
-from imu_allan.errors import ImuAllanError, shorten
+from imu_allan.errors import ImuAllanError
+from imu_allan.json_of_dataclasses import json_text, plain, typed
 
 SCHEMA = 'imu_allan.result/1'
 
@@ -401,7 +399,7 @@ class AxisResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""
-        return _plain(self)  # type: ignore[no-any-return]
+        return plain(self)  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)
@@ -504,12 +502,12 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object, schema first."""
-        plain = _plain(self)
-        return {'schema': plain.pop('schema'), **plain}
+        document = plain(self)
+        return {'schema': document.pop('schema'), **document}
 
     def to_json(self) -> str:
         """Return the JSON text, a series on one line; numbers read back exactly."""
-        return _laid_out(self.to_dict(), '\n') + '\n'
+        return json_text(self.to_dict()) + '\n'
 
     @classmethod
     def from_dict(cls, document: object, name: str = 'result') -> 'Result':
@@ -526,82 +524,4 @@ class Result:
             raise ImuAllanError(
                 f'{name}: not an imu_allan result file (no "schema": "{SCHEMA}"); '
                 'write one with: imu_allan analyze RECORDING --json FILE')
-        return _typed(cls, document, name)  # type: ignore[no-any-return]
-
-
-def _laid_out(value: Any, line: str) -> str:
-    """
-    Write JSON as `json.dumps` does with an indent of 2, but arrays of numbers on one line.
-
-    A node does it every period: with an indent, `json` takes five times as long. `line` is what
-    begins a line of the value.
-    """
-    inner = f'{line}  '
-    if isinstance(value, dict) and value:
-        items = [f'{json.dumps(key)}: {_laid_out(item, inner)}' for key, item in value.items()]
-        return f'{{{inner}{f",{inner}".join(items)}{line}}}'
-    if isinstance(value, list) and any(isinstance(item, (str, dict, bool)) for item in value):
-        return f'[{inner}{f",{inner}".join(_laid_out(item, inner) for item in value)}{line}]'
-    return json.dumps(value, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if value is None or isinstance(value, (float, str, int)):
-        return value
-    if hasattr(value, '__dataclass_fields__'):
-        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    return value
-
-
-def _typed(kind: Any, value: Any, where: str) -> Any:
-    """`value` as the annotated type `kind`; `where` is the path named in errors."""
-    origin = get_origin(kind)
-    if origin in (Union, types.UnionType):
-        if value is None:
-            return None
-        return _typed(next(arg for arg in get_args(kind) if arg is not type(None)), value, where)
-    if origin is Literal:
-        if value not in get_args(kind):
-            raise ImuAllanError(f'{where}: {shorten(repr(value))} is not one of '
-                                f'{", ".join(get_args(kind))}')
-        return value
-    if origin is tuple:
-        args = get_args(kind)
-        if not isinstance(value, (list, tuple)):
-            raise ImuAllanError(f'{where}: expected a list')
-        if args[-1] is Ellipsis:
-            return tuple(_typed(args[0], item, f'{where}[{i}]') for i, item in enumerate(value))
-        if len(value) != len(args):
-            raise ImuAllanError(f'{where}: expected {len(args)} values')
-        return tuple(_typed(arg, item, f'{where}[{i}]')
-                     for i, (arg, item) in enumerate(zip(args, value, strict=True)))
-    if origin is not None and issubclass(origin, Mapping):
-        if not isinstance(value, Mapping):
-            raise ImuAllanError(f'{where}: expected an object')
-        item_kind = get_args(kind)[1]
-        return {str(key): _typed(item_kind, item, f'{where}.{shorten(str(key))}')
-                for key, item in value.items()}
-    if hasattr(kind, '__dataclass_fields__'):
-        if not isinstance(value, Mapping):
-            raise ImuAllanError(f'{where}: expected an object')
-        hints = get_type_hints(kind)
-        fields = {}
-        for name in hints:
-            if name in value:
-                fields[name] = _typed(hints[name], value[name], f'{where}.{name}')
-        try:
-            return kind(**fields)
-        except TypeError as error:
-            missing = ', '.join(sorted(set(hints) - set(fields)))
-            raise ImuAllanError(f'{where}: missing {missing}') from error
-    if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise ImuAllanError(f'{where}: {value} is not a finite number')
-        return float(value)
-    if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
-        return value
-    raise ImuAllanError(f'{where}: expected {kind.__name__}, found {type(value).__name__}')
+        return typed(cls, document, name)  # type: ignore[no-any-return]
