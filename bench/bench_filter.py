@@ -205,11 +205,12 @@ def simulated(name: str, hours: float, seeds: Sequence[int]) -> list[Line]:
 
 def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = False
          ) -> None:
-    """Print means over simulated records, or median and range over real axes."""
+    """Print means over simulated records, or medians and ranges over real axes."""
     print(f'\n{title}')
     columns = [f'nis {s:g}' for s in STEPS_S] + [f'coast {s:g}' for s in COASTS_S]
     columns += [f'{"log" if real else "loss"} {s:g}' for s in STEPS_S]
-    print(f'  {"":14}' + ''.join(f'{column:>{24 if real else 11}}' for column in columns))
+    wide = 29 if real else 11
+    print(f'  {"":14}' + ''.join(f'{column:>{wide}}' for column in columns))
     for model in dict.fromkeys(key[0] for key in lines[0]):
         row = ''
         for column in columns:
@@ -221,10 +222,12 @@ def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = 
             if not len(values):
                 text = '-'
             elif real:
-                text = f'{np.median(values):.3g} [{values.min():.2f}..{values.max():.2f}]'
+                both = '' if column.startswith('log') else f' {np.exp(np.log(values).mean()):.2f}'
+                text = (f'{np.median(values):.3g}{both} '
+                        f'[{values.min():.2f}..{values.max():.2f}]')
             else:
                 text = f'{values.mean():.4f}'
-            row += f'{text:>{24 if real else 11}}'
+            row += f'{text:>{wide}}'
         print(f'  {model:14}{row}', flush=True)
         if not real:
             row = ''.join(f'{f"+-{error(lines, model, column):.4f}":>11}' for column in columns)
@@ -326,8 +329,8 @@ def main() -> int:
                                                      'accel': 'linear_acceleration'}[sensor])
     for sensor, lines in found.items():
         if lines:
-            show(f'{sensor}: real recordings, {len(lines)} halves, median [range]; log is the '
-                 "loss against the drift model's", lines, real=True)
+            show(f'{sensor}: real recordings, {len(lines)} halves, median, geometric mean of '
+                 "both ways [range]; log is the loss against the drift model's", lines, real=True)
     return 0
 
 
