@@ -22,7 +22,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.cells import Cells, end_to_end
 from imu_allan.noise.groups import Groups
 from imu_allan.noise.parts import part_cells
-from imu_allan.noise.periodogram import HIGHEST_OF_MEANS, Periodogram, SHORTEST, unbroken
+from imu_allan.noise.periodogram import HIGHEST_OF_MEANS, Periodogram, unbroken
 from imu_allan.noise.segments import OCTAVES, PER_OCTAVE
 import numpy as np
 from numpy.typing import NDArray
@@ -251,9 +251,9 @@ def short_powers(periodogram: Periodogram) -> SegmentPowers | None:
         whole = cells.counts == cell
         breaks = np.flatnonzero((np.diff(cells.keys) != 1) | ~whole[1:] | ~whole[:-1]) + 1
         for points in np.split(cells.means, breaks, axis=1):
-            length = points.shape[1]
-            if length >= SHORTEST:
-                index = np.arange(_FIRST_INDEX, length)
+            # Of white noise every coefficient is as good as any, however short the stretch.
+            index = np.arange(_FIRST_INDEX, points.shape[1])
+            if len(index):
                 _add(power[:, number], dof[number], points, index, cell, highest)
     seen = np.flatnonzero(dof.sum(axis=0))
     if not len(seen):

@@ -138,11 +138,18 @@ def short_record(kind, samples, seed):
     return record[:samples]
 
 
-def alarms(kind, samples, seeds):
+def with_gaps(record, period, lost):
+    estimator = Estimator()
+    for first in range(0, len(record), period):
+        estimator.update(record[first:first + period - lost])
+        estimator.skip(lost)
+    return estimator
+
+
+def alarms(kind, samples, seeds, period=10**6, lost=0):
     told = 0
     for seed in seeds:
-        estimator = Estimator()
-        estimator.update(short_record(kind, samples, seed))
+        estimator = with_gaps(short_record(kind, samples, seed), period, lost)
         powers = short_powers(estimator.finished().periodogram)
         told += not steadiness(powers, 0, 1 / RATE, white_alone=True).steady
     return told
@@ -151,6 +158,22 @@ def alarms(kind, samples, seeds):
 @pytest.mark.parametrize('kind', SHORT)
 def test_a_short_record_whose_noise_stays_the_same_says_nothing(kind):
     assert alarms(kind, 1000, range(15)) + alarms(kind, 9000, range(15)) == 0
+
+
+@pytest.mark.parametrize('kind', SHORT)
+def test_a_short_record_with_gaps_whose_noise_stays_the_same_says_nothing(kind):
+    assert alarms(kind, 9000, range(5), 25, 6) + alarms(kind, 9000, range(5), 60, 8) == 0
+
+
+@pytest.mark.parametrize(('period', 'lost'), [(25, 6), (30, 9), (150, 40)])
+@pytest.mark.parametrize('ratio', [0.5, 2.0])
+def test_a_short_record_says_that_its_noise_changes_between_gaps(period, lost, ratio):
+    record = simulate(SENSOR, 14_000, RATE, 1)
+    record[3000:] *= ratio
+    [(axis, remarks)] = axis_results(with_gaps(record, period, lost), RATE,
+                                     [Quantity.ANGULAR_VELOCITY])
+    assert 'not_steady' in {remark.code for remark in remarks}
+    assert not axis.stationarity.steady
 
 
 @pytest.mark.slow

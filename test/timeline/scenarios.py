@@ -403,9 +403,6 @@ def driver_restart(m: Messages, truth: Truth, rng: Generator) -> Messages:
 def noise_changes(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Let the noise of all axes double or halve for good."""
     truth.told |= {'not_steady', 'noise_level_changed', 'motion', 'rest_within_motion'}
-    if len(m.place) < _LONG_S * truth.rate_hz:
-        # It takes a minute to tell a louder sensor from an engine.
-        truth.told.add('refused')
     at = int(len(m.place) * rng.uniform(0.15, 0.85))
     level = m.samples.mean(axis=0)
     m.samples[at:] = level + (m.samples[at:] - level) * rng.choice([0.5, 2.0])
@@ -502,8 +499,11 @@ def compose(seed: int, samples: int = 20_000) -> tuple[Messages, Truth, Generato
         fault = kinds[kind][int(rng.integers(len(kinds[kind])))]
         truth.faults.append(fault.__name__)
         messages = fault(messages, truth, rng)
-    if {'tilt', 'header_speed'} <= set(truth.faults) and np.ptp(messages.header) < _SHORT_S:
+    if 'tilt' in truth.faults and np.ptp(messages.header) < _SHORT_S:
         # By its stamps the record is so short that a turn of some seconds is the larger part.
+        truth.told.add('refused')
+    if 'noise_changes' in truth.faults and len(messages.place) < _LONG_S * rate_hz:
+        # It takes a minute to tell a louder sensor from an engine, of what no outage takes away.
         truth.told.add('refused')
     return messages, truth, rng
 
