@@ -222,7 +222,7 @@ def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk():
     assert 1.6e-6 < walk.upper95 < 3e-5
     message, = (remark.message for remark in remarks if remark.code == 'bias_step')
     assert message == (
-        'the mean steps by 0.000472 rad/s after about 66 min 40 s, and nowhere else (a knock, or '
+        'the mean steps by 0.000472 rad/s after about 67 min, and nowhere else (a knock, or '
         'another supply voltage or setting): the rate random walk is given as an upper bound; '
         'analyze what lies before or behind it with --start and --duration')
     # Several recordings begin anew each: there it says nothing.
