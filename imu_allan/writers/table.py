@@ -147,7 +147,7 @@ def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
                   f'{figure.symbol} {figure.si_value} {figure.si_unit}')
                  for figure in (answer.noise, answer.drift) if figure is not None]
     if answer.forecast:
-        off = [f'off by {answer.forecast}']
+        off = [f'off by {answer.forecast} rms']
         if answer.forecast_interval:
             off.append(f'95 %: {answer.forecast_interval}')
         beside = ', '.join(off)
@@ -289,8 +289,6 @@ def _notes(result: Result, found: Sequence[Answer]) -> 'Iterator[Text]':
     if any(answer.tuned for answer in found):
         words.append(f'"for a filter": corrected every {AIDING_S:g} s, alone up to '
                      f'{duration(COAST_S)}; else: imu_allan tune.')
-    if any(answer.forecast for answer in found):
-        words.append('"off by": one standard deviation.')
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
     if longer := outlook_of(result):

@@ -35,6 +35,7 @@ from imu_allan.writers.filters import export
 from imu_allan.writers.report import comparison_html, report_html
 from imu_allan.writers.svg import Scale
 from imu_allan.writers.table import print_result
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -373,3 +374,19 @@ def test_the_report_names_the_unit_and_who_measured_it_where(result):
     for fact in ('serial number A-17 <b>', 'operator mk', 'station bench 3'):
         assert fact in text
     assert 'serial number' not in Outline(report_html(result)).text
+
+
+@needs_browser
+@pytest.mark.parametrize('what', ['30 s', 'constant', 'one axis dead'])
+def test_pages_of_odd_sensors_can_be_read(what, tmp_path, browser):
+    samples = np.random.default_rng(1).normal(size=(3000, 6)) * 1e-3
+    dead = {'30 s': [], 'constant': range(6), 'one axis dead': [2]}[what]
+    samples[:, [*dead]] = 0.25
+    stamps = np.arange(len(samples)) / 100
+    recording = tmp_path / 'recording.csv'
+    np.savetxt(recording, np.column_stack([stamps, samples]), '%.9g', ',', comments='',
+               header='time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z')
+    page = written(tmp_path, report_html(analyze(recording)))
+    assert [faults for width in (400, 1400) for dark in (False, True)
+            if (faults := faults_of(page, browser, width, dark))] == []
+    assert pages_in_print(page, browser) <= 2

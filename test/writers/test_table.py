@@ -77,7 +77,7 @@ def test_a_forecast_longer_than_the_recording_says_so(filtered):
     short = replace(filtered, axes={
         name: replace(axis, drift_model=replace(axis.drift_model, to_s=30.0))
         for name, axis in filtered.axes.items()})
-    assert re.search(r'  alone 60 s    off by [\d.]+ deg, 95 %: [\d.]+ .. [\d.]+ deg\n'
+    assert re.search(r'  alone 60 s    off by [\d.]+ deg rms, 95 %: [\d.]+ .. [\d.]+ deg\n'
                      r' {16}beyond what this recording knows\n', printed(short))
     assert 'beyond what this recording knows' not in printed(filtered)
 
