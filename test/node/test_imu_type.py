@@ -92,7 +92,8 @@ def test_a_type_that_is_not_there_or_holds_no_imu_is_one_line_at_the_start(ros: 
         (chosen('Imu'), 'imu_type: Imu: not the name of a message type, such as '
          'sensor_msgs/msg/Imu'),
         (chosen('geometry_msgs/msg/TwistStamped'), 'imu_type: type geometry_msgs/msg/TwistStamped '
-         'holds no samples of an IMU that are known; name the fields that hold them'),
+         'holds no samples of an IMU that are known; name the fields that hold them with '
+         'gyro_field and accel_field'),
         (chosen('geometry_msgs/msg/TwistStamped', 'gyro_field:=twist.no'),
          'imu_type: gyro_field '),
         (chosen('geometry_msgs/msg/TwistStamped', "gyro_field:='twist.angular m'"),

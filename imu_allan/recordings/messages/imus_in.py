@@ -220,10 +220,11 @@ def imu_messages(type_name: str, definition: str, serialization: Serialization =
     if len(found) > 1:
         raise ImuAllanError(
             f'type {_shown(type_name)} holds {len(found)} IMUs '
-            f'({", ".join(name[1:] for name in found)}); name the fields of one')
+            f'({", ".join(name[1:] for name in found)}); name the fields of one with --gyro and '
+            '--accel')
     if not found:
         raise ImuAllanError(f'type {_shown(type_name)} holds no samples of an IMU that are known; '
-                            'name the fields that hold them')
+                            'name the fields that hold them with --gyro and --accel')
     [messages] = found.values()
     return messages
 
