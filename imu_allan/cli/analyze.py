@@ -28,7 +28,7 @@ from imu_allan.cli.recording_options import (
     timeline_options,
 )
 from imu_allan.cli.workers import drawing_process, executor, folder_names, in_order, Task
-from imu_allan.errors import ImuAllanError, printable
+from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.output_path import require_writable
 
@@ -156,7 +156,9 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
                 complaints.append(unsaved)
             elif len(tasks) == 1 and task.folder is not None:
                 print(_written(task))
-            if (nothing := without_coefficient(result, task.path)) is not None:
+            source = task.path if not args.all_topics or task.topic is None else (
+                f'{task.path}, topic {shorten(task.topic)}')
+            if (nothing := without_coefficient(result, source)) is not None:
                 complaints.append(nothing)
     gathering.finish()
     for complaint in complaints[:-1]:

@@ -16,11 +16,13 @@ import time
 
 import imu_allan
 from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu
 from imu_allan.cli import workers
 from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from mcap.writer import Writer
 import numpy as np
 import pytest
 import yaml
@@ -172,6 +174,25 @@ def test_all_topics_are_analyzed_and_no_topic_name_leads_out_of_the_output_folde
         '.csv', '.html', '.json']
     assert len([path for path in output.iterdir() if path.is_dir()]) == 2
     assert list((tmp_path / 'deep').iterdir()) == [output]
+
+
+def test_of_all_topics_the_one_without_a_coefficient_is_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
+        for topic in ('/imu', '/short'):
+            channel = writer.register_channel(topic, 'cdr', schema)
+            for number in range(3000 if topic == '/imu' else 20):
+                stamp = START_NS + number * 10**7
+                writer.add_message(channel, stamp, encode_imu(
+                    stamp, np.random.default_rng(number).normal(size=6), 'imu'), stamp)
+        writer.finish()
+    assert main(['analyze', str(tmp_path / 'a.mcap'), '--all-topics']) == 1
+    assert capsys.readouterr().err == (
+        f'imu_allan: {tmp_path / "a.mcap"}, topic /short: no coefficient: 20 samples are too few; '
+        'record for longer\n')
 
 
 def test_all_topics_do_not_fit_into_one_json_file(
