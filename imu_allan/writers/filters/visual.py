@@ -170,11 +170,11 @@ def isaac_ros_vslam(numbers: Numbers) -> str:
     sample, dt^2 times that of the noise and one step of the walk: N^2 f and K^2/f of these, by the
     frequency given. The class that makes them so, ImuCalibration, was not read.
     """
-    lines = [*heading(numbers), "# Continuous by the units in cuVSLAM's header; cuVSLAM makes "
-             'values per sample of them, by',
-             '# calibration_frequency. The node takes the IMU with enable_imu_fusion: true, in '
-             'newer releases with',
-             '# tracking_mode: 1.',
+    lines = [*heading(numbers), "# Continuous by the units in cuVSLAM's header; what makes values "
+             'per sample of them there, by',
+             '# calibration_frequency, was not read. The node takes the IMU with '
+             'enable_imu_fusion: true, in newer',
+             '# releases with tracking_mode: 1.',
              '/**:', '  ros__parameters:']
     body = pairs(numbers, {('gyro', N): 'gyro_noise_density', ('gyro', K): 'gyro_random_walk',
                            ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'})
