@@ -163,7 +163,7 @@ def _result(source: str, args: argparse.Namespace) -> 'Result':
 
     if is_result(source):
         return load_result(source)
-    import imu_allan
+    from imu_allan.analysis import analyze
     from imu_allan.cli.progress import progress_bar
     from imu_allan.recordings import open_recording
     from imu_allan.timeline import TimelineOptions
@@ -172,6 +172,6 @@ def _result(source: str, args: argparse.Namespace) -> 'Result':
     with open_recording(source, options=reading) as recording:
         size = recording.size_bytes
     with progress_bar(printable(source), size, wanted=not args.no_progress) as progress:
-        return imu_allan.analyze(source, args.topic, progress=progress, reading=reading,
-                                 options=TimelineOptions(**timeline_options(args)),
-                                 start_s=args.start, duration_s=args.duration)
+        return analyze(source, args.topic, progress=progress, reading=reading,
+                       options=TimelineOptions(**timeline_options(args)),
+                       start_s=args.start, duration_s=args.duration)

@@ -172,8 +172,7 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
 
     if is_result(args.verify):
         return load_result(args.verify), []
-    import imu_allan
-    from imu_allan.analysis import second_means
+    from imu_allan.analysis import analyze, second_means
     from imu_allan.cli.progress import progress_bar
     from imu_allan.recordings import open_recording
     from imu_allan.timeline import TimelineOptions
@@ -188,8 +187,8 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
         def rest(done: int) -> None:
             progress((size + done) // 2)
 
-        result = imu_allan.analyze(args.verify, args.topic, progress=half, options=options,
-                                   reading=reading)
+        result = analyze(args.verify, args.topic, progress=half, options=options,
+                         reading=reading)
         axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
         return result, second_means(args.verify, args.topic, progress=rest, options=options,
                                     reading=reading, axes=axes)
