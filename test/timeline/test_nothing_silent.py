@@ -200,6 +200,31 @@ def test_many_missing_samples_bound_the_error_of_the_noise_density(lost):
         assert 0.95 < density.value / truth.density < 1 + float(found[1]) / 100
 
 
+def missed_by_intervals(duration_s, lost, seeds):
+    """Give the share of the 95 % intervals that the true noise density lies outside of."""
+    outside = []
+    for seed in seeds:
+        messages, truth, rng = rest(duration_s=duration_s, seed=seed)
+        there = rng.random(len(messages.place)) >= lost
+        for axis in characterized(keep(messages, there)).axes.values():
+            low, high = axis.coefficients['noise_density'].ci95
+            outside.append(not low <= truth.density <= high)
+    return np.mean(outside)
+
+
+def test_intervals_hold_the_noise_density_where_a_fifth_is_lost():
+    assert missed_by_intervals(60, 0.2, range(9000, 9008)) <= 0.09
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('lost', [0.1, 0.2, 0.4])
+def test_intervals_miss_the_noise_density_in_five_of_a_hundred_at_most(lost):
+    share = missed_by_intervals(60, lost, range(9100, 9200))
+    print(f'{lost:.0%} lost: {share:.2%}')
+    # Two standard errors of 600 axes.
+    assert share < 0.068
+
+
 @pytest.mark.parametrize(('lost', 'jitter'), [
     (0.5, 0.1), (0.6, 0.2), (0.7, 0.0), (0.8, 0.0), ('10100', 0.0)])
 def test_losses_that_stamps_hide_bound_the_error_of_the_noise_density(lost, jitter):
