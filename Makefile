@@ -113,7 +113,7 @@ docs: $(STAMP)
 	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html
 
 bench: $(STAMP)
-	@for script in $(filter-out %_accuracy.py %_constants.py %_filter.py %_processes.py %_quarters.py %_slow_mean.py,$(wildcard bench/bench_*.py)); do \
+	@for script in $(filter-out %_accuracy.py %_constants.py %_exponent.py %_filter.py %_processes.py %_quarters.py %_slow_mean.py,$(wildcard bench/bench_*.py)); do \
 		echo "== $$script"; $(RUN)/python $$script || exit 1; done
 
 bench-filter: $(STAMP)
@@ -124,6 +124,7 @@ bench-accuracy: $(STAMP)
 	$(RUN)/python bench/bench_accuracy.py --drawn
 	$(RUN)/python bench/bench_quarters.py
 	$(RUN)/python bench/bench_processes.py
+	$(RUN)/python bench/bench_exponent.py
 
 clean:
 	rm -rf .venv .venv-* build install log dist *.egg-info demo_output docs/_build \

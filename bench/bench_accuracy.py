@@ -24,7 +24,7 @@ from typing import Any
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.simulate import simulate
+from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import FLICKER_FLOOR
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,8 @@ class Case:
         Relative Cramer-Rao bound by key.
     low_pass : tuple or None
         Numerator and denominator of a filter in the sensor.
+    power_law : tuple or None
+        Exponent of slow noise that is no flicker, and where it crosses the white noise, in Hz.
 
     """
 
@@ -62,6 +64,7 @@ class Case:
     duration_s: float
     bound: dict[str, float]
     low_pass: tuple[Sequence[float], Sequence[float]] | None = None
+    power_law: tuple[float, float] | None = None
 
     def truth(self, key: str) -> float:
         """Return the true coefficient, or standard deviation of the process; 0 where absent."""
@@ -71,6 +74,12 @@ class Case:
     def record(self, seed: int) -> Array:
         """Draw a record, in rad/s."""
         samples = round(self.rate_hz * self.duration_s)
+        if self.power_law is not None:
+            exponent, crossing_hz = self.power_law
+            size = self.terms[N] * (2 * np.pi * crossing_hz / self.rate_hz)**(exponent / 2)
+            slow = flicker(samples, np.random.default_rng([seed, 77]), exponent)
+            return np.asarray(simulate(self.terms, samples, self.rate_hz, seed)
+                              + size * np.sqrt(self.rate_hz) * slow)
         if self.low_pass is None:
             return simulate(self.terms, samples, self.rate_hz, seed)
         raw = simulate(self.terms, samples + _SETTLING, self.rate_hz, seed)
@@ -95,6 +104,8 @@ CASES = {
     '2nd order 5 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 5, fs=100)),
     '4th order 10 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(4, 10, fs=100)),
     'boxcar 8': Case(_CONSUMER, 100, 3 * _HOUR, _A, ([1 / 8] * 8, [1.0])),
+    'f^-0.7': Case({N: _CONSUMER[N]}, 100, _HOUR, {}, power_law=(0.7, 5.0)),
+    'f^-1.3': Case({N: _CONSUMER[N]}, 100, _HOUR, {}, power_law=(1.3, 5.0)),
 }
 
 Estimates = dict[str, tuple[float, float, float, bool]]
@@ -229,7 +240,7 @@ def show(name: str, trials: Sequence[Any]) -> None:
                   f'{100 * line["rmse"]:8.3f} %{over}  observable '
                   f'{100 * line["observable"]:5.1f} %  {coverage}')
         print(f'    just the true terms in {100 * right_terms(name, trials, method):.1f} %')
-    if case.low_pass is None and PROCESS not in case.terms:
+    if case.low_pass is None and case.power_law is None and PROCESS not in case.terms:
         worst = [f'{tau:g} s {share:.3f}' for tau, share in curve_coverage(name, trials)]
         print('  coverage of the curve: ' + ', '.join(worst))
 

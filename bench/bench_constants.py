@@ -169,7 +169,7 @@ CONSTANTS: dict[str, Sequence[tuple[str, Measure]]] = {
     '_LEAST_SPREAD': tuple(
         (f'told of noise louder by {_share(share)} in one half',
          _fitted(_louder(share), 100.0, _unsteady)) for share in (0.025, 0.05, 0.1)),
-    '_BENT_P': (
+    'BENT_P': (
         ('band cut of white noise',
          _fitted(_white, 100.0, lambda found: found.fit.edge_hz is not None)),
         ('N off behind a low-pass of 20 Hz', _fitted(_low_passed, 100.0, _off))),

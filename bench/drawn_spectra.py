@@ -10,15 +10,17 @@ normal with the variance that the model gives it, the power of n blocks a chi-sq
 from collections.abc import Sequence
 from dataclasses import replace
 
+from imu_allan.noise import spectrum
 from imu_allan.noise.correlated import process_column
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import bins_of
+from imu_allan.noise.groups import bins_of, FLICKER
 from imu_allan.noise.leaks import Course, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.trends import duration, RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
+from scipy.signal import freqz
 
 Array = NDArray[np.float64]
 
@@ -34,7 +36,10 @@ def shape_of(samples: int) -> list[SpectrumPiece]:
 
 def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, records: int,
          rng: np.random.Generator, courses: Sequence[Course] = (),
-         process: tuple[float, float] | None = None) -> list[RecordSpectrum]:
+         process: tuple[float, float] | None = None,
+         power_law: tuple[float, float] | None = None,
+         low_pass: tuple[Sequence[float], Sequence[float]] | None = None
+         ) -> list[RecordSpectrum]:
     """
     Draw spectra.
 
@@ -54,6 +59,10 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         Their sum is added to the mean of every record.
     process : (float, float), optional
         Standard deviation and correlation time of a Gauss-Markov process besides.
+    power_law : (float, float), optional
+        Amplitude and exponent of slow noise besides that is no flicker.
+    low_pass : tuple, optional
+        Numerator and denominator of a filter that all of it has come through.
 
     """
     def mean(time: Array) -> Array:
@@ -67,6 +76,14 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         variance = bins.design @ np.asarray(theta)
         if process is not None:
             variance += process[0]**2 * process_column(bins, dt, process[1])
+        nu = np.minimum(bins.frequency * dt, 0.5)
+        if power_law is not None:
+            # What the ends of a record do to it is taken to be what they do to flicker.
+            amplitude, exponent = power_law
+            variance += (amplitude**2 * bins.design[:, FLICKER]
+                         * spectrum.power_law(nu, dt, exponent) / spectrum.flicker(nu, dt))
+        if low_pass is not None:
+            variance *= np.abs(freqz(*low_pass, 2 * np.pi * nu)[1])**2
         if piece.coefficients is None:
             dof = piece.blocks
             power[:, lines] = variance * rng.chisquare(dof, (records, len(lines))) / dof

@@ -90,6 +90,26 @@ class GaussMarkov:
 
 
 @dataclass(frozen=True)
+class PowerLaw:
+    """
+    Slow noise whose two-sided density is ``psd_1hz / f**exponent``, where it is no flicker.
+
+    Attributes
+    ----------
+    exponent : float
+        That of flicker is 1.
+    exponent_ci95 : (float, float)
+    psd_1hz : float
+        In the squared unit of a sample per Hz.
+
+    """
+
+    exponent: float
+    exponent_ci95: Interval
+    psd_1hz: float
+
+
+@dataclass(frozen=True)
 class DriftModel:
     """
     What predicts the sensor: white noise, random walk and first-order Gauss-Markov processes.
@@ -374,6 +394,7 @@ class AxisResult:
     deadband: Deadband | None = None
     coarse_step: float | None = None
     copy_of: str | None = None
+    power_law: PowerLaw | None = None
 
     @property
     def constant(self) -> bool:

@@ -52,6 +52,7 @@ from imu_allan.result import (
     GaussMarkov,
     GoodnessOfFit,
     Interval,
+    PowerLaw,
     Ramp,
     Remark,
     Saturation,
@@ -196,7 +197,9 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         if parts is not None and fitted_axis.steadiness is not None:
             remarks += steadiness_remarks(fitted_axis.steadiness, parts.segments)
         seen = {key: e.observable for key, e in fitted.estimates.items()}
-        forecast = outlook(values, seen, dt, finished.samples * dt)
+        # A longer record would know a power law better, too: of that there is no forecast.
+        forecast = ({} if fitted.power_law is not None
+                    else outlook(values, seen, dt, finished.samples * dt))
         if fitted.walk_unclear:
             # A longer record shows what it is, not how large.
             forecast['rate_random_walk'] = None, None
@@ -209,7 +212,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         if step is not None:
             coefficients['rate_random_walk'] = _upper_bound(walk)
             remarks.append(bias_step_remark(step, dt, quantity))
-        curve = _curve(points, axis, dt, _described(fitted_axis, drift), values)
+        curve = _curve(points, axis, dt, _described(fitted_axis, drift), values,
+                       _law_of(fitted))
         leaves_at = None if fitted.mean_moves else _leaves_at(
             points, axis, curve, _described(fitted_axis, None), dt)
         if leaves_at is not None and fitted.acceptable:
@@ -225,6 +229,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             curve=curve,
             drift_model=drift,
             gauss_markov=_gauss_markov(fitted),
+            power_law=_power_law(fitted),
             spectrum=_spectrum(fitted_axis.whole),
             trend=_trend(fitted),
             stationarity=parts,
@@ -277,6 +282,18 @@ def _gauss_markov(fitted: Fit) -> GaussMarkov | None:
         process.correlation_time_ci95)
 
 
+def _power_law(fitted: Fit) -> PowerLaw | None:
+    law = fitted.power_law
+    return None if law is None else PowerLaw(
+        law.exponent, law.ci95, law.amplitude**2 / (2 * np.pi)**law.exponent)
+
+
+def _law_of(fitted: Fit) -> tuple[float, float] | None:
+    """Give amplitude and exponent of slow noise that is no flicker."""
+    law = fitted.power_law
+    return None if law is None else (law.amplitude, law.exponent)
+
+
 def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
                   model: DriftModel | None) -> Stationarity | None:
     """Give the segments of an axis, each with its own mean, density and drift."""
@@ -287,7 +304,7 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
     frequency = powers.frequency / dt
     density = found.fit.estimates['noise_density']
     ratio = white_ratio(powers, axis, values['noise_density']**2,
-                        FittedModel(values).density(frequency, dt),
+                        FittedModel(values, power_law=_law_of(found.fit)).density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
     drift = _drift_levels(powers, axis, dt, density.value**2, model)
     segments = []
@@ -394,10 +411,16 @@ def _flat_curve(points: Octaves, dt: float) -> Curve:
 
 
 def _described(found: AxisFit, drift: DriftModel | None) -> FittedModel:
-    """Describe what is there: the drift model where there is one, low-pass and lines."""
+    """
+    Describe what is there: the drift model where there is one, low-pass and lines.
+
+    The drift model is for the slow end of what the terms may miss; beside a power law they miss
+    nothing.
+    """
     values = {key: estimate.value for key, estimate in found.fit.estimates.items()}
     processes: tuple[tuple[float, float], ...] = ()
-    if drift is not None:
+    law = _law_of(found.fit)
+    if drift is not None and law is None:
         values = {'quantization_noise': values['quantization_noise'],
                   'noise_density': drift.noise_density,
                   'rate_random_walk': drift.rate_random_walk}
@@ -406,17 +429,17 @@ def _described(found: AxisFit, drift: DriftModel | None) -> FittedModel:
         process = found.fit.gauss_markov
         processes = ((process.sigma, process.correlation_time_s),)
     lines = tuple((line.frequency_hz, line.amplitude) for line in found.lines)
-    return FittedModel(values, found.fit.window_s, processes, lines)
+    return FittedModel(values, found.fit.window_s, processes, lines, law)
 
 
 def _curve(points: Octaves, axis: int, dt: float, model: FittedModel,
-           values: Mapping[str, float]) -> Curve:
+           values: Mapping[str, float], law: tuple[float, float] | None = None) -> Curve:
     """Allan deviation of one axis with the model's, and the intervals of the fitted terms."""
     if not len(points.size):
         return Curve((), (), (), (), (), ())
     tau: Array = (points.size * dt).astype(np.float64)
     avar = points.avar[:, axis]
-    dof = np.array([edf(values, int(m), int(s), int(c), dt)
+    dof = np.array([edf(values, int(m), int(s), int(c), dt, law)
                     for m, s, c in zip(points.size, points.stride, points.count, strict=True)])
     return Curve(tuple(tau.tolist()), tuple(np.sqrt(avar).tolist()), tuple(dof.tolist()),
                  _pairs(avar, dof, 0.6827), _pairs(avar, dof, 0.95),

@@ -102,11 +102,26 @@ def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             'band_limited',
             'the noise rolls off towards the highest frequencies (a low-pass in sensor or '
             f'driver): its effective window is {fitted.window_s:.3g} s'))
-    if not fitted.acceptable:
+    if fitted.plateau is not None and fitted.edge_hz is not None:
+        density = fitted.estimates['noise_density']
+        remarks.append(Remark(
+            'poor_fit',
+            f'above {fitted.edge_hz:.3g} Hz the noise levels out again, at '
+            f'{100 * fitted.plateau / density.value:.0f} % of its density below: that is no '
+            'low-pass, and no sum of noise terms describes it; the noise density is that below, '
+            'its interval reaches to that above'))
+    elif not fitted.acceptable:
         remarks.append(Remark(
             'poor_fit',
             'no sum of noise terms describes this spectrum (worst half-octave off by '
             f'{100 * fitted.misfit:.0f} %); the intervals are widened accordingly'))
+    if (law := fitted.power_law) is not None:
+        remarks.append(Remark(
+            'power_law',
+            f'the slow noise is no flicker: its density goes with 1/f to the power of '
+            f'{law.exponent:.2f} (95 % interval {law.ci95[0]:.2f} to {law.ci95[1]:.2f}), not of '
+            '1; the bias instability is given as an upper bound, the lowest point of the curve '
+            'over 0.664'))
     if fitted.gauss_markov:
         sigma, time = fitted.gauss_markov.sigma, fitted.gauss_markov.correlation_time_s
         remarks.append(Remark(

@@ -11,8 +11,8 @@ from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.alike import pairs
 from imu_allan.noise.axis_fault import axis_fault, steps_hide_noise
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import Fit, fit, Spectra
-from imu_allan.noise.groups import bins_of, grouped, Groups
+from imu_allan.noise.fit import Fit, fit
+from imu_allan.noise.groups import bins_of, grouped, Groups, Spectra
 from imu_allan.noise.leaks import Course, without_mean
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.parts import Part

@@ -5,7 +5,8 @@ Which part of the band is fitted.
 
 The low-pass of a sensor or driver, or noise that no term describes, bends the fast end of the
 spectrum. The finest octaves are then left out one after the other, with a roll-off of the white
-noise towards the edge allowed for, until what is left is described.
+noise towards the edge allowed for, until what is left is described. What was left out is judged,
+too: noise that is level again there has come through no low-pass.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,12 @@ _LOWEST_EDGE_HZ = 0.5
 """Below, hardly any white noise is left to be fitted beside the slow terms."""
 WORTH = 3.0
 """Most that the interval of the density may widen for an octave less of doubt about its bend."""
+_LEVELS = range(3)
+"""Half-octaves below the highest frequency. A low-pass that bends the band falls by half there."""
+_LEVEL = 0.05
+"""Relative error of a half-octave, and half of what they may differ by and still be level."""
+_OF_OUTPUT = 0.05
+"""Share of the power below that rounding the output leaves of it: what is less is no finding."""
 
 
 def narrowed(groups: Groups, dt: float, first: Trial) -> Trial:
@@ -98,6 +105,41 @@ def error_of_density(trial: Trial) -> float:
         return float('inf')
     sampling = spread(trial, trial.solution, WHITE) / value
     return float(np.hypot(sampling, 0 if trial.described else trial.misfit / 2))
+
+
+def plateau(groups: Groups, trial: Trial) -> float | None:
+    """
+    Tell where noise that was left out levels out again, which no low-pass does.
+
+    Parameters
+    ----------
+    groups : Groups
+        Of the whole band.
+    trial : Trial
+        Of the part of it that was fitted.
+
+    Returns
+    -------
+    float or None
+        Density of the plateau, in the unit of a noise density; None where the noise goes on
+        falling, or is what a rounded output adds behind a low-pass.
+
+    """
+    top, white = float(groups.frequency[-1]), float(trial.solution.theta[WHITE])
+    lowest = top / 2 ** (len(_LEVELS) / 2)
+    if trial.edge_hz is None or trial.edge_hz > lowest / np.sqrt(2) or white <= 0:
+        return None
+    density, levels = groups.power / groups.design[:, WHITE], []
+    for half_octave in _LEVELS:
+        here = (groups.frequency <= top / 2 ** (half_octave / 2)) \
+            & (groups.frequency > top / 2 ** ((half_octave + 1) / 2))
+        if groups.dof[here].sum() < 2 / _LEVEL**2:
+            return None
+        levels.append(float(np.average(density[here], weights=groups.dof[here])))
+    height = float(np.mean(levels)) / white
+    flat = max(levels) - min(levels) < 2 * _LEVEL * min(levels)
+    return float(np.sqrt(height * white)) if flat and height > _OF_OUTPUT \
+        and abs(height - 1) > 3 * _LEVEL else None
 
 
 def effective_window(trial: Trial) -> float:

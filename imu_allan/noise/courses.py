@@ -12,9 +12,10 @@ from dataclasses import replace
 from typing import TypeVar
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.groups import WALK
+from imu_allan.noise.groups import Spectra, WALK
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.trends import EachCourse, JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import OBSERVABLE, residuals, Trial
 import numpy as np
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 Spectrum = RecordSpectrum | JointSpectrum
 
 Value = TypeVar('Value')
+Calmed = Callable[[Course], tuple[Steadiness | None, Spectra]]
+"""Gives what parts of a record say of each other, and their spectra, without a course of it."""
 
 _SLOW = 128
 """Coefficients by which candidates are ranked: the faster ones do not see them."""

@@ -23,6 +23,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.cells import RUN_SHIFT
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.pyramid import OVERLAP
+from imu_allan.noise.terms import power_law_avar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 
 _LAGS = 64
 """In clusters: differences further apart are taken for unrelated. More costs a fit its time."""
+_FOURTH = ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1))
+"""The fourth difference: shifts in clusters, and weights."""
 _SHAPES = ('quantization_noise', 'noise_density', 'bias_instability', 'rate_random_walk')
 
 
@@ -128,7 +131,7 @@ def _series_differences(estimator: Estimator, m: int) -> tuple[int, Array]:
 
 
 def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
-        dt: float) -> float:
+        dt: float, power_law: tuple[float, float] | None = None) -> float:
     """
     Equivalent degrees of freedom of an Allan variance: equation (5) of docs/statistics.md.
 
@@ -145,6 +148,8 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
         How many second differences were averaged.
     dt : float
         Sample interval in seconds.
+    power_law : (float, float), optional
+        Amplitude and exponent of slow noise that is no flicker.
 
     Returns
     -------
@@ -162,16 +167,30 @@ def edf(coefficients: Mapping[str, float], size: int, stride: int, count: int,
     tau = size * dt
     scales = np.array([1.0, tau, tau**2, tau**3])
     squares = np.array([coefficients.get(key, 0.0) or 0.0 for key in _SHAPES]) ** 2 * scales
-    if not squares.any():
+    if not squares.any() and power_law is None:
         squares[1] = 1.0
     lags = min(count, int(_LAGS * size / stride))
     # Every fit of a growing record asks for more lags: of powers of two few tables serve all.
     shared = gcd(size, stride)
     table = _difference_covariance(size // shared, stride // shared, 1 << (lags - 1).bit_length())
     r = squares @ table[:, :lags]
+    if power_law is not None:
+        amplitude, exponent = power_law
+        own = _power_law_covariance(np.arange(lags, dtype=np.float64) * stride / size, exponent)
+        # The variance of a difference is 2 tau^2 times the Allan variance.
+        own *= 2 * tau**2 * power_law_avar(amplitude, exponent, tau) / own[0]
+        r = r + own
     weight = (count - np.arange(lags)) * 2.0
     weight[0] = count
     return float(count**2 * r[0] ** 2 / (weight @ r**2))
+
+
+def _power_law_covariance(lag: Array, exponent: float) -> Array:
+    """Covariance of second differences of noise f^-exponent, up to a factor; lags in clusters."""
+    def phase(h: Array) -> Array:
+        return h**2 * np.log(np.where(h > 0, h, 1)) if exponent == 1 else h**(exponent + 1)
+
+    return np.asarray(sum(weight * phase(np.abs(lag + shift)) for shift, weight in _FOURTH))
 
 
 @lru_cache(maxsize=32)
@@ -179,7 +198,7 @@ def _difference_covariance(size: int, stride: int, lags: int) -> Array:
     """Covariance of second differences at lags 0, stride, ..., by term, for a unit cluster."""
     lag = np.arange(lags, dtype=np.float64) * stride
     total = np.zeros((4, lags))
-    for shift, weight in ((-2, 1), (-1, -4), (0, 6), (1, -4), (2, 1)):
+    for shift, weight in _FOURTH:
         h = np.abs(lag + shift * size) / size
         total[0] += weight * (h == 0)
         total[1] -= weight * h / 2

@@ -10,12 +10,12 @@ until what is left is described. A term is reported only where leaving it out wo
 markedly less likely; otherwise there is an upper bound.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 from imu_allan.noise.agreement import Agreement, agreements
-from imu_allan.noise.band import effective_window, narrowed
+from imu_allan.noise.band import effective_window, narrowed, plateau
 from imu_allan.noise.correlated import (
     levels_off,
     Process,
@@ -23,7 +23,8 @@ from imu_allan.noise.correlated import (
     with_gauss_markov,
     with_process_column,
 )
-from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, WALK, WHITE
+from imu_allan.noise.courses import Calmed
+from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
     bent_density,
     Estimate,
@@ -34,6 +35,7 @@ from imu_allan.noise.intervals import (
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.moving_mean import moving_mean, MovingMean
+from imu_allan.noise.power_law import free_exponent, PowerLaw
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.temperature import (
     asked_for,
@@ -42,20 +44,16 @@ from imu_allan.noise.temperature import (
     JointTemperature,
     TemperatureCourse,
 )
-from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
-from imu_allan.noise.trial import banded, fit_band, Trial
+from imu_allan.noise.trends import EachCourse, JointSpectrum, RecordSpectrum
+from imu_allan.noise.trial import banded, BENT_P, fit_band, Trial
 from imu_allan.noise.unevenness import uneven_by
 from imu_allan.noise.warm_up import Warming
 import numpy as np
 
-Spectra = Callable[[], Sequence[Groups]]
-"""Gives the spectra of parts of a record, where they are asked for."""
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
            'bias_instability': FLICKER, 'rate_random_walk': WALK}
 
 _SLOW = ('bias_instability', 'rate_random_walk')
-_BENT_P = 0.001
-"""Chi-square probability of the residuals below which the band is cut."""
 _DEEP = 1 / 12
 """Band edge in cycles per sample below which something else than a low-pass may be the reason."""
 
@@ -97,6 +95,10 @@ class Fit:
         The same before it was asked what moves the mean.
     steady : Steadiness or None
         What parts of the record say of each other, without a warm-up.
+    power_law : PowerLaw or None
+        Slow noise with another exponent than flicker's, which then is an upper bound.
+    plateau : float or None
+        Noise density above the band that was fitted, where the noise levels out again.
 
     """
 
@@ -115,6 +117,8 @@ class Fit:
     trial: Trial | None = None
     plain: Trial | None = None
     steady: Steadiness | None = None
+    power_law: PowerLaw | None = None
+    plateau: float | None = None
 
     @property
     def mean_moves(self) -> bool:
@@ -128,7 +132,7 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         record: RecordSpectrum | JointSpectrum | None = None, steady: Steadiness | None = None,
         parts: Spectra | None = None,
         temperature: TemperatureCourse | JointTemperature | None = None,
-        calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None = None,
+        calmed: Calmed | None = None,
         known_hz: Sequence[float] = ()) -> Fit:
     """
     Fit one axis: the terms of (1) in docs/statistics.md by the likelihood (7) of powers (6).
@@ -172,23 +176,53 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
 
     """
     found = _fit(groups, dt, start, record, steady, parts, calmed, known_hz)
-    if record is None or temperature is None or found.plain is None:
+    courses: Sequence[Course | EachCourse] = []
+    before: dict[str, float] = {}
+    if record is not None and temperature is not None and found.plain is not None:
+        courses = asked_for(found.plain, record, temperature)
+    if record is not None and courses:
+        before = {key: one.value for key, one in found.estimates.items() if one.observable}
+        record = record.beside(courses)
+        groups = record.groups()
+        found = _fit(groups, dt, start, record, steady, parts, calmed, known_hz)
+    law = _power_law(found, groups, dt)
+    if law is not None:
+        beside = _fit(law.of(groups), dt, None, record and law.of_record(record), steady,
+                      parts and law.of_parts(parts), calmed and law.of_calmed(calmed), known_hz)
+        found = replace(beside, estimates=law.bound(beside.estimates, groups), power_law=law)
+    if courses and temperature is not None:
+        assert found.trial is not None
+        found = replace(found, temperature=dependence(found.trial, temperature, len(courses),
+                                                      before))
+    return _judged_above(found, groups)
+
+
+def _judged_above(found: Fit, groups: Groups) -> Fit:
+    """Do not take for a low-pass what levels out again above the band."""
+    assert found.trial is not None
+    level, density = plateau(groups, found.trial), found.estimates['noise_density']
+    if level is None or not density.observable:
         return found
-    courses = asked_for(found.plain, record, temperature)
-    if not courses:
-        return found
-    before = {key: one.value for key, one in found.estimates.items() if one.observable}
-    record = record.beside(courses)
-    warm = _fit(record.groups(), dt, start, record, steady, parts, calmed, known_hz)
-    assert warm.trial is not None
-    return replace(warm, temperature=dependence(warm.trial, temperature, len(courses), before))
+    density = replace(density, low=min(density.low, level), high=max(density.high, level),
+                      upper=max(density.upper, level))
+    return replace(found, window_s=None, acceptable=False, plateau=level,
+                   estimates={**found.estimates, 'noise_density': density})
+
+
+def _power_law(found: Fit, groups: Groups, dt: float) -> PowerLaw | None:
+    """Ask for another exponent than flicker's before a band is cut, or a process believed."""
+    trial = found.trial
+    assert trial is not None
+    helped = trial.bent or trial.p_value < BENT_P
+    moves = bool(found.warmings) or found.cycle_s is not None
+    if not helped and (moves or found.gauss_markov is None):
+        return None
+    return free_exponent(groups, dt, trial)
 
 
 def _fit(groups: Groups, dt: float, start: Solution | None,
          record: RecordSpectrum | JointSpectrum | None, steady: Steadiness | None,
-         parts: Spectra | None,
-         calmed: Callable[[Course], tuple[Steadiness | None, Spectra]] | None,
-         known_hz: Sequence[float]) -> Fit:
+         parts: Spectra | None, calmed: Calmed | None, known_hz: Sequence[float]) -> Fit:
     """Fit one axis with the regressors that its record has."""
     plain, process = _chosen(groups, start, dt)
     trial = plain
@@ -267,7 +301,7 @@ def _chosen(groups: Groups, start: Solution | None, dt: float
             ) -> tuple[Trial, Process | None]:
     """Choose the model: the terms over the whole band, over part of it, or with a process."""
     whole = fit_band(groups, None, start=start)
-    if whole.p_value >= _BENT_P:
+    if whole.p_value >= BENT_P:
         return _levelled_off(whole, dt)
     part = narrowed(groups, dt, whole)
     if part.described and (part.edge_hz or np.inf) * dt >= _DEEP:

@@ -11,6 +11,7 @@ from imu_allan.noise.terms import (
     gauss_markov_avar,
     line_avar,
     low_passed_avar,
+    power_law_avar,
 )
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +41,8 @@ class FittedModel:
     lines : tuple of (float, float)
         Frequency and amplitude of every line. They stand in the Allan variance, but have no
         density.
+    power_law : (float, float) or None
+        Amplitude and exponent of slow noise that is no flicker.
 
     Examples
     --------
@@ -55,6 +58,7 @@ class FittedModel:
     window_s: float | None = None
     processes: tuple[tuple[float, float], ...] = ()
     lines: tuple[tuple[float, float], ...] = ()
+    power_law: tuple[float, float] | None = None
 
     def allan_variance(self, size: ArrayLike, dt: float) -> Array:
         """
@@ -84,6 +88,8 @@ class FittedModel:
             total = total + gauss_markov_avar(sigma, time, tau)
         for frequency, amplitude in self.lines:
             total = total + line_avar(frequency, amplitude, tau)
+        if self.power_law is not None:
+            total = total + power_law_avar(*self.power_law, tau)
         return np.asarray(total + allan_variance(values, tau))
 
     def density(self, frequency_hz: ArrayLike, dt: float) -> Array:
@@ -113,4 +119,7 @@ class FittedModel:
                 total = total + own
         for sigma, time in self.processes:
             total = total + sigma**2 * dt * spectrum.gauss_markov(nu, dt, time)
+        if self.power_law is not None:
+            amplitude, exponent = self.power_law
+            total = total + amplitude**2 * dt * spectrum.power_law(nu, dt, exponent)
         return total

@@ -9,7 +9,7 @@ record stay single. What may move the mean beside noise, a ramp and other regres
 as products with the coefficients, and only of the whole record: the blocks know no sign.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
@@ -133,6 +133,10 @@ class Groups:
     def with_design(self, design: Array) -> 'Groups':
         """Return the same power under another set of columns."""
         return replace(self, design=design)
+
+
+Spectra = Callable[[], Sequence[Groups]]
+"""Gives the spectra of parts of a record, where they are asked for."""
 
 
 def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:

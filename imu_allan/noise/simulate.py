@@ -16,6 +16,7 @@ R. B. Davies and D. S. Harte, "Tests for Hurst effect", Biometrika 74 (1987): ci
 """
 
 from collections.abc import Mapping
+from math import gamma
 from typing import Any
 
 from imu_allan.noise.terms import TERMS
@@ -183,20 +184,45 @@ def _random_walk(samples: int, rng: np.random.Generator, start: float = 0.0
     return walk + within, float(walk[-1]) if samples else start
 
 
-def flicker(samples: int, rng: np.random.Generator) -> Array:
-    """Averaged flicker of unit bias instability that starts at zero, shape (samples,)."""
+def flicker(samples: int, rng: np.random.Generator, exponent: float = 1.0) -> Array:
+    """
+    Draw averaged flicker of unit bias instability, or other noise that goes with f^-exponent.
+
+    Parameters
+    ----------
+    samples : int
+        Length of the record.
+    rng : Generator
+        Source of the random numbers.
+    exponent : float, optional
+        Between 0 and 2: the two-sided density is 1/(2 pi f)^exponent, f in cycles per sample.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        It starts at zero.
+
+    """
     if samples == 1:
         return np.zeros(1)
     half = next_fast_len(samples, real=True)
     lag = np.arange(-2.0, half + 3)
-    # Generalised covariance of the phase of flicker noise; fourth difference: the covariance of
-    # the first difference of the averaged samples.
-    phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
+    # Generalised covariance of the phase of such noise; fourth difference: the covariance of the
+    # first difference of the averaged samples.
+    if exponent == 1:
+        phase = lag**2 * np.log(np.maximum(np.abs(lag), 1)) / (2 * np.pi)
+    else:
+        size = -1 / (2 * np.cos(np.pi * exponent / 2) * gamma(2 + exponent))
+        phase = size * np.abs(lag)**(exponent + 1)
     covariance = phase[4:] + phase[:-4] - 4 * (phase[3:-1] + phase[1:-3]) + 6 * phase[2:-2]
     # Beyond a lag of 1e4 the difference of large numbers loses digits that its series keeps.
     far = np.arange(half + 1) > 1e4
     h = np.arange(half + 1)[far].astype(np.float64)
-    covariance[far] = -(1 / h**2 + 1 / h**4) / (2 * np.pi) * 2
+    if exponent == 1:
+        covariance[far] = -(1 / h**2 + 1 / h**4) / (2 * np.pi) * 2
+    else:
+        fourth = size * np.prod(exponent + 1 - np.arange(4)) * h**(exponent - 3)
+        covariance[far] = fourth * (1 + (exponent - 3) * (exponent - 4) / (6 * h**2))
     power = rfft(np.concatenate((covariance, covariance[-2:0:-1]))).real
     n = 2 * half
     power = np.maximum(power, 0)

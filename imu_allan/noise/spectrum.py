@@ -88,6 +88,37 @@ def flicker(nu: ArrayLike, dt: float) -> Array:
     return np.asarray(s2 / (2 * np.pi**3) * (zeta(3, nu) + zeta(3, 1 - nu)))
 
 
+def power_law(nu: ArrayLike, dt: float, exponent: float) -> Array:
+    """
+    Spectrum of noise whose density is 1/(2 pi f)^exponent, shape of `nu`.
+
+    Parameters
+    ----------
+    nu : array_like, shape (n,)
+        Cycles per sample, in (0, 1/2].
+    dt : float
+        Sample interval in seconds.
+    exponent : float
+        Between 0, white noise, and 2, a random walk; 1 is flicker.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The sum over its aliases, as S_B of equation (3) of docs/statistics.md is one.
+
+    Examples
+    --------
+    >>> [bool(np.isclose(power_law(0.3, 0.1, 2.0), random_walk(0.3, 0.1))),
+    ...  bool(np.isclose(power_law(0.3, 0.1, 1.0), flicker(0.3, 0.1)))]
+    [True, True]
+
+    """
+    nu = np.asarray(nu, dtype=np.float64)
+    s2 = np.sin(np.pi * nu) ** 2
+    return np.asarray(dt ** (exponent - 1) * (2 * np.pi) ** -exponent * s2 / np.pi**2
+                      * (zeta(2 + exponent, nu) + zeta(2 + exponent, 1 - nu)))
+
+
 def bridged_white(nu: ArrayLike, share: float) -> Array:
     """
     Spectrum of white noise of which some samples at random are local means, over that of all.

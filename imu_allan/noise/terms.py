@@ -10,7 +10,7 @@ cluster size.
 
 from dataclasses import dataclass
 from enum import Enum
-from math import log, pi, sqrt
+from math import cos, gamma, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -163,6 +163,44 @@ def gauss_markov_avar(sigma: float, correlation_time_s: float,
     full = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * np.where(x > 0, x, 1))
     bump = np.where(x < 1e-3, x * x / 3 * (1 - 0.75 * x), full)
     return np.asarray(2 * sigma**2 / x * bump)
+
+
+def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray[np.float64]:
+    """
+    Allan variance of noise whose two-sided density is ``amplitude**2/(2 pi f)**exponent``.
+
+    Parameters
+    ----------
+    amplitude : float
+        That of exponent 0 is a noise density, of 1 a bias instability, of 2 a random walk.
+    exponent : float
+        Above -1, below 3.
+    tau : array_like, shape (n,)
+        Averaging times in seconds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        With the exponent a, a^2 tau^(a - 1) (4 - 2^(1 + a))/(2 cos(pi a/2) Gamma(2 + a)).
+
+    References
+    ----------
+    J. A. Barnes et al., "Characterization of frequency stability", IEEE Trans. Instrum. Meas. 20
+    (1971): the integral (2) of docs/statistics.md of a power law.
+
+    Examples
+    --------
+    White noise, flicker and a random walk of 1:
+
+    >>> [power_law_avar(1.0, exponent, [9.0]).round(4).item() for exponent in (0.0, 1.0, 2.0)]
+    [0.1111, 0.4413, 3.0]
+
+    """
+    # At 1 both parts of the fraction are zero.
+    factor = (2 * log(2) / pi if exponent == 1
+              else (4 - 2 ** (1 + exponent)) / (2 * cos(pi * exponent / 2) * gamma(2 + exponent)))
+    return np.asarray(amplitude**2 * factor
+                      * np.asarray(tau, dtype=np.float64) ** (exponent - 1))
 
 
 def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> NDArray[np.float64]:

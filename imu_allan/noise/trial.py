@@ -35,6 +35,8 @@ be if there could be no walk, are passed by 9 in 100.
 """
 SMALLEST_P = 0.01
 """Chi-square probability of the residuals above which they are chance."""
+BENT_P = 0.001
+"""The same below which the band is cut."""
 _CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
 _TOLERATED_MISFIT = 0.05

@@ -7,7 +7,7 @@ Nothing here knows how it is drawn.
 """
 
 from collections.abc import Iterable, Mapping
-from math import inf
+from math import inf, pi, sqrt
 
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, Term, TERMS
@@ -48,19 +48,25 @@ def coefficients_of(axis: AxisResult) -> dict[str, float]:
 
 
 def describe(axis: AxisResult) -> FittedModel:
-    """Return the model of an axis: the drift model where there is one, low-pass and lines."""
+    """
+    Return the model of an axis: the drift model where there is one, low-pass and lines.
+
+    Beside slow noise that is no flicker the terms describe all of it.
+    """
     values = coefficients_of(axis)
-    process, drift = axis.gauss_markov, axis.drift_model
+    process, drift, law = axis.gauss_markov, axis.drift_model, axis.power_law
     processes: tuple[tuple[float, float], ...] = ()
     if process is not None:
         processes = ((process.sigma, process.correlation_time_s),)
-    if drift is not None:
+    if drift is not None and law is None:
         values = {'quantization_noise': values.get('quantization_noise', 0.0),
                   'noise_density': drift.noise_density,
                   'rate_random_walk': drift.rate_random_walk}
         processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
     return FittedModel(values, axis.band_limit_s, processes,
-                       tuple((tone.frequency_hz, tone.amplitude) for tone in axis.tones))
+                       tuple((tone.frequency_hz, tone.amplitude) for tone in axis.tones),
+                       None if law is None else (
+                           sqrt(law.psd_1hz * (2 * pi)**law.exponent), law.exponent))
 
 
 def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:

@@ -11,10 +11,11 @@ from math import inf
 from typing import Any, TYPE_CHECKING
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, TERMS
-from imu_allan.result import AxisResult, GaussMarkov, Result, Signal, Timeline
-from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
-from imu_allan.wording import duration, number
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
+from imu_allan.result import AxisResult, Result, Signal, Timeline
+from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
+from imu_allan.wording import duration
+from imu_allan.writers.beside_terms import beside_terms
 from imu_allan.writers.curves import (
     coefficients_of,
     few_degrees,
@@ -132,8 +133,8 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
-    if axis.gauss_markov is not None and truth is None:
-        _draw_gauss_markov(panel, axis, axis.gauss_markov, tau, taken, theme)
+    for other in beside_terms(axis, tau) if truth is None else ():
+        _draw_beside(panel, axis, tau, other, taken, theme)
     for key, value in shown.items():
         term = TERMS[key]
         line = term.adev(value, tau)
@@ -188,21 +189,19 @@ def _name(panel: 'Axes', axis: AxisResult, at: tuple[float, float], lines: Seque
                     'shrinkB': 4, 'relpos': (0 if box[0] > x else 1, 0.5)})
 
 
-def _draw_gauss_markov(panel: 'Axes', axis: AxisResult, process: GaussMarkov, tau: Array,
-                       taken: list[Box], theme: Theme) -> None:
-    """Draw the bump of a correlated process and name it at its top."""
-    line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau))
+def _draw_beside(panel: 'Axes', axis: AxisResult, tau: Array, other: tuple[Array, int, list[str]],
+                 taken: list[Box], theme: Theme) -> None:
+    """Draw noise that none of the terms is, and name it."""
+    line, place, name = other
     low, high = panel.get_ylim()
     inside = (line > low) & (line < high)
     if not inside.any():
         return
     panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
                linestyle=(0, (6, 1)), zorder=2.5)
-    sigma, unit = engineering(process.sigma, axis.unit)
-    top = int(np.argmax(np.where(inside, line, 0.0)))
-    _name(panel, axis, (float(tau[top]), float(line[top])), [
-        f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
-        f'correlated over {duration(process.correlation_time_s)}'], taken, theme)
+    at = np.flatnonzero(inside)
+    place = int(at[np.argmin(np.abs(at - place))])
+    _name(panel, axis, (float(tau[place]), float(line[place])), name, taken, theme)
 
 
 def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: str,

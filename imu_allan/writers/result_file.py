@@ -22,6 +22,7 @@ from imu_allan.result import (
     DriftModel,
     GaussMarkov,
     Innovations,
+    PowerLaw,
     Result,
     Segment,
     Signal,
@@ -203,6 +204,8 @@ def _check_axis(axis: AxisResult, name: str, where: str) -> None:
     model = axis.drift_model
     if model is not None and model.from_s > model.to_s:
         raise ImuAllanError(f'{where}.drift_model.from_s: beyond to_s')
+    if axis.power_law is not None and not 0 <= axis.power_law.exponent <= 2:
+        raise ImuAllanError(f'{where}.power_law.exponent: expected 0 to 2')
     _check_signs(axis, where)
 
 
@@ -210,8 +213,8 @@ _ABOVE_ZERO = {
     Backtest: ('trained_s', 'tested_s'), Coast: ('horizon_s', 'predicted_sigma'),
     Curve: ('tau_s', 'edf'), DriftModel: ('from_s', 'to_s'),
     GaussMarkov: ('correlation_time_s',), Innovations: ('interval_s', 'steps'),
-    Segment: ('duration_s', 'noise_density'), Signal: ('step_s',), Spectrum: ('frequency_hz',),
-    Tone: ('frequency_hz',), WarmUp: ('time_constant_s',),
+    PowerLaw: ('psd_1hz',), Segment: ('duration_s', 'noise_density'), Signal: ('step_s',),
+    Spectrum: ('frequency_hz',), Tone: ('frequency_hz',), WarmUp: ('time_constant_s',),
     AxisResult: ('sample_rate_hz', 'band_edge_hz', 'high_passed_hz'),
 }
 _NOT_NEGATIVE = {

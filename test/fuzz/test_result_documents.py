@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ET
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
-from imu_allan.result import GaussMarkov, Remark, Result, Span, Tone
+from imu_allan.result import GaussMarkov, PowerLaw, Remark, Result, Span, Tone
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
@@ -45,7 +45,8 @@ def measured() -> Result:
     result = run.result()
     axes = dict(result.axes)
     axes['gyro_x'] = replace(axes['gyro_x'], tones=(Tone(13.0, 1e-3), Tone(26.0, 1e-4)),
-                             gauss_markov=GaussMarkov(1e-4, 30.0), band_limit_s=0.004)
+                             gauss_markov=GaussMarkov(1e-4, 30.0), band_limit_s=0.004,
+                             power_law=PowerLaw(0.7, (0.6, 0.8), 1e-8))
     timeline = replace(result.timeline, gaps=(Span(10.0, 2.0),), motion=(Span(30.0, 1.0),))
     return replace(result, axes=axes, timeline=timeline,
                    warnings=(*result.warnings, Remark('motion', 'The IMU moved.')))

@@ -21,6 +21,7 @@ from imu_allan.result import (
     GaussMarkov,
     GoodnessOfFit,
     Inspection,
+    PowerLaw,
     Remark,
     Signal,
     Source,
@@ -365,6 +366,13 @@ def test_a_correlated_process_is_named_in_the_picture(filtered):
     page = report_html(replace(filtered, axes={'gyro_x': axis}))
     assert 'Gauss-Markov, 413 °/h' in page
     assert 'correlated over 5 min' in page
+    assert page.count('class="ring"') == 2 * 3
+
+
+def test_slow_noise_that_is_no_flicker_is_named_in_the_picture(filtered):
+    axis = replace(filtered.axes['gyro_x'], power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
+    page = report_html(replace(filtered, axes={'gyro_x': axis}))
+    assert '1/f to the power of 0.70' in page
     assert page.count('class="ring"') == 2 * 3
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
+from imu_allan.noise.simulate import flicker
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
 from imu_allan.writers.datasheet.live import standing
@@ -11,6 +12,24 @@ import pytest
 SIGMA, RATE_HZ = 0.01, 100.0
 DENSITY = SIGMA / np.sqrt(RATE_HZ)
 WHITE = SIGMA * np.random.default_rng(1).normal(size=(10_000, 6))
+
+
+def test_flicker_that_is_none_is_judged_by_the_curve_live_and_afterwards():
+    count = 30_000
+    slow = 0.05 * flicker(count, np.random.default_rng(2), 0.6)
+    rows = np.full((count, 6), np.nan)
+    rows[:, 0] = SIGMA * np.random.default_rng(1).normal(size=count) + slow
+    stamps = np.int64(1.7e18) + np.arange(count) * np.int64(1e9 / RATE_HZ)
+    stream = Characterization(kind='topic', topic='/imu')
+    stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (count, 1)), 'imu'))
+    axis = stream.result().axes['gyro_x']
+    assert axis.power_law is not None
+    bound = axis.coefficients['bias_instability'].upper95
+    for limit, outcome in ((2 * bound, 'pass'), (bound / 2, 'cannot tell')):
+        model = parse_model(f'gyro: {{x: {{bias_instability: {limit} rad/s}}}}')
+        found = standing(stream, model)
+        assert [one.verdict for one in found.verdicts] == [outcome]
+        assert found.decided == (outcome == 'pass')
 
 
 def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):

@@ -73,6 +73,10 @@ def changed(document, path, value):
     (('axes', 'gyro_x', 'curve', 'edf', 0), 0, 'curve.edf: expected above zero'),
     (('axes', 'gyro_x', 'drift_model', 'to_s'), 1e-9, 'drift_model.from_s: beyond to_s'),
     (('axes', 'gyro_x', 'drift_model', 'rate_random_walk'), -1.0, 'zero or above'),
+    (('axes', 'gyro_x', 'power_law'), {
+        'exponent': 3.0, 'exponent_ci95': [2.9, 3.1], 'psd_1hz': 1e-9}, 'exponent: expected 0 to'),
+    (('axes', 'gyro_x', 'power_law'), {
+        'exponent': 0.7, 'exponent_ci95': [0.6, 0.8], 'psd_1hz': 0.0}, 'psd_1hz: expected above'),
     (('axes', 'wheel'), {}, 'axes.wheel'),
     (('source', 'kind'), 'dream', 'dream'),
     (('timeline', 'sample_rate_hz'), 0.0, 'sample_rate_hz: expected a number above zero'),

@@ -10,10 +10,11 @@ shown for one of them at a time, the worst one until the reader chooses another.
 from collections.abc import Mapping
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, gauss_markov_avar, TERMS
+from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import duration, measured, number, SAMPLES, SENSORS, spoken
+from imu_allan.wording import measured, SAMPLES, SENSORS, spoken
+from imu_allan.writers.beside_terms import beside_terms
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of, worst_axis
 from imu_allan.writers.curves import (
     beyond,
@@ -144,15 +145,10 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeli
                  name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
         height = float(term.adev(value, at)) * factor
         parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
-    if (process := axis.gauss_markov) is not None:
-        line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau)) * factor
-        top = int(np.argmax(line))
-        parts.append(panel.line(tau, line, 'term'))
-        sigma, unit = engineering(process.sigma, axis.unit)
-        lines = [f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
-                 f'correlated over {duration(process.correlation_time_s)}']
-        parts.append(panel.label(tau[top], line[top], lines[:1] if brief else lines, avoid,
-                                 'name', taken, ring=False))
+    for line, place, words in beside_terms(axis, tau):
+        parts.append(panel.line(tau, line * factor, 'term'))
+        parts.append(panel.label(tau[place], line[place] * factor, words[:1] if brief else words,
+                                 avoid, 'name', taken, ring=False))
     return parts
 
 

@@ -140,6 +140,9 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: flo
         return verdict, verdict.verdict == 'fail'
     if verdict.value is None and verdict.ci95 is None and verdict.verdict == 'fail':
         return verdict, True
+    if fitted.fit.power_law is not None and verdict.key == 'bias_instability':
+        # There is no flicker to be tested, only the curve.
+        return verdict, verdict.verdict != 'cannot tell'
     column = COLUMNS[verdict.key]
     if not fitted.fit.acceptable or (trial.bent and verdict.key == 'quantization_noise') \
             or verdict.limit <= 0:

@@ -1,0 +1,167 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Slow noise with an exponent of its own, and what must not be taken for it."""
+
+from imu_allan.characterization.axis import axis_results, characterize
+from imu_allan.noise import spectrum
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.curve import edf
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.joint import joint_fits
+from imu_allan.noise.simulate import flicker, simulate
+from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar, Quantity
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.signal import butter, lfilter
+
+DT = 0.01
+DENSITY = 1e-3
+HOUR = 360_000
+
+
+def slow(exponent, crossing_hz, samples, seed):
+    """Draw white noise and a power law that is as strong at a frequency."""
+    amplitude = DENSITY * (2 * np.pi * crossing_hz) ** (exponent / 2)
+    rng = np.random.default_rng([seed, 77])
+    return simulate({'noise_density': DENSITY}, samples, 1 / DT, seed) \
+        + amplitude * DT ** ((exponent - 1) / 2) * flicker(samples, rng, exponent)
+
+
+def finished(record):
+    estimator = Estimator()
+    estimator.update(record)
+    return estimator.finished()
+
+
+@pytest.mark.parametrize('exponent', [0.4, 0.7, 1.0, 1.3, 1.8])
+@pytest.mark.parametrize('size', [1, 2, 16])
+def test_the_spectrum_of_a_power_law_gives_its_allan_variance(exponent, size):
+    def integrand(nu):
+        window = 2 * np.sin(np.pi * size * nu) ** 4 / (size * np.sin(np.pi * nu)) ** 2
+        return float(spectrum.power_law(nu, DT, exponent)) * window
+
+    found = 2 * quad(integrand, 1e-12, 0.5, limit=800)[0]
+    assert found == pytest.approx(float(power_law_avar(1.0, exponent, size * DT)), rel=1e-6)
+
+
+@pytest.mark.parametrize('exponent', [0.5, 1.3, 1.7])
+def test_a_drawn_power_law_has_its_allan_variance(exponent):
+    phase = np.concatenate(([0.0], np.cumsum(flicker(1 << 18, np.random.default_rng(1),
+                                                     exponent))))
+    for m in (1, 2, 32):
+        second = phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]
+        expected = float(power_law_avar(1.0, exponent, m))
+        assert np.mean(second**2) / (2 * m**2) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize(('exponent', 'key'), [(1.0, 'bias_instability'),
+                                               (2.0, 'rate_random_walk')])
+def test_degrees_of_freedom_of_a_power_law_are_those_of_the_term_that_it_is(exponent, key):
+    for size in (1, 8, 1024):
+        own = edf({'noise_density': 1e-3}, size, 1, 5000, DT, (1e-2, exponent))
+        assert own == pytest.approx(edf({'noise_density': 1e-3, key: 1e-2}, size, 1, 5000, DT))
+
+
+def test_a_model_with_a_power_law_has_one_density_and_allan_variance():
+    model = FittedModel({'noise_density': 1e-3}, power_law=(2e-3, 1.0))
+    same = FittedModel({'noise_density': 1e-3, 'bias_instability': 2e-3})
+    np.testing.assert_allclose(model.density([0.01, 1, 40], DT), same.density([0.01, 1, 40], DT))
+    np.testing.assert_allclose(model.allan_variance([1, 99], DT), same.allan_variance([1, 99], DT))
+
+
+@pytest.mark.parametrize(('exponent', 'crossing_hz'), [(0.5, 5), (0.7, 1), (0.7, 5), (1.3, 5)])
+def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
+        exponent, crossing_hz):
+    axis = characterize(slow(exponent, crossing_hz, HOUR, 1), 1 / DT)
+    low, high = axis.coefficients['noise_density'].ci95
+    assert low <= DENSITY <= high
+    assert high - low < 0.06 * DENSITY
+    assert axis.power_law.exponent == pytest.approx(exponent, abs=0.04)
+    assert axis.band_limit_s is None
+    assert axis.goodness_of_fit.acceptable
+    # That of the last octaves may lie anywhere.
+    sure = np.array(axis.curve.edf) > 50
+    np.testing.assert_allclose(np.array(axis.curve.model_adev)[sure],
+                               np.array(axis.curve.adev)[sure], rtol=0.25)
+
+
+def test_bias_instability_is_bounded_by_the_lowest_point_of_the_curve():
+    axis = characterize(slow(0.7, 5, HOUR, 2), 1 / DT)
+    flat = axis.coefficients['bias_instability']
+    assert not flat.observable
+    assert flat.observable_in_s is None
+    lowest = min(axis.curve.model_adev) / FLICKER_FLOOR
+    assert lowest < flat.upper95 < 1.3 * lowest
+
+
+def test_several_records_have_one_exponent():
+    [axis] = joint_fits([finished(slow(0.7, 5, 100_000, seed)) for seed in (3, 4)], DT)
+    density = axis.fit.estimates['noise_density']
+    assert density.low <= DENSITY <= density.high
+    low, high = axis.fit.power_law.ci95
+    assert low <= 0.7 <= high
+
+
+def test_any_split_into_batches_gives_the_same_exponent():
+    record = slow(0.7, 5, 100_000, 5)
+    estimator = Estimator()
+    for part in np.split(record, [1, 777, 50_000]):
+        estimator.update(part)
+    [split], [whole] = (fit_axes(one, DT) for one in (estimator.finished(), finished(record)))
+    assert split.fit.power_law == whole.fit.power_law
+    assert split.fit.estimates == whole.fit.estimates
+
+
+@pytest.mark.parametrize('time', [0.05, 0.1])
+def test_white_noise_above_the_band_that_is_level_again_is_no_low_pass(time):
+    # At the slow end the process is as strong as the white noise.
+    process = {'sigma': DENSITY / np.sqrt(2 * time), 'correlation_time_s': time}
+    axis, remarks = axis_of({'noise_density': DENSITY, 'gauss_markov': process})
+    assert not axis.goodness_of_fit.acceptable
+    assert axis.band_limit_s is None
+    assert axis.band_edge_hz is not None
+    [said] = [remark.message for remark in remarks if remark.code in ('poor_fit', 'band_limited')]
+    assert 'the noise levels out again' in said
+    density = axis.coefficients['noise_density']
+    assert density.ci95[0] < 1.02 * DENSITY
+    assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)
+
+
+def test_behind_a_low_pass_a_rounded_output_adds_no_plateau():
+    record = lfilter(*butter(2, 5, fs=100), simulate({'noise_density': DENSITY}, HOUR, 1 / DT, 7))
+    step = DENSITY * np.sqrt(0.5 / DT)
+    axis = characterize(step * np.round(record / step), 1 / DT)
+    assert axis.band_limit_s is not None
+    assert axis.coefficients['noise_density'].value == pytest.approx(DENSITY, rel=0.03)
+
+
+def axis_of(terms):
+    estimator = Estimator()
+    estimator.update(simulate(terms, HOUR, 1 / DT, 8))
+    [(axis, remarks)] = axis_results(estimator, 1 / DT, [Quantity.ANGULAR_VELOCITY])
+    return axis, remarks
+
+
+OTHERS = {
+    'flicker': ({'bias_instability': 3e-4}, None),
+    'flicker and a walk': ({'bias_instability': 3e-4, 'rate_random_walk': 6e-5}, None),
+    'low-pass of the first order': ({'bias_instability': 3e-4}, butter(1, 20, fs=100)),
+    'low-pass of two samples': ({'bias_instability': 3e-4}, ([0.5, 0.5], [1.0])),
+    'low-pass that takes an eighth': ({'bias_instability': 3e-4}, ([0.967, 0.033], [1.0])),
+    'correlated over seconds': ({'gauss_markov': {
+        'sigma': 2e-3, 'correlation_time_s': 2.0}}, None),
+}
+
+
+@pytest.mark.parametrize('name', OTHERS)
+def test_nothing_else_is_taken_for_a_power_law(name):
+    terms, low_pass = OTHERS[name]
+    record = simulate({'noise_density': DENSITY, **terms}, HOUR, 1 / DT, 6)
+    if low_pass is not None:
+        record = lfilter(*low_pass, record)[1000:]
+    [axis] = fit_axes(finished(record), DT)
+    assert axis.fit.power_law is None
+    assert (axis.fit.window_s is not None) == (low_pass is not None)
+    assert (axis.fit.gauss_markov is not None) == ('gauss_markov' in terms)
