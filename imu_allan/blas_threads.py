@@ -10,7 +10,7 @@ def use_one_thread() -> None:
     Keep OpenBLAS to one thread, unless the user says otherwise; before numpy is imported.
 
     The matrices of a fit have some thousand rows. Threads for them mostly wait for one another,
-    which OpenBLAS does at full speed: a fit with a slow cycle takes five times the processor time,
-    of the cores that a robot needs for other work.
+    which OpenBLAS does at full speed, on cores that a robot needs for other work.
     """
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    if 'OMP_NUM_THREADS' not in os.environ:
+        os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')

@@ -5,6 +5,7 @@
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from imu_allan.noise.alike import narrow_down, undecided
 from imu_allan.noise.cells import MOST_RUNS
@@ -129,8 +130,8 @@ class Estimator:
         Raises
         ------
         ValueError
-            If the shape is not that of the axes, a sample is not finite or a row of `bridged` is
-            not there.
+            If the shape is not that of the axes, a sample is not finite, or the rows of `bridged`
+            are not there or do not rise.
 
         """
         block = np.asarray(samples, dtype=np.float64)
@@ -141,8 +142,8 @@ class Estimator:
         if not np.isfinite(block).all():
             raise ValueError('samples must be finite')
         stand_ins = [int(row) for row in bridged]
-        if stand_ins and not 0 <= stand_ins[0] <= stand_ins[-1] < len(block):
-            raise ValueError(f'no rows of {len(block)} samples: {stand_ins}')
+        if any(later <= one for one, later in pairwise([-1, *stand_ins, len(block)])):
+            raise ValueError(f'no rising rows of {len(block)} samples: {stand_ins}')
         if not len(block):
             return
         if self.reference is None:
@@ -311,7 +312,12 @@ class Estimator:
     def _without_stand_ins(self) -> Array:
         """Return the samples held back that the sensor gave."""
         held = self._chunk[:, :self._n.held]
-        return np.delete(held, self._stand_ins, axis=1) if self._stand_ins else held
+        if not self._stand_ins:
+            return held
+        own = np.ones(held.shape[1], dtype=np.bool_)
+        own[self._stand_ins] = False
+        # Taken, the rows stay contiguous, as what reads them wants; deleted, they do not.
+        return held.take(np.flatnonzero(own), axis=1)
 
     def to_state(self) -> State:
         """

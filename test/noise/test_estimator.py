@@ -401,5 +401,6 @@ def test_nothing_but_stand_ins_is_no_range():
     estimator = Estimator()
     estimator.update(np.ones(5), range(5))
     assert (estimator.finished().measured, estimator.finished().highest[0]) == (0, -np.inf)
-    with pytest.raises(ValueError, match='no rows of 5 samples'):
-        estimator.update(np.ones(5), [5])
+    for rows in ([5], [-1], [3, 1], [1, 3, 2, 4], [2, 2]):
+        with pytest.raises(ValueError, match='no rising rows of 5 samples'):
+            estimator.update(np.ones(5), rows)
