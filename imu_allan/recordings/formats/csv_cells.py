@@ -10,6 +10,7 @@ QUOTES = ' \t\r\n"'
 """What may stand about the text of a cell."""
 _QUOTED = re.compile('"[^"]*"?')
 _WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
+"""A name, with its unit, in a header whose names have nothing but blanks between them."""
 
 
 def cells_of(header: str) -> tuple[str | None, list[str]]:

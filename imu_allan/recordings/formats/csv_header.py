@@ -39,8 +39,7 @@ from imu_allan.recordings.formats.csv_names import (
 from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
-
-"""A name, with its unit, in a header whose names have nothing but blanks between them."""
+"""A first line that needs no option."""
 _COMMENT = ('#', '%', '//')
 MOST_COMMENTS = 100
 """Lines before the header line; loggers write some five about device and settings."""
@@ -149,6 +148,7 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '', spl
     parts = (split_seconds([name for name, _ in plain])
              if split and not (headless or chosen) else None)
     own_stamp = stamp_of_axes([name for name, _ in plain]) if stamped else None
+    clocks = sum(meaning_of(name) == 'time' for name, _ in plain)
     for column, (name, unit) in enumerate(plain):
         meaning, stated = chosen.get(column, (None, None))
         unit = stated or unit
@@ -156,8 +156,8 @@ def read_header(header: str, options: RecordingOptions, file_name: str = '', spl
             meaning = counted.get(name) or meaning_of(name)
             # The user has named another, or two columns say it to the nanosecond.
             meaning = None if (chosen or parts) and meaning == 'time' else meaning
-            # The stamp of another message is no time of these samples.
-            meaning = None if is_stamp(name) and column != own_stamp else meaning
+            # The stamp of another message is no time of these samples, unless there is no other.
+            meaning = None if is_stamp(name) and column != own_stamp and clocks > 1 else meaning
         if meaning == 'time':
             has_own = own_stamp is not None and time == own_stamp
             if not (time is None or column == own_stamp or has_own

@@ -214,6 +214,12 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('__time,/imu/header/stamp,/imu/angular_velocity/x,/imu/angular_velocity/y,'
      '/imu/angular_velocity/z,/imu/linear_acceleration/x,/imu/linear_acceleration/y,'
      '/imu/linear_acceleration/z\n7,0,1,2,3,4,5,6\n8,0,1,2,3,4,5,6\n', [7 * 10**9, 8 * 10**9]),
+    ('/imu/data/header/stamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n1.5,1,2,3,4,5,6\n',
+     [1_500_000_000]),
+    ('/imu/raw/header/stamp,/imu/data/angular_velocity/x,/imu/data/angular_velocity/y,'
+     '/imu/data/angular_velocity/z,/imu/data/linear_acceleration/x,'
+     '/imu/data/linear_acceleration/y,/imu/data/linear_acceleration/z\n1.5,1,2,3,4,5,6\n',
+     [1_500_000_000]),
     ('time,gx,gy,gz,ax,ay,az\n1,1,2,3,4,5,6\n', [10**9]),
     ('timestamp,wx,wy,wz,ax,ay,az\n1700000000000000,1,2,3,4,5,6\n', [1_700_000_000 * 10**9]),
     ('t_us,angular_velocity.x,angular_velocity.y,angular_velocity.z,linear_acceleration.x,'
@@ -249,7 +255,7 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('local_time,X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
      '1970-01-01T00:00:02.5,1,2,3,4,5,6\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
-        'with stamps of zero', 'short', 'omega',
+        'with stamps of zero', 'stamp of any name', 'stamp of another topic', 'short', 'omega',
         'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments',
         'axis first', 'counted from one', 'counted from zero', 'bagpy', 'seconds in two',
         'units in names', 'sensorlog', 'androsensor', 'units alone'])
