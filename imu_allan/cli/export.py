@@ -5,11 +5,19 @@
 import argparse
 import os
 from pathlib import Path
-from typing import Any
+import re
+from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, factors, positive_number
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
+
+if TYPE_CHECKING:
+    from imu_allan.result import Result
+
+_OPTIONS = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
+            'step_s': '--aiding', 'coast_s': '--coast'}
+"""What the user typed for what the library calls its arguments."""
 
 
 def register(verbs: Any) -> None:
@@ -49,22 +57,32 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print or write the configuration."""
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.filters import CONSUMERS, export, left_from_before, Wishes
+    from imu_allan.writers.filters import CONSUMERS, left_from_before
     from imu_allan.writers.result_file import load_result
 
-    wishes = Wishes(args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
-                    args.inflate)
     result = load_result(args.result)
     if args.output is None:
-        print(export(result, args.consumer, None, wishes).text, end='')
+        print(_configuration(result, args), end='')
         return 0
     path = Path(args.output)
     if path.is_dir() or args.output.endswith(os.sep):
         path = path / CONSUMERS[args.consumer].file
     try:
-        config = export(result, args.consumer, None, wishes)
+        text = _configuration(result, args)
     except ImuAllanError as error:
         raise ImuAllanError(f'{error}{left_from_before(path)}') from error
-    write_atomically(path, config.text.encode())
+    write_atomically(path, text.encode())
     print(path)
     return 0
+
+
+def _configuration(result: 'Result', args: argparse.Namespace) -> str:
+    from imu_allan.writers.filters import export, Wishes
+
+    try:
+        wishes = Wishes(args.rate, args.as_measured, args.aiding, args.coast, args.conservative,
+                        args.inflate)
+        return export(result, args.consumer, None, wishes).text
+    except ImuAllanError as error:
+        said = re.sub(rf'\b({"|".join(_OPTIONS)})\b', lambda name: _OPTIONS[name[1]], str(error))
+        raise ImuAllanError(said) from error

@@ -55,15 +55,41 @@ def test_export_names_the_older_file_that_it_does_not_replace(result_file, tmp_p
                         (tmp_path / 'mine.yaml', tmp_path / 'mine.yaml')):
         export = ['--for', 'kalibr', '--output', str(where)]
         assert main(['export', str(tmp_path / 'dead.json'), *export]) == 1
-        assert 'left from before' not in capsys.readouterr().err
+        assert 'from before' not in capsys.readouterr().err
         assert main(['export', str(result_file), *export]) == 0
         old = path.read_bytes()
         capsys.readouterr()
         assert main(['export', str(tmp_path / 'dead.json'), *export]) == 1
         error = capsys.readouterr().err
         assert error.startswith('imu_allan: no configuration for kalibr: ')
-        assert error.endswith(f'; {path} is left from before and is not of this result\n')
+        assert error.endswith(f'; {path} stands there from before and was not replaced\n')
         assert path.read_bytes() == old
+
+
+def test_export_says_no_more_of_the_older_file_than_is_known(result_file, tmp_path, capsys):
+    result = imu_allan.load_result(result_file)
+    save_result(replace(result, timeline=replace(result.timeline, sample_rate_hz=None)),
+                tmp_path / 'rateless.json')
+    path = tmp_path / 'vins_fusion_imu.yaml'
+    export = ['export', str(tmp_path / 'rateless.json'), '--for', 'vins_fusion', '--output',
+              str(tmp_path)]
+    assert main([*export, '--rate', '100']) == 0
+    capsys.readouterr()
+    assert main(export) == 1
+    assert capsys.readouterr().err == (
+        'imu_allan: the configuration for vins_fusion needs the sample rate, which this result '
+        f'does not have; give it with --rate HZ; {path} stands there from before and was not '
+        'replaced\n')
+
+
+@pytest.mark.parametrize(('wishes', 'message'), [
+    (['kalibr', '--coast', '0.01'], '--coast 0.01 s is shorter than --aiding 0.05 s: a filter'),
+    (['kalibr', '--aiding', '1min', '--coast', '1s'], '--coast 1 s is shorter than --aiding 60 s'),
+    (['vins_fusion', '--rate', '1e31'], '--rate must be between 1e-30 and 1e+30, not 1e+31'),
+    (['state_space', '--aiding', '1ms'], 'gyro_x: --aiding 0.001 s is below ')])
+def test_what_export_refuses_has_the_name_that_was_typed(wishes, message, result_file, capsys):
+    assert main(['export', str(result_file), '--for', *wishes]) == 1
+    assert capsys.readouterr().err.startswith(f'imu_allan: {message}')
 
 
 def test_export_takes_another_rate(result_file, capsys):

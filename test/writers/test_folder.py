@@ -44,8 +44,8 @@ def test_a_configuration_of_an_earlier_result_is_named_and_left_alone(result, tm
         save_folder(rateless, tmp_path, ('vins_fusion', 'px4'))
     assert str(caught.value) == (
         'the configuration for vins_fusion needs the sample rate, which this result does not '
-        f"have; give it with --rate HZ; {tmp_path / 'vins_fusion_imu.yaml'} is left from before "
-        f'and is not of this result; the other files are in {tmp_path}')
+        f"have; give it with --rate HZ; {tmp_path / 'vins_fusion_imu.yaml'} stands there from "
+        f'before and was not replaced; the other files are in {tmp_path}')
     assert (tmp_path / 'vins_fusion_imu.yaml').read_bytes() == old
 
 

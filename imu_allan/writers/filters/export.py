@@ -186,7 +186,8 @@ def left_from_before(path: str | os.PathLike[str]) -> str:
     """
     Say what is to be said of a file in the place of a configuration that cannot be made.
 
-    It is left alone: who knows whose it is. But beside a new result it looks like one of that.
+    It is left alone: who knows whose it is, or of which result. But beside a new result it looks
+    like one of that.
 
     Parameters
     ----------
@@ -201,4 +202,4 @@ def left_from_before(path: str | os.PathLike[str]) -> str:
     """
     if not Path(path).is_file():
         return ''
-    return f'; {printable(path)} is left from before and is not of this result'
+    return f'; {printable(path)} stands there from before and was not replaced'
