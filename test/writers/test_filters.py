@@ -574,8 +574,27 @@ def test_matlab_takes_densities_of_each_axis_whose_bandwidth_is_the_sample_rate(
         'accel.RandomWalk': [5e-4, 2.5e-4, 1e-6], 'accel.BiasInstability': [0.0, 0.0, 0.0]}
 
 
-def test_the_filter_that_matlab_is_given_makes_flicker_of_b(easy):
+def flickering(result, level=1e-4):
+    axis = result.axes['gyro_y']
+    b = replace(axis.coefficients['bias_instability'], observable=True, value=level,
+                ci95=(level / 2, level * 2), upper95=None)
+    axis = replace(axis, coefficients={**axis.coefficients, 'bias_instability': b})
+    return replace(result, axes={**result.axes, 'gyro_y': axis})
+
+
+def test_matlab_needs_a_new_release_for_flicker_alone(easy):
+    # MathWorks' staff in MATLAB Answers 2020171: BiasInstabilityCoefficients since R2023b.
     text = export(easy, 'matlab').text
+    assert 'fractalcoef' not in text
+    assert 'R2023b' not in text
+    text = export(flickering(easy), 'matlab').text
+    assert 'fractalcoef, which makes it, needs MATLAB R2023b or later' in text
+    assert re.findall(r'^(\w+)\.BiasInstabilityCoefficients', text, re.MULTILINE) == ['gyro']
+    assert octave(text)['gyro.BiasInstability'] == [0.0, 1e-4, 0.0]
+
+
+def test_the_filter_that_matlab_is_given_makes_flicker_of_b(easy):
+    text = export(flickering(easy), 'matlab').text
     # Kasdin's recursion, which fractalcoef(1, 1) shows in code generated from it: 1, -1/2.
     [poles] = set(re.findall(r'BiasInstabilityCoefficients = fractalcoef\((\d+), 1\);', text))
     k = np.arange(1, int(poles) + 1)

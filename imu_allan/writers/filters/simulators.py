@@ -101,19 +101,23 @@ def matlab(numbers: Numbers) -> str:
     """
     lines = [*heading(numbers, '%'), "% NoiseType is 'single-sided': imuSensor then makes N "
              "sqrt(f) of NoiseDensity. 'double-sided', its default,",
-             '% makes N sqrt(f/2) of it. BiasInstability is B, flicker, by a filter of '
-             f'{_FLICKER_POLES} poles (MATLAB R2023b and later):',
-             f'% right to 10 % for {4 * _FLICKER_POLES / numbers.rate():.3g} s; more poles reach '
-             'further and take more time. The default of one pole makes no flicker.']
+             '% makes N sqrt(f/2) of it.']
+    levels = {sensor: _flicker(numbers, sensor) for sensor in _MATLAB}
+    if any(map(any, levels.values())):
+        lines += [f'% BiasInstability is B, flicker, by a filter of {_FLICKER_POLES} poles: right '
+                  f'to 10 % for {4 * _FLICKER_POLES / numbers.rate():.3g} s; more poles reach',
+                  '% further and take more time. fractalcoef, which makes it, needs MATLAB R2023b '
+                  'or later; the default of one pole makes no flicker.']
     for sensor, function in _MATLAB.items():
         lines += ['', f'{sensor} = {function};', f"{sensor}.NoiseType = 'single-sided';"]
         for key, field in _MATLAB_FIELDS.items():
             lines += triples(numbers, {(sensor, key): f'{sensor}.{field}'},
                              line='{name} = [{value}];', sign='%')
-        flicker = _flicker(numbers, sensor)
         lines += ['', '% B of x, y, z, bias instability; 0 where it is not observable',
-                  f'{sensor}.BiasInstability = [{", ".join(real(b) for b in flicker)}];',
-                  f'{sensor}.BiasInstabilityCoefficients = fractalcoef({_FLICKER_POLES}, 1);']
+                  f'{sensor}.BiasInstability = [{", ".join(real(b) for b in levels[sensor])}];']
+        if any(levels[sensor]):
+            lines.append(f'{sensor}.BiasInstabilityCoefficients = '
+                         f'fractalcoef({_FLICKER_POLES}, 1);')
     lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {real(numbers.rate())}, "
               "'Gyroscope', gyro, 'Accelerometer', accel);"]
     return joined(lines)
