@@ -16,7 +16,7 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.wording import bounded, listed, measured, number, SENSORS
+from imu_allan.wording import bounded, listed, measured, number, rounded, SENSORS
 
 AIDING_S = 0.1
 """A camera or a wheel of 10 Hz corrects the filter."""
@@ -24,6 +24,10 @@ COAST_S = 60.0
 """As where nobody says anything to an exporter: an outage in a tunnel."""
 CALIBRATION_S = 60.0
 """What a robot is left standing for before a run."""
+_VAGUE = 10.0
+"""Where a bound of a forecast is further off than by this factor, it says nothing."""
+UNCERTAIN = f'not known to a factor of {_VAGUE:g}'
+"""What is said instead of such an interval."""
 
 STEADY, UNSTEADY, WARMING = 'steady', 'not steady', 'still warming up'
 MISFIT, UNKNOWN, CONSTANT = 'does not fit', 'cannot tell', 'constant'
@@ -97,7 +101,7 @@ class Answer:
         How far off it is after `COAST_S` without correction, its bias averaged over
         `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
     forecast_interval : str
-        Of an accelerometer that of the position.
+        Of an accelerometer that of the position; empty where `UNCERTAIN` is all that is known.
     extrapolated : bool
         Whether `COAST_S` is beyond what the recording knows: the model goes further than it saw.
 
@@ -167,9 +171,9 @@ def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
     words = {word_of(axis) for axis in axes.values()}
     faults = [axis.fault for axis in axes.values()]
     if any(faults) and words != {CONSTANT}:
-        first = next(fault for fault in faults if fault is not None)
-        letters = listed([name[-1] for name, axis in axes.items() if axis.fault == first])
-        return f'{letters} {first}'
+        return ', '.join(
+            listed([name[-1] for name, axis in axes.items() if axis.fault == fault]) + f' {fault}'
+            for fault in dict.fromkeys(faults) if fault is not None)
     if words == {CONSTANT} or noise is None:
         return CONSTANT if words == {CONSTANT} else UNKNOWN
     return next(word for word in (UNKNOWN, MISFIT, WARMING, UNSTEADY, FITS, STEADY)
@@ -262,8 +266,9 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
 
 def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float], ...]
                ) -> tuple[str, str]:
-    """Write a standard deviation in the largest unit in which it is one at least."""
+    """Write a standard deviation in the largest unit in which it is one at least, two digits."""
     unit, factor = next((pair for pair in units if float(number(value * pair[1], 2)) >= 1),
                         units[-1])
-    text, low, high = measured(*(factor * v for v in (value, *interval)))
-    return f'{text} {unit}', f'{low} .. {high} {unit}'
+    text, low, high = (rounded(factor * v, 2) for v in (value, *interval))
+    known = interval[1] <= _VAGUE**2 * interval[0]
+    return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''

@@ -46,6 +46,7 @@ from imu_allan.writers.answer import (
     COAST_S,
     Figure,
     GOOD,
+    UNCERTAIN,
 )
 from imu_allan.writers.charts import (
     allan_chart,
@@ -103,8 +104,8 @@ def report_html(result: Result) -> str:
         segments=[table for sensor in sensors_of(result)
                   for table in [_segments(axes_of(result, sensor))] if table is not None],
         aiding=f'{AIDING_S:g} s', coast=duration(COAST_S), calibration=duration(CALIBRATION_S),
-        gaps=_spans(result.timeline.gaps), motion=_spans(result.timeline.motion),
-        configs=_configs(result), fits=_fits(result))
+        uncertain=UNCERTAIN, gaps=_spans(result.timeline.gaps),
+        motion=_spans(result.timeline.motion), configs=_configs(result), fits=_fits(result))
 
 
 def comparison_html(results: Mapping[str, Result]) -> str:

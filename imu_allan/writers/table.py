@@ -32,6 +32,7 @@ from imu_allan.writers.answer import (
     COAST_S,
     CONSTANT,
     GOOD,
+    UNCERTAIN,
 )
 from imu_allan.writers.grouped_remarks import grouped, outlook_of
 from imu_allan.writers.means import written_mean
@@ -147,9 +148,8 @@ def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
                   f'{figure.symbol} {figure.si_value} {figure.si_unit}')
                  for figure in (answer.noise, answer.drift) if figure is not None]
     if answer.forecast:
-        off = [f'off by {answer.forecast} rms']
-        if answer.forecast_interval:
-            off.append(f'95 %: {answer.forecast_interval}')
+        off = [f'off by {answer.forecast} rms',
+               f'95 %: {answer.forecast_interval}' if answer.forecast_interval else UNCERTAIN]
         beside = ', '.join(off)
         rows += zip((f'alone {duration(COAST_S)}', ''),
                     [beside] if _HEAD + len(beside) <= width else off, strict=False)

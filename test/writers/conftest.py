@@ -171,6 +171,16 @@ def filtered() -> Result:
     return fill(build_result())
 
 
+@pytest.fixture
+def with_edf() -> Callable[[Result, float], Result]:
+    """Return a function that makes every averaging time of a result as well known as said."""
+    def known(result: Result, edf: float) -> Result:
+        return replace(result, axes={
+            name: replace(axis, curve=replace(axis.curve, edf=(edf,) * len(axis.curve.edf)))
+            for name, axis in result.axes.items()})
+    return known
+
+
 @pytest.fixture(scope='module')
 def browser() -> Iterator[Browser]:
     """Start a browser, where there is one."""

@@ -99,6 +99,12 @@ def test_a_forecast_longer_than_the_recording_says_so(filtered):
     assert sentence not in Outline(report_html(filtered)).text
 
 
+def test_a_forecast_that_nothing_is_known_of_has_no_interval(filtered, with_edf):
+    text = Outline(report_html(with_edf(filtered, 0.01))).text
+    assert 'is off by 0.53° , not known to a factor of 10. Standard deviation, the bias ' in text
+    assert ' and its interval' not in text
+
+
 def test_the_report_shows_values_intervals_bounds_and_warnings(result):
     text = Outline(report_html(result)).text
     for part in ('2.406 2.402 – 2.411', '°/√h', '< 23.5', 'The IMU moved twice, 345 s in all',

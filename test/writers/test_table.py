@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 
-from imu_allan.result import Curve, Remark, Source, Span
+from imu_allan.result import Curve, Remark, Saturation, Source, Span
 from imu_allan.writers.grouped_remarks import told_once
 from imu_allan.writers.table import print_result
 import pytest
@@ -82,6 +82,21 @@ def test_a_forecast_longer_than_the_recording_says_so(filtered):
     assert 'beyond what this recording knows' not in printed(filtered)
 
 
+def test_a_forecast_that_nothing_is_known_of_has_no_interval(filtered, with_edf):
+    # Of a second of recording: 5.2e-05 .. 5.1e+06 deg.
+    text = printed(with_edf(filtered, 0.01))
+    assert len(re.findall(r'off by .* rms, not known to a factor of 10\n', text)) == 2
+    assert '95 %: ' not in text
+
+
+@pytest.mark.parametrize('edf', [2.0, 5.0, 20.0, 100.0])
+def test_each_bound_of_a_forecast_has_two_digits(filtered, with_edf, edf):
+    steady = replace(filtered, axes={name: replace(axis, stationarity=None)
+                                     for name, axis in filtered.axes.items()})
+    bounds = re.findall(r'95 %: ([\d.]+) \.\. ([\d.]+) ', printed(with_edf(steady, edf)))
+    assert [len(re.sub(r'^[0.]+|\.', '', bound)) for pair in bounds for bound in pair] == [2] * 4
+
+
 def test_a_constant_sensor_says_so_and_has_no_empty_rows(make_axis, make_result):
     flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
                  (0.0, 0.0))
@@ -101,6 +116,15 @@ def test_an_axis_that_does_not_measure_is_named_in_the_answer(filtered):
     text = printed(replace(filtered, axes=axes))
     assert lines_of(text, 'Gyroscope') == ['Gyroscope: z constant']
     assert lines_of(text, 'Accelerometer') == ['Accelerometer: x dead']
+
+
+def test_every_kind_of_fault_is_named_in_the_answer(filtered):
+    axes = dict(filtered.axes)
+    axes['gyro_x'] = replace(axes['gyro_x'], stood_still=Span(100.0, 50.0))
+    for name in ('gyro_y', 'gyro_z'):
+        axes[name] = replace(axes[name], saturated=Saturation(34.9, 0.2))
+    text = printed(replace(filtered, axes=axes))
+    assert lines_of(text, 'Gyroscope') == ['Gyroscope: x dead, y and z saturated']
 
 
 def test_the_mean_has_the_digits_that_its_error_leaves(result):
