@@ -44,7 +44,8 @@ def register(verbs: Any) -> None:
         'analyze', help='characterize recordings',
         description='Allan deviation and noise coefficients of every axis, from recordings of '
                     'an IMU at rest: a rosbag2 folder (sqlite3 or MCAP), a bare .mcap or .db3, '
-                    'a ROS 1 .bag, a PX4 .ulg, an ArduPilot .bin, a CSV, or a folder of several.')
+                    'a ROS 1 .bag, a PX4 .ulg, an ArduPilot .bin, a CSV, a folder with one '
+                    'for each sensor of a phone, or a folder of several.')
     parser.add_argument('recordings', metavar='RECORDING', nargs='+')
     topics = parser.add_mutually_exclusive_group()
     topics.add_argument('--topic', metavar='NAME',
