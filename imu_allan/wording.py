@@ -271,11 +271,16 @@ def clock_of(clock: str, topic: str | None) -> str:
 
     Examples
     --------
-    >>> clock_of('header', '/imu'), clock_of('header', 'csv')
-    ('header stamps', 'time column')
+    >>> clock_of('header', '/imu'), clock_of('header', 'csv'), clock_of('header', 'Gyroscope.csv')
+    ('header stamps', 'time column', 'time column')
 
     """
-    return 'time column' if topic == NO_TOPIC else f'{clock} stamps'
+    return 'time column' if is_table(topic) else f'{clock} stamps'
+
+
+def is_table(topic: str | None) -> bool:
+    """Whether what is called a topic is a CSV file, or several of a folder: no topic of ROS."""
+    return topic is not None and (topic == NO_TOPIC or topic.lower().endswith('.csv'))
 
 
 def faults_of(timeline: Timeline) -> list[str]:

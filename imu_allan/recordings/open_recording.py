@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opening a recording by what it is, whatever its name."""
 
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,8 +55,8 @@ def open_recording(
                 if (path / name).is_file() and not holds_recording(path):
                     raise _result_given(path, path / name)
             if not holds_recording(path):
-                from imu_allan.recordings.formats.table_folder import TableFolder
-                with suppress(ImuAllanError):
+                from imu_allan.recordings.formats.table_folder import TableFolder, tables_in
+                if tables_in(path):
                     return TableFolder(path, options)
             from imu_allan.recordings.formats.bag_directory import BagDirectory
             return BagDirectory(path, open_recording, options)

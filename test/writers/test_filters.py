@@ -92,6 +92,11 @@ def test_kalibr_takes_n_and_k_as_they_are(easy):
         'rostopic': '/imu/data_raw', 'update_rate': 400.0}
 
 
+def test_tables_are_no_topic_of_ros(easy):
+    tables = replace(easy, source=replace(easy.source, topic='Gyroscope.csv, Accelerometer.csv'))
+    assert yaml.safe_load(export(tables, 'kalibr').text)['rostopic'] == '/imu/data_raw'
+
+
 def test_openvins_takes_n_and_k_in_a_file_that_opencv_reads(easy, tmp_path):
     # The nodes are views into the storage, which must live as long.
     storage = opencv(export(easy, 'openvins').text, tmp_path)

@@ -95,6 +95,28 @@ class CsvRecording(FileRecording):
         """Which sensors have columns in it: 'gyro', 'accel' or both."""
         return sorted({'gyro' if axis < 3 else 'accel' for _, axis, _ in self._columns.axes})
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return the least and the greatest stamp at its two ends; None where there are none."""
+        columns = self._columns
+        if columns.time is None:
+            return None
+        written = WrittenTimes(columns.delimiter, columns.time) if columns.written else None
+        found: list[int] = []
+        unit_s: float | None = None
+        with self._stored.open('rb') as file:
+            for start in (self._data_at, max(self._data_at, self.size_bytes - _LOOKED_AT)):
+                file.seek(start)
+                data = file.read(_LOOKED_AT)
+                # Part of a number is another one.
+                lines = self._with_points(data.decode('utf-8', 'replace')).split('\n')[
+                    start > self._data_at:None if file.tell() == self.size_bytes else -1]
+                _, stamps, unit_s, _ = _parse(
+                    lines if written is None else written.counted(lines), columns, unit_s)
+                if stamps is None or not len(stamps):
+                    return None
+                found += [int(stamps.min()), int(stamps.max())]
+        return min(found), max(found)
+
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with the bytes consumed so far."""
         columns = self._columns

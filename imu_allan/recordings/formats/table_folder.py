@@ -2,21 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """A folder of tables, a sensor each, as phones record them: Sensor Logger, phyphox."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+import re
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.csv_file import CsvRecording, TOPIC
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import ImuTopic, Recording
-from imu_allan.wording import SENSORS
+from imu_allan.wording import duration, SENSORS
 
 _MOST_TABLES = 64
 """Files that are looked into; a phone has some thirty sensors."""
+_TOLD = 2
+"""Files by which it is told why none is read."""
+_LIKELY = re.compile('gyr|acc|imu', re.IGNORECASE)
+"""In the name of a file that somebody expects to be read."""
 _BEST = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
 """Names in small letters, the best first: Sensor Logger takes gravity out of its Accelerometer."""
+
+
+def tables_in(folder: Path) -> list[Path]:
+    """Name the CSV files of a folder, by growing numbers in their names."""
+    return sorted((file for file in folder.iterdir() if file.suffix.lower() == '.csv'
+                   and not file.name.startswith('.') and file.is_file()),
+                  key=lambda file: natural(file.name))
 
 
 class TableFolder(Recording):
@@ -41,24 +53,25 @@ class TableFolder(Recording):
         super().__init__(path, options)
         self._files: dict[str, Path] = {}
         halves: dict[str, list[str]] = {sensor: [] for sensor in SENSORS}
-        tables = sorted((file for file in path.iterdir() if file.suffix.lower() == '.csv'
-                         and file.is_file()), key=lambda file: natural(file.name))
-        for file in tables[:_MOST_TABLES]:
+        whole: list[str] = []
+        for file in tables_in(path)[:_MOST_TABLES]:
             try:
                 sensors = CsvRecording(file, file, options).sensors
             except ImuAllanError as error:
-                self.other_topics[file.stem], self.reasons[file.stem] = 'CSV', str(error)
+                self.other_topics[file.name], self.reasons[file.name] = 'CSV', str(error)
                 continue
-            self._files[file.stem] = file
-            self.topics.append(ImuTopic(file.stem, None))
-            if len(sensors) == 1:
-                halves[sensors[0]].append(file.stem)
+            self._files[file.name] = file
+            self.topics.append(ImuTopic(file.name, None))
+            (whole if len(sensors) > 1 else halves[sensors[0]]).append(file.name)
         if not all(halves.values()):
-            raise ImuAllanError('no table of a gyroscope beside one of an accelerometer')
+            raise ImuAllanError(f'{printable(path)}: not a rosbag2 directory; '
+                                + self._what_lacks(halves, whole))
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
-        best = [_best(names, _BEST[sensor]) for sensor, names in halves.items()]
-        if all(best):
-            self.preferred, self.preferred_for = tuple(map(str, best)), 'by the names of the files'
+        gyro, accel = (_best(names, _BEST[sensor]) for sensor, names in halves.items())
+        if gyro is not None and accel is not None:
+            self.apart = self._why_apart(gyro, accel)
+            if not self.apart:
+                self.preferred, self.preferred_for = (gyro, accel), 'by the names of the files'
 
     def close(self) -> None:
         """Release nothing: each reading opens and closes the files itself."""
@@ -70,12 +83,48 @@ class TableFolder(Recording):
             for block, position in table.decoded(TOPIC):
                 yield block, position * self.size_bytes // table.size_bytes
         for remark in table.remarks:
-            self.keep_remark(remark)
+            # Which sensor x, y and z are of is what the files are called after here.
+            if remark.code != 'guessed_columns':
+                self.keep_remark(remark)
+
+    def _what_lacks(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
+        """Say why the files are no IMU: what the first of them hold, or why they are not read."""
+        if whole:
+            return (f'gyroscope and accelerometer are both in {_some(whole)}; name the file '
+                    'itself')
+        lacking = [SENSORS[sensor].lower() for sensor, names in halves.items() if not names]
+        said = f'its CSV files give no {" and no ".join(lacking)}'
+        # Of thirty sensors of a phone the others have no axis of an IMU either.
+        names = sorted(self.reasons, key=lambda name: _LIKELY.search(name) is None)
+        return '; '.join([said, *(self.reasons[name] for name in names[:_TOLD])])
+
+    def _why_apart(self, gyro: str, accel: str) -> str:
+        """Say why two tables are not of one recording; empty where their times overlap."""
+        spans = []
+        for name in (gyro, accel):
+            file = self._files[name]
+            if (span := CsvRecording(file, file, self.options).span_ns()) is not None:
+                spans.append((*span, printable(name)))
+        if len(spans) < 2:
+            return ''
+        (_, end, first), (begin, _, second) = sorted(spans)
+        if begin <= end:
+            return ''
+        return (f'{first} ends {duration((begin - end) / 1e9)} before {second} begins: two '
+                f'recordings, or two clocks; --gyro-topic {printable(gyro)} --accel-topic '
+                f'{printable(accel)} takes them for one IMU nevertheless')
+
+
+def _some(names: Sequence[str]) -> str:
+    """Name the first of some files."""
+    shown = ', '.join(map(printable, names[:_TOLD]))
+    return f'each of {len(names)} files ({shown}, ...)' if len(names) > _TOLD else (
+        f'each of {shown}' if len(names) > 1 else shown)
 
 
 def _best(names: list[str], best: tuple[str, ...]) -> str | None:
     """Choose the only table of a sensor, or that of the best name."""
     if len(names) == 1:
         return names[0]
-    known = {name.lower().replace(' ', ''): name for name in names}
+    known = {name.lower().removesuffix('.csv').replace(' ', ''): name for name in names}
     return next((known[name] for name in best if name in known), None)

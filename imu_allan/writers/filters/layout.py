@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import json
 
 from imu_allan.errors import printable
-from imu_allan.wording import NO_TOPIC
+from imu_allan.wording import is_table
 from imu_allan.writers.filters.chosen_numbers import Key, Number, Numbers, Sensor
 
 Scale = Callable[[float], float]
@@ -138,7 +138,7 @@ def _letter(key: Key, scaling: str) -> str:
 def topic_of(numbers: Numbers) -> str | None:
     """Return the topic, quoted, or None."""
     topic = numbers.result.source.topic
-    return quoted(topic) if topic and topic != NO_TOPIC else None
+    return quoted(topic) if topic and not is_table(topic) else None
 
 
 def indented(lines: Sequence[str], by: int) -> list[str]:

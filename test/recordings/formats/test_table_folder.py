@@ -3,6 +3,7 @@
 """A folder of tables, a sensor each, as phones record them."""
 
 from pathlib import Path
+import re
 
 from imu_allan import analyze
 from imu_allan.cli.main import main
@@ -46,17 +47,20 @@ def test_the_files_of_both_sensors_are_one_imu(tmp_path):
     assert axes['accel_z'].mean == pytest.approx(9.81, abs=0.01)
     [told] = [remark.message for remark in result.warnings if remark.code == 'chosen_topic']
     assert told == (
-        f'{tmp_path}: of 4 IMU topics Gyroscope and TotalAcceleration are read, by the names of '
-        'the files; --topic, or --gyro-topic and --accel-topic, choose among Accelerometer, '
-        'GyroscopeUncalibrated')
+        f'{tmp_path}: of 4 IMU topics Gyroscope.csv and TotalAcceleration.csv are read, by the '
+        'names of the files; --topic, or --gyro-topic and --accel-topic, choose among '
+        'Accelerometer.csv, GyroscopeUncalibrated.csv')
+    # Its advice, --columns, is for one file.
+    assert 'guessed_columns' not in {remark.code for remark in result.warnings}
 
 
 def test_other_files_of_the_folder_can_be_chosen(tmp_path):
-    options = RecordingOptions(gyro_topic='GyroscopeUncalibrated', accel_topic='Accelerometer')
+    options = RecordingOptions(gyro_topic='GyroscopeUncalibrated.csv',
+                               accel_topic='Accelerometer.csv')
     with open_recording(phone(tmp_path), options=options) as recording:
         assert choose_streams(recording) == [
-            Stream('GyroscopeUncalibrated', 'gyro'), Stream('Accelerometer', 'accel')]
-        blocks = [block for block, _ in recording.decoded('GyroscopeUncalibrated')]
+            Stream('GyroscopeUncalibrated.csv', 'gyro'), Stream('Accelerometer.csv', 'accel')]
+        blocks = [block for block, _ in recording.decoded('GyroscopeUncalibrated.csv')]
     assert sum(map(len, blocks)) == 2000
     assert np.concatenate([block.samples for block in blocks])[:, 0].std() == pytest.approx(
         5e-3, rel=0.1)
@@ -65,7 +69,9 @@ def test_other_files_of_the_folder_can_be_chosen(tmp_path):
 def test_info_lists_the_files_of_the_folder(tmp_path, capsys):
     assert main(['info', str(phone(tmp_path))]) == 0
     shown = capsys.readouterr().out
-    assert all(f'\n{name}\n' in shown for name in ('Gyroscope', 'TotalAcceleration'))
+    assert all(f'\n{name}.csv\n' in shown for name in ('Gyroscope', 'TotalAcceleration'))
+    assert shown.count('time column: ') == 4
+    assert 'header stamps' not in shown
 
 
 @pytest.mark.parametrize('names', [['Gyroscope'], ['Gyroscope', 'Magnetometer'], []])
@@ -79,5 +85,84 @@ def test_a_folder_without_both_sensors_is_no_imu(tmp_path, names):
 def test_of_many_tables_the_user_chooses(tmp_path):
     for name in ('gyro_1', 'gyro_2', 'acc_1'):
         write(tmp_path, name, 100, 1e-3)
-    with pytest.raises(ImuAllanError, match='3 Imu topics; choose one with --topic: acc_1, gyro'):
+    with pytest.raises(ImuAllanError, match='3 Imu topics; choose one with --topic: acc_1'):
         analyze(tmp_path)
+
+
+@pytest.mark.parametrize(('texts', 'told'), [
+    ({'acc': 'accel_x,accel_y,accel_z\n0,1,2\n', 'gyro': 'gyro_x,gyro_y,gyro_z\n0,1,2\n'},
+     'its CSV files give no gyroscope and no accelerometer; .*/acc.csv: no time_s column; give '
+     'the sample rate with --rate, .*/gyro.csv: no time_s column'),
+    ({'audio': 'level\n1\n', 'Gyroscope': 'time,x,y,z\n1,2,3,4\n', 'Accelerometer': 'time\n1\n'},
+     'give no accelerometer; .*/Accelerometer.csv: the first line names none .*/audio.csv: '),
+    ({'b': 'time,gyro_x,accel_x\n1,2,3\n', 'a': 'time,gyro_x,accel_x\n1,2,3\n'},
+     'both in each of a.csv, b.csv; name the file itself'),
+    ({'imu': 'time,gyro_x,accel_x\n1,2,3\n', 'gps': 'time\n1\n'},
+     'both in imu.csv; name the file itself'),
+], ids=['no times', 'one sensor', 'recordings', 'recording'])
+def test_it_is_told_what_the_tables_of_a_folder_lack(tmp_path, texts, told):
+    for name, text in texts.items():
+        (tmp_path / f'{name}.csv').write_text(text)
+    with pytest.raises(ImuAllanError, match=f'not a rosbag2 directory; .*{told}'):
+        open_recording(tmp_path)
+
+
+def test_tables_without_times_are_counted_at_the_rate(tmp_path):
+    rows = '\n'.join(['0,1,2', '1,1,3'] * 200)
+    for sensor in ('gyro', 'accel'):
+        (tmp_path / f'{sensor}.csv').write_text(f'{sensor}_x,{sensor}_y,{sensor}_z\n{rows}\n')
+    with open_recording(tmp_path, rate_hz=200) as recording:
+        assert choose_streams(recording) == [
+            Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
+
+
+def times(folder: Path, name: str, start: str, rows: int = 3000) -> None:
+    """Write a sensor at 100 Hz from a time on: a number of seconds, or a time of day."""
+    sensor = name.rpartition('_')[2]
+    written = [f'{start}:{n // 6000:02}:{n // 100 % 60:02}.{n % 100:02}' if start.startswith('T')
+               else f'{int(start) + n / 100:.2f}' for n in range(rows)]
+    (folder / f'{name}.csv').write_text('\n'.join([
+        f'time,{sensor}_x,{sensor}_y,{sensor}_z',
+        *(f'{time.lstrip("T")},{n % 7},{n % 5},{n % 3}' for n, time in enumerate(written))]))
+
+
+@pytest.mark.parametrize(('gyro', 'accel', 'told'), [
+    ('1700000000', '1700086400', 'run1_gyro.csv ends 24 h before run2_accel.csv begins'),
+    ('1700000000', '0', 'run2_accel.csv ends .* days before run1_gyro.csv begins'),
+    ('T10', 'T11', 'run1_gyro.csv ends 59 min .* before run2_accel.csv begins'),
+])
+def test_tables_of_two_recordings_are_no_imu(tmp_path, capsys, gyro, accel, told):
+    times(tmp_path, 'run1_gyro', gyro)
+    times(tmp_path, 'run2_accel', accel)
+    with pytest.raises(ImuAllanError, match=f'{told}: two recordings, or two clocks; '
+                                            '--gyro-topic run1_gyro.csv --accel-topic run2_accel'):
+        analyze(tmp_path)
+    assert main(['info', str(tmp_path)]) == 0
+    assert re.search(f'\nnot one IMU: {told}', capsys.readouterr().out)
+    options = RecordingOptions(gyro_topic='run1_gyro.csv', accel_topic='run2_accel.csv')
+    with open_recording(tmp_path, options=options) as recording:
+        assert [stream.half for stream in choose_streams(recording)] == ['gyro', 'accel']
+
+
+@pytest.mark.parametrize(('gyro', 'accel', 'rows'), [
+    ('1700000000', '1700000000', 40), ('1700000000', '1700000199', 20_000),
+    ('T10', 'T10', 20_000)])
+def test_tables_that_overlap_are_one_imu(tmp_path, gyro, accel, rows):
+    times(tmp_path, 'gyro', gyro, rows)
+    times(tmp_path, 'accel', accel, rows)
+    with open_recording(tmp_path) as recording:
+        assert choose_streams(recording) == [
+            Stream('gyro.csv', 'gyro'), Stream('accel.csv', 'accel')]
+
+
+def test_files_whose_names_differ_in_their_endings_are_two(tmp_path):
+    write(tmp_path, 'gyro', 100, 1e-3)
+    (tmp_path / 'gyro.csv').rename(tmp_path / 'gyro.CSV')
+    for name in ('gyro', 'acc'):
+        write(tmp_path, name, 100, 2e-3)
+    with open_recording(tmp_path) as recording:
+        assert sorted(topic.name for topic in recording.topics) == [
+            'acc.csv', 'gyro.CSV', 'gyro.csv']
+        sizes = [next(block for block, _ in recording.decoded(name)).samples[:, 0].std()
+                 for name in ('gyro.CSV', 'gyro.csv')]
+    assert sizes == pytest.approx([1e-3, 2e-3], rel=0.2)
