@@ -39,7 +39,7 @@ from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.random_effects import outliers, random_effects
 from imu_allan.noise.sequential import decide, SMALLEST_RECORD
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.temperature import JointTemperature, TemperatureCourse
+from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
 from imu_allan.noise.trends import Course, RecordSpectrum
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model

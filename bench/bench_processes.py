@@ -26,7 +26,7 @@ from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.groups import bins_of, grouped, QUANTIZATION
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
-from imu_allan.noise.trends import warming
+from imu_allan.noise.shapes import warming
 import numpy as np
 
 DEGREE = np.pi / 180

@@ -180,6 +180,10 @@ class TemperatureDependence:
         Coefficient of the square of the distance from the mean temperature, where it shows.
     before : mapping of str to float
         The coefficients by key as they were without the temperature, where they showed.
+    lag_s : float or None
+        Time constant by which the thermometer follows the sensor, where one shows; negative where
+        the sensor follows the thermometer.
+    lag_ci95 : (float, float) or None
 
     """
 
@@ -189,6 +193,8 @@ class TemperatureDependence:
     highest_c: float
     per_kelvin_squared: float | None = None
     before: Mapping[str, float] = field(default_factory=dict)
+    lag_s: float | None = None
+    lag_ci95: Interval | None = None
 
 
 @dataclass(frozen=True)

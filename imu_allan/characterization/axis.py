@@ -345,7 +345,8 @@ def _trend(fitted: Fit) -> Trend:
         warm_up=parts[0] if parts else None,
         temperature=TemperatureDependence(
             heat.per_kelvin, (heat.low, heat.high), heat.lowest_c, heat.highest_c,
-            heat.per_kelvin_squared, heat.before) if heat is not None else None,
+            heat.per_kelvin_squared, heat.before, heat.lag_s, heat.lag_ci95)
+        if heat is not None else None,
         second_warm_up=parts[1] if len(parts) > 1 else None,
         cycle_s=fitted.cycle_s)
 

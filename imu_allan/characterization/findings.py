@@ -11,6 +11,7 @@ from imu_allan.noise.bias_step import BiasStep
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
+from imu_allan.noise.temperature import Dependence
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import AxisResult, Deadband, Remark, Segment, Span
@@ -244,8 +245,19 @@ def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
         'temperature',
         f'the mean follows the temperature by {heat.per_kelvin:.3g} {quantity.unit}/K{curved} '
         f'(95 % interval {heat.low:.3g} to {heat.high:.3g}, seen from {heat.lowest_c:.1f} to '
-        f'{heat.highest_c:.1f} degrees Celsius); the coefficients are given without it, '
-        f'the numbers for a filter with it{instead}')]
+        f'{heat.highest_c:.1f} degrees Celsius){_lag(heat)}; the coefficients are given without '
+        f'it, the numbers for a filter with it{instead}')]
+
+
+def _lag(heat: Dependence) -> str:
+    """Say which of the two follows the other, thermometer or sensor."""
+    if heat.lag_s is None or heat.lag_ci95 is None:
+        return ''
+    behind, ahead = (('thermometer', 'sensor') if heat.lag_s > 0 else ('sensor', 'thermometer'))
+    low, high = sorted(abs(end) for end in heat.lag_ci95)
+    return (f'. The {behind} follows the {ahead} with a time constant of '
+            f'{duration(abs(heat.lag_s))} ({duration(low)} to {duration(high)}), which is taken '
+            'into account')
 
 
 def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:

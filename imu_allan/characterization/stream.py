@@ -29,7 +29,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.noise.alike import SAME
 from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.temperature import TemperatureCourse
+from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Backtest, Remark, Result, Signal, Source
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary

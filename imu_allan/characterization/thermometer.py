@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from imu_allan.noise.cells import Cells, centres
 from imu_allan.noise.signal_over_time import Columns
-from imu_allan.noise.temperature import TemperatureCourse
+from imu_allan.noise.temperature_course import between_steps, TemperatureCourse
 from imu_allan.result import Signal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,8 @@ _LONGEST_GAP_S = 300.0
 settles in several minutes."""
 COVERED = 0.9
 """Share of the record that the readings have to cover; the rest keeps the nearest."""
+_STEPPING = 0.02
+"""Share of the range from which on steps of the readings are more than their noise."""
 _SHOWN = 128
 """Most stretches of the temperature in a result."""
 
@@ -232,6 +234,8 @@ class Thermometer:
         course = None
         if covered >= COVERED and np.ptp(values[known]) > 0:
             values = np.interp(in_a_row, in_a_row[known], values[known])
+            if self._step > _STEPPING * np.ptp(values) * _SCALE:
+                values = between_steps(in_a_row, values, self._step / _SCALE)
             course = TemperatureCourse(in_a_row * dt, values)
         return Temperature(covered, course, gaps, self._step / _SCALE)
 

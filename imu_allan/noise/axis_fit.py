@@ -25,7 +25,7 @@ from imu_allan.noise.stationarity import (
     Steadiness,
     steadiness,
 )
-from imu_allan.noise.temperature import TemperatureCourse
+from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.noise.trends import RecordSpectrum
 

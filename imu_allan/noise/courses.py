@@ -16,7 +16,7 @@ from imu_allan.noise.groups import Spectra, WALK
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.trends import EachCourse, JointSpectrum, RecordSpectrum
+from imu_allan.noise.trends import EachCourse, JointSpectrum, own_courses, RecordSpectrum
 from imu_allan.noise.trial import OBSERVABLE, residuals, Trial
 import numpy as np
 from numpy.typing import NDArray
@@ -69,11 +69,13 @@ def likelihood_ratio(without: Trial, beside: Trial) -> float:
 
 
 def best_course(trial: Trial, record: Spectrum, still: Solution, values: Sequence[Value],
-                courses: Callable[[Value], Sequence[Course]]) -> tuple[Value, float]:
+                courses: Callable[[Value], Sequence[Course | EachCourse]]
+                ) -> tuple[Value, float]:
     """Rank candidates by what they explain under noise without a walk: the best, and how much."""
     candidates = [courses(value) for value in values]
-    gains = sum((_gains(trial, one, still, candidates) for one in record.records),
-                np.zeros(len(values)))
+    gains = np.zeros(len(values))
+    for number, one in enumerate(record.records):
+        gains += _gains(trial, one, still, [own_courses(some, number) for some in candidates])
     best = int(np.argmax(gains))
     return values[best], float(gains[best]) / trial.dispersion
 

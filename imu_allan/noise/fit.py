@@ -23,7 +23,7 @@ from imu_allan.noise.correlated import (
     with_gauss_markov,
     with_process_column,
 )
-from imu_allan.noise.courses import Calmed
+from imu_allan.noise.courses import Calmed, with_courses
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
     bent_density,
@@ -32,19 +32,13 @@ from imu_allan.noise.intervals import (
     estimate_ramp,
     FEWEST_GROUPS,
 )
-from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.moving_mean import moving_mean, MovingMean
 from imu_allan.noise.power_law import free_exponent, PowerLaw
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.temperature import (
-    asked_for,
-    Dependence,
-    dependence,
-    JointTemperature,
-    TemperatureCourse,
-)
-from imu_allan.noise.trends import EachCourse, JointSpectrum, RecordSpectrum
+from imu_allan.noise.temperature import Dependence, dependence, Following, follows
+from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
+from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import banded, BENT_P, fit_band, Trial
 from imu_allan.noise.unevenness import uneven_by
 from imu_allan.noise.warm_up import Warming
@@ -99,6 +93,8 @@ class Fit:
         Slow noise with another exponent than flicker's, which then is an upper bound.
     plateau : float or None
         Noise density above the band that was fitted, where the noise levels out again.
+    record : RecordSpectrum or JointSpectrum or None
+        Beside what moves the mean: of which the trial is.
 
     """
 
@@ -119,6 +115,7 @@ class Fit:
     steady: Steadiness | None = None
     power_law: PowerLaw | None = None
     plateau: float | None = None
+    record: RecordSpectrum | JointSpectrum | None = None
 
     @property
     def mean_moves(self) -> bool:
@@ -176,13 +173,15 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
 
     """
     found = _fit(groups, dt, start, record, steady, parts, calmed, known_hz)
-    courses: Sequence[Course | EachCourse] = []
+    following: Following | None = None
     before: dict[str, float] = {}
-    if record is not None and temperature is not None and found.plain is not None:
-        courses = asked_for(found.plain, record, temperature)
-    if record is not None and courses:
+    if record is not None and temperature is not None:
+        following = _following(found, record, temperature, partial(
+            _fit, dt=dt, start=start, steady=steady, parts=parts, calmed=calmed,
+            known_hz=known_hz))
+    if record is not None and following is not None:
         before = {key: one.value for key, one in found.estimates.items() if one.observable}
-        record = record.beside(courses)
+        record = record.beside(following.courses)
         groups = record.groups()
         found = _fit(groups, dt, start, record, steady, parts, calmed, known_hz)
     law = _power_law(found, groups, dt)
@@ -190,11 +189,31 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         beside = _fit(law.of(groups), dt, None, record and law.of_record(record), steady,
                       parts and law.of_parts(parts), calmed and law.of_calmed(calmed), known_hz)
         found = replace(beside, estimates=law.bound(beside.estimates, groups), power_law=law)
-    if courses and temperature is not None:
+    if following is not None and temperature is not None:
         assert found.trial is not None
-        found = replace(found, temperature=dependence(found.trial, temperature, len(courses),
+        found = replace(found, temperature=dependence(found.trial, temperature, following,
                                                       before))
     return _judged_above(found, groups)
+
+
+def _following(found: Fit, record: RecordSpectrum | JointSpectrum,
+               temperature: TemperatureCourse | JointTemperature, again: partial[Fit]
+               ) -> Following | None:
+    """Ask whether the mean follows the temperature, which other things that move it may hide."""
+    assert found.plain is not None
+    following = follows(found.plain, record, temperature)
+    if following is None and found.record is not None and found.trial is not None:
+        following = follows(found.trial, found.record, temperature)
+    if following is None and (found.mean_moves or not found.acceptable
+                              or found.estimates['rate_random_walk'].observable):
+        # As well may it have hidden them.
+        beside = record.beside(temperature.courses[:1])
+        tried = again(beside.groups(), record=beside)
+        assert tried.trial is not None
+        assert tried.record is not None
+        rest = tried.record.without(1)
+        following = follows(with_courses(tried.trial, rest, []), rest, temperature)
+    return following
 
 
 def _judged_above(found: Fit, groups: Groups) -> Fit:
@@ -270,7 +289,7 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
                warmings=mean.warmings if mean else (),
                cycle_s=mean.cycle.period_s if mean and mean.cycle else None,
                between={key: one.between for key, one in said.items()}, trial=trial,
-               plain=plain, steady=steady)
+               plain=plain, steady=steady, record=mean.record if mean else None)
 
 
 def _capped(trial: Trial, steady: Steadiness) -> Trial:

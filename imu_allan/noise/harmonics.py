@@ -24,7 +24,8 @@ from math import pi
 from imu_allan.noise.courses import Spectrum
 from imu_allan.noise.leaks import Course, is_little, leaks
 from imu_allan.noise.regression import RIDGE
-from imu_allan.noise.trends import cycle, JointSpectrum, RecordSpectrum, regressors
+from imu_allan.noise.shapes import cycle
+from imu_allan.noise.trends import JointSpectrum, RecordSpectrum, regressors
 import numpy as np
 from numpy.typing import NDArray
 

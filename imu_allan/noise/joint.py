@@ -22,7 +22,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import fit
 from imu_allan.noise.groups import bins_of, grouped, joined_groups
 from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.temperature import JointTemperature, TemperatureCourse
+from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 import numpy as np

@@ -24,6 +24,7 @@ from imu_allan.noise.groups import WALK
 from imu_allan.noise.harmonics import without
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.shapes import cycle, legendre
 from imu_allan.noise.slow_cycle import (
     likeliest_cycle,
     slow_cycle,
@@ -31,7 +32,6 @@ from imu_allan.noise.slow_cycle import (
     sticks_out,
     taken_out,
 )
-from imu_allan.noise.trends import cycle, legendre
 from imu_allan.noise.trial import Trial
 from imu_allan.noise.warm_up import Choose, likeliest_warming, warm_up, Warming
 import numpy as np
@@ -109,8 +109,15 @@ def moving_mean(trial: Trial, process: Process | None, record: Spectrum, walks: 
     if record.duration_s == 0:
         # Nothing but runs too short for a spectrum of slow courses.
         return MovingMean(trial, process, record, walks)
+    turning = _turning_first(trial, process, record, choose, known_hz)
+    return _beside_cycle(trial, process, record, walks, choose, known_hz, turning)
+
+
+def _beside_cycle(trial: Trial, process: Process | None, record: Spectrum, walks: bool,
+                  choose: Choose, known_hz: Sequence[float], turning: SlowCycle | None
+                  ) -> MovingMean:
+    """Ask the same where a cycle was found already, or none."""
     whole = record
-    turning = _turning_first(trial, process, whole, choose, known_hz)
     if turning is not None:
         trial, process, record = turning.trial, turning.process, turning.record
     still = _without_walk(trial)
@@ -139,6 +146,9 @@ def moving_mean(trial: Trial, process: Process | None, record: Spectrum, walks: 
     frequency, gain = likeliest_cycle(trial, record, still)
     if gain >= doubtful:
         found = slow_cycle(trial, process, record, frequency, choose) if turning is None else None
+        if found is not None and warm is None:
+            # It has hidden what a warm-up would explain.
+            return _beside_cycle(trial, process, whole, walks, choose, known_hz, found)
         if found is not None:
             return MovingMean(found.trial, found.process, found.record, has_walk(found.trial),
                               warmings, found)

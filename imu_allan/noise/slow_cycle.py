@@ -25,7 +25,8 @@ from imu_allan.noise.harmonics import (
     without,
 )
 from imu_allan.noise.likelihood import residual_power, Solution
-from imu_allan.noise.trends import cycle, RecordSpectrum
+from imu_allan.noise.shapes import cycle
+from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.noise.trial import Trial
 from imu_allan.noise.warm_up import Choose
 import numpy as np

@@ -107,13 +107,17 @@ class RecordSpectrum:
 
     def groups(self, *courses: Course | EachCourse) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
-        every = [*self.courses, *_own(courses)]
+        every = [*self.courses, *own_courses(courses)]
         columns = regressors(self.pieces, self.dt, every) if every else None
         return grouped(self.bins, self.axis, self.keep, columns)
 
     def beside(self, courses: Sequence[Course | EachCourse]) -> 'RecordSpectrum':
         """Return the same spectrum with further courses that stand in every fit."""
-        return replace(self, courses=(*self.courses, *_own(courses)))
+        return replace(self, courses=(*self.courses, *own_courses(courses)))
+
+    def without(self, count: int) -> 'RecordSpectrum':
+        """Return the same spectrum without the first so many of its courses."""
+        return replace(self, courses=self.courses[count:])
 
     def mean(self, trend: Array) -> Course:
         """Return the mean of which a fit beside the courses found the sizes, the ramp's first."""
@@ -181,7 +185,7 @@ class JointSpectrum:
                 ) -> 'JointSpectrum':
         """Take the mean's leak out of every record; `trend` is of shape (records, regressors)."""
         return JointSpectrum(tuple(
-            record.settled(_own(courses, number), own, theta)
+            record.settled(own_courses(courses, number), own, theta)
             for number, (record, own) in enumerate(zip(self.records, trend, strict=True))))
 
     @property
@@ -191,17 +195,21 @@ class JointSpectrum:
 
     def groups(self, *courses: Course | EachCourse) -> Groups:
         """Return the spectra side by side, with the ramp and some courses as regressors."""
-        return joined_groups([record.groups(*_own(courses, number))
+        return joined_groups([record.groups(*own_courses(courses, number))
                               for number, record in enumerate(self.records)])
 
     def beside(self, courses: Sequence[Course | EachCourse]) -> 'JointSpectrum':
         """Return the same spectra with further courses that stand in every fit."""
-        return JointSpectrum(tuple(record.beside(_own(courses, number))
+        return JointSpectrum(tuple(record.beside(own_courses(courses, number))
                                    for number, record in enumerate(self.records)))
 
+    def without(self, count: int) -> 'JointSpectrum':
+        """Return the same spectra without the first so many of their courses."""
+        return JointSpectrum(tuple(record.without(count) for record in self.records))
 
-def _own(courses: Sequence[Course | EachCourse], number: int = 0) -> list[Course]:
-    """Return the courses of one record."""
+
+def own_courses(courses: Sequence[Course | EachCourse], number: int = 0) -> list[Course]:
+    """Return the courses as one record has them."""
     return [course.of[number] if isinstance(course, EachCourse) else course for course in courses]
 
 
@@ -231,6 +239,7 @@ def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Cou
     --------
     A bend, over 100 points of 1 s; being even, it has no odd coefficient:
 
+    >>> from imu_allan.noise.shapes import legendre
     >>> nothing = np.zeros((1, 100))
     >>> piece = SpectrumPiece(1, 100, 1, 1, 100, nothing, nothing)
     >>> regressors([piece], 1.0, [legendre(2, 100.0)], slowest=4).round(2) + 0.0
@@ -259,58 +268,3 @@ def duration(pieces: Sequence[SpectrumPiece], dt: float) -> float:
     """Seconds from the beginning of the record to its end; runs are laid end to end."""
     return max(((piece.start + piece.length * piece.step) * dt for piece in pieces
                 if piece.coefficients is not None), default=0.0)
-
-
-def legendre(order: int, duration_s: float) -> Course:
-    """
-    Return a Legendre polynomial over the record.
-
-    Examples
-    --------
-    >>> legendre(2, 10.0)(np.array([0.0, 5.0, 10.0]))
-    array([ 1. , -0.5,  1. ])
-
-    """
-    coefficients = [0.0] * order + [1.0]
-    return lambda time: np.asarray(
-        np.polynomial.legendre.legval(2 * time / duration_s - 1, coefficients))
-
-
-def warming(time_constant_s: float) -> Course:
-    """
-    Return the exponential approach to a steady value, 1 at the beginning of the record.
-
-    Examples
-    --------
-    >>> warming(100.0)(np.array([0.0, 100.0])).round(4)
-    array([1.    , 0.3679])
-
-    """
-    return lambda time: np.exp(-time / time_constant_s)
-
-
-def warming_slower(time_constant_s: float) -> Course:
-    """
-    Return the derivative of `warming` by the logarithm of its time constant.
-
-    Examples
-    --------
-    >>> warming_slower(100.0)(np.array([0.0, 100.0])).round(4)
-    array([0.    , 0.3679])
-
-    """
-    return lambda time: time / time_constant_s * np.exp(-time / time_constant_s)
-
-
-def cycle(frequency_hz: float) -> tuple[Course, Course]:
-    """
-    Return the two phases of a slow cycle.
-
-    Examples
-    --------
-    >>> [float(course(np.array([50.0]))[0].round(9)) + 0 for course in cycle(0.01)]
-    [-1.0, 0.0]
-
-    """
-    omega = 2 * np.pi * frequency_hz
-    return lambda time: np.cos(omega * time), lambda time: np.sin(omega * time)

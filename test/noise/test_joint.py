@@ -6,7 +6,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.intervals import estimate
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.temperature import TemperatureCourse
+from imu_allan.noise.temperature_course import TemperatureCourse
 import numpy as np
 import pytest
 

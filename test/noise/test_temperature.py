@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mean that follows the temperature, and noise that only seems to."""
 
+from functools import partial
+
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.temperature import TemperatureCourse
+from imu_allan.noise.temperature_course import TemperatureCourse
 import numpy as np
 import pytest
 
@@ -22,6 +24,13 @@ def warm_up_and_cycle(seed=0):
     """Give a temperature that settles by 10 K in a quarter of an hour, and swings by 2 K."""
     phase = np.random.default_rng(seed).uniform(0, 6)
     return 20 + 10 * (1 - np.exp(-TIME / 900)) + 2 * np.sin(2 * np.pi * TIME / 5000 + phase)
+
+
+def heated(seed=0):
+    """Give a temperature that a heater's thermostat swings by 2 K in periods of half an hour."""
+    turn = (TIME / 1800 + np.random.default_rng(seed).uniform()) % 1
+    return 22 + 2 * np.where(turn < 0.4, 1 - 2 * np.exp(-turn / 0.08), -1 + 2 * np.exp(
+        (0.4 - turn) / 0.12))
 
 
 def lagging(celsius, seconds):
@@ -82,6 +91,26 @@ def test_an_unrelated_temperature_changes_nothing(model):
         assert one.estimates == plain.estimates
 
 
+@pytest.mark.parametrize(('lag', 'shown', 'felt'), [
+    (180.0, partial(lagging, seconds=180.0), np.array), (-180.0, np.array, partial(
+        lagging, seconds=180.0))])
+def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_told(lag, shown, felt):
+    found = fits(NOISE, lambda seed: shown(heated(seed)),
+                 lambda seed: 1e-3 * felt(heated(seed)), 4)
+    heat = [one.temperature for one in found]
+    assert all(one is not None for one in heat)
+    late = [one for one in heat if one.lag_s is not None]
+    assert len(late) >= 3
+    assert share(one.lag_ci95[0] < lag < one.lag_ci95[1] for one in late) > 0.7
+    assert share(one.low < 1e-3 < one.high for one in heat) > 0.7
+    assert share(one.estimates['rate_random_walk'].observable for one in found) <= 0.25
+
+
+def test_a_thermometer_without_a_lag_has_none():
+    found = fits(NOISE, heated, lambda seed: 1e-3 * heated(seed), 4)
+    assert all(one.temperature.lag_s is None for one in found)
+
+
 def test_a_thermometer_that_lags_steals_no_random_walk():
     found = fits(WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
                  lambda seed: 1e-3 * warm_up_and_cycle(seed))
@@ -90,6 +119,34 @@ def test_a_thermometer_that_lags_steals_no_random_walk():
     assert share(walk.observable for walk in walks) > 0.6
     assert share(walk.low < 3e-5 < walk.high if walk.observable else walk.upper > 3e-5
                  for walk in walks) > 0.6
+
+
+def test_what_a_lag_does_to_a_temperature_is_undone():
+    celsius = 20 + 3 * np.sin(2 * np.pi * TIME / 1800)
+    course = TemperatureCourse(TIME[::16], lagging(celsius, 120.0)[::16])
+    inner = slice(50, -50)
+    assert course.of_sensor(120.0).celsius[inner] == pytest.approx(celsius[::16][inner], abs=0.02)
+    assert TemperatureCourse(TIME[::16], celsius[::16]).of_sensor(-120.0).celsius[inner] \
+        == pytest.approx(course.celsius[inner], abs=0.02)
+
+
+@pytest.mark.slow
+def test_false_coefficients_and_walks_made_of_a_lag_are_rare():
+    def temperatures(number):
+        phase = number * 1000
+        return [lambda seed, one=one: one(phase + seed) for one in (
+            warm_up_and_cycle, heated, lambda seed: 20 + np.cumsum(
+                np.random.default_rng(seed).standard_normal(len(TIME))) / 50)]
+
+    named = [one.temperature is not None for model in (NOISE, WALK) for celsius in temperatures(1)
+             for one in fits(model, celsius, records=60)]
+    walks = [one.estimates['rate_random_walk'].observable for celsius in temperatures(2)
+             for one in fits(NOISE, lambda seed, c=celsius: lagging(c(seed), 180.0),
+                             lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
+    print(f'unrelated, named: {sum(named)} of {len(named)}; '
+          f'a walk beside a lag: {sum(walks)} of {len(walks)}')
+    assert share(named) <= 0.05
+    assert share(walks) <= 0.05
 
 
 def test_a_ramp_beside_the_temperature_is_told_apart():

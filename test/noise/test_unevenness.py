@@ -7,8 +7,9 @@ from imu_allan.noise import fit as fit_module
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.groups import bins_of
 from imu_allan.noise.joint import joint_fits
+from imu_allan.noise.shapes import warming
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.trends import RecordSpectrum, warming
+from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.noise.trial import fit_band
 from imu_allan.noise.unevenness import uneven_by
 import numpy as np
