@@ -90,6 +90,10 @@ def main() -> int:
         show(name, fitted(draw(pieces, squares(*keys), DT, runs, rng)))
     for name, low_pass in LOW_PASSES.items():
         show(name, fitted(draw(pieces, squares(N, B, K), DT, runs, rng, low_pass=low_pass)))
+    for share, crossing_hz in ((0.26, 0.7), (0.2, 2.0), (0.12, 5.0)):
+        strong = [0.0, density**2, 2 * np.pi * crossing_hz * density**2, 0.0]
+        show(f'recursive mean of {share}, flicker up to {crossing_hz} Hz', fitted(draw(
+            pieces, strong, DT, runs, rng, low_pass=([1 - share], [1.0, -share]))))
     for name, (size, time) in PROCESSES.items():
         show(f'process of {name}', fitted(draw(
             pieces, squares(N, B), DT, runs, rng, process=(size * _CONSUMER[B], time))))

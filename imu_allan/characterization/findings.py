@@ -109,8 +109,9 @@ def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             'poor_fit',
             f'above {fitted.edge_hz:.3g} Hz the noise levels out again, at '
             f'{100 * fitted.plateau / density.value:.0f} % of its density below: that is no '
-            'low-pass, and no sum of noise terms describes it; the noise density is that below, '
-            'its interval reaches to that above'))
+            'low-pass, and no sum of noise terms describes it (a short correlation, or what '
+            'strong vibration leaves around its lines); the noise density is that below, its '
+            'interval reaches to that above'))
     elif not fitted.acceptable:
         remarks.append(Remark(
             'poor_fit',
@@ -121,8 +122,9 @@ def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             'power_law',
             f'the slow noise is no flicker: its density goes with 1/f to the power of '
             f'{law.exponent:.2f} (95 % interval {law.ci95[0]:.2f} to {law.ci95[1]:.2f}), not of '
-            '1; the bias instability is given as an upper bound, the lowest point of the curve '
-            'over 0.664'))
+            '1; the noise density is that of the white noise beside it, and the bias instability '
+            'an upper bound from the lowest point of the curve; for a filter take the tuned '
+            'numbers, N and K alone leave this noise out'))
     if fitted.gauss_markov:
         sigma, time = fitted.gauss_markov.sigma, fitted.gauss_markov.correlation_time_s
         remarks.append(Remark(

@@ -107,7 +107,7 @@ def error_of_density(trial: Trial) -> float:
     return float(np.hypot(sampling, 0 if trial.described else trial.misfit / 2))
 
 
-def plateau(groups: Groups, trial: Trial) -> float | None:
+def plateau(groups: Groups, trial: Trial) -> tuple[float, float] | None:
     """
     Tell where noise that was left out levels out again, which no low-pass does.
 
@@ -120,8 +120,9 @@ def plateau(groups: Groups, trial: Trial) -> float | None:
 
     Returns
     -------
-    float or None
-        Density of the plateau, in the unit of a noise density; None where the noise goes on
+    (float, float) or None
+        Density of the plateau, in the unit of a noise density, and how low the white noise in it
+        may lie: what bends the band may not have ended there. None where the noise goes on
         falling, or is what a rounded output adds behind a low-pass.
 
     """
@@ -129,17 +130,21 @@ def plateau(groups: Groups, trial: Trial) -> float | None:
     lowest = top / 2 ** (len(_LEVELS) / 2)
     if trial.edge_hz is None or trial.edge_hz > lowest / np.sqrt(2) or white <= 0:
         return None
-    density, levels = groups.power / groups.design[:, WHITE], []
+    density, levels, fewest = groups.power / groups.design[:, WHITE], [], np.inf
     for half_octave in _LEVELS:
         here = (groups.frequency <= top / 2 ** (half_octave / 2)) \
             & (groups.frequency > top / 2 ** ((half_octave + 1) / 2))
-        if groups.dof[here].sum() < 2 / _LEVEL**2:
+        fewest = min(fewest, float(groups.dof[here].sum()))
+        if fewest < 2 / _LEVEL**2:
             return None
         levels.append(float(np.average(density[here], weights=groups.dof[here])))
-    height = float(np.mean(levels)) / white
-    flat = max(levels) - min(levels) < 2 * _LEVEL * min(levels)
-    return float(np.sqrt(height * white)) if flat and height > _OF_OUTPUT \
-        and abs(height - 1) > 3 * _LEVEL else None
+    level, still_falls = float(np.mean(levels)), max(levels) - min(levels)
+    if still_falls >= 2 * _LEVEL * min(levels) or level <= _OF_OUTPUT * white \
+            or abs(level / white - 1) <= 3 * _LEVEL:
+        return None
+    # Of a tail that goes with 1/f^2 a third of the fall between the levels is left at the last.
+    lowest_white = min(levels) - still_falls - 2 * np.sqrt(2 / fewest) * min(levels)
+    return float(np.sqrt(level)), float(np.sqrt(max(lowest_white, 0.0)))
 
 
 def effective_window(trial: Trial) -> float:

@@ -219,10 +219,11 @@ def _following(found: Fit, record: RecordSpectrum | JointSpectrum,
 def _judged_above(found: Fit, groups: Groups) -> Fit:
     """Do not take for a low-pass what levels out again above the band."""
     assert found.trial is not None
-    level, density = plateau(groups, found.trial), found.estimates['noise_density']
-    if level is None or not density.observable:
+    levels, density = plateau(groups, found.trial), found.estimates['noise_density']
+    if levels is None or not density.observable:
         return found
-    density = replace(density, low=min(density.low, level), high=max(density.high, level),
+    level, lowest = levels
+    density = replace(density, low=min(density.low, lowest), high=max(density.high, level),
                       upper=max(density.upper, level))
     return replace(found, window_s=None, acceptable=False, plateau=level,
                    estimates={**found.estimates, 'noise_density': density})

@@ -31,6 +31,7 @@ from imu_allan.noise.groups import (
 from imu_allan.noise.intervals import CI95, crossing, Estimate, spread
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.low_passes import likeliest_low_passed
 from imu_allan.noise.spectrum import flicker, power_law
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
@@ -42,11 +43,13 @@ Columns = TypeVar('Columns', Groups, Bins)
 
 _TRIED = (0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
 """Exponents; beyond, the noise is hardly told from white noise, or from a random walk."""
+_AT_END = 0.01
+"""As near to the ends the likeliest exponent lies beyond."""
 _OBSERVABLE_EXPONENT = 15.0
 """
-Likelihood ratio to a roll-off, which has as many parameters. Of low-passes that take 2 to 8 % of
-the power at the edge none reached 2, of an exponent of 0.7 that crosses the white noise at a
-thousandth of the sample rate all 50.
+Likelihood ratio to a roll-off or a low-pass, which have as many parameters. Of low-passes that
+take 2 to 8 % of the power at the edge none reached 2, of an exponent of 0.7 that crosses the white
+noise at a thousandth of the sample rate all 50.
 """
 _ERROR = 0.02
 """Of an exponent, where the search for the ends of its interval begins."""
@@ -164,19 +167,25 @@ def free_exponent(groups: Groups, dt: float, other: Trial) -> PowerLaw | None:
     Returns
     -------
     PowerLaw or None
-        None where the exponent leaves the whole band undescribed, or explains it hardly better
-        than a roll-off does, or not as well as that process.
+        None where the exponent leaves the whole band undescribed, lies at an end of what is
+        tried, or explains the band hardly better than a roll-off or a low-pass over all terms
+        does, or not as well as that process.
 
     """
     plain = fit_band(groups, None)
     search = _Search(groups, dt, plain.solution)
     best = search.likeliest()
+    if not _TRIED[0] + _AT_END < best < _TRIED[-1] - _AT_END:
+        return None
     trial = fit_columns(_with_exponent(groups, dt, best), None, False, search.near)
     rolling = fit_band(groups, None, rolling=True)
     gain = 2 * (rolling.solution.loss - trial.solution.loss)
     if trial.p_value < BENT_P or gain < _OBSERVABLE_EXPONENT:
         return None
     if not other.bent and other.solution.loss < trial.solution.loss:
+        return None
+    low_passed = likeliest_low_passed(groups, dt, plain.solution)
+    if 2 * (low_passed - trial.solution.loss) < _OBSERVABLE_EXPONENT:
         return None
     return search.interval(best, trial.dispersion)
 
