@@ -14,8 +14,10 @@ from __future__ import annotations
 from contextlib import suppress
 import os
 import pickle
+import signal
 import subprocess
 import sys
+import threading
 import traceback
 from typing import Any
 
@@ -25,6 +27,8 @@ sys.path[:] = pickle.load(sys.stdin.buffer)
 from {module} import {function}
 {function}()
 """
+_MOMENT_S = 0.01
+"""In which a callback of the interpreter is over."""
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
 
@@ -84,3 +88,26 @@ def _real(folder: str) -> str | None:
     except OSError:
         # A relative one, where the current folder was removed.
         return None
+
+
+def end_in_peace() -> None:
+    """
+    Let SIGTERM end this process by SystemExit: what it unpacked is removed on the way out.
+
+    Where the signal comes while the interpreter is in a callback of its own, during an import for
+    one, that exception would be printed and forgotten. The signal is then sent once more, a moment
+    later.
+    """
+    def end(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        sys.exit()
+
+    def once_more(what: sys.UnraisableHookArgs) -> None:
+        if what.exc_type is not SystemExit:
+            sys.__unraisablehook__(what)
+            return
+        signal.signal(signal.SIGTERM, end)
+        threading.Timer(_MOMENT_S, os.kill, (os.getpid(), signal.SIGTERM)).start()
+
+    sys.unraisablehook = once_more
+    signal.signal(signal.SIGTERM, end)

@@ -36,7 +36,7 @@ import threading
 from typing import Any, IO, Literal, TYPE_CHECKING, TypeVar
 
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated_process import portable, start_python
+from imu_allan.isolated_process import end_in_peace, portable, start_python
 
 if TYPE_CHECKING:
     from imu_allan.recordings import RecordingOptions
@@ -374,7 +374,7 @@ class _WorkerProcesses(Executor):
 
 def serve() -> None:
     """Be a worker process: do what comes on standard input until that is closed."""
-    signal.signal(signal.SIGTERM, _end_in_peace)
+    end_in_peace()
     answers = os.fdopen(os.dup(1), 'wb')
     # What a library might print must not get among the answers.
     os.dup2(2, 1)
@@ -402,12 +402,6 @@ def _outcome(function: Callable[..., Any], args: Any, kwargs: Any) -> tuple[Any,
         return function(*args, **kwargs), None
     except Exception as error:
         return None, portable(error)
-
-
-def _end_in_peace(*_: object) -> None:
-    # What was unpacked into a temporary folder is removed on the way out.
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    sys.exit()
 
 
 def _close(process: subprocess.Popen[bytes]) -> None:

@@ -142,3 +142,25 @@ def test_a_picture_is_drawn_here_where_the_other_process_is_killed(recording, tm
         task = Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'out')
         characterize(task, kill, artist)
     assert (tmp_path / 'out' / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')
+
+
+IN_A_CALLBACK = """
+import os, signal, time, weakref
+from imu_allan.isolated_process import end_in_peace
+end_in_peace()
+class Thing: pass
+for _ in range(3):
+    thing = Thing()
+    reference = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+    del thing
+try:
+    time.sleep(60)
+finally:
+    print('tidied up')
+"""
+
+
+def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word():
+    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK], capture_output=True, text=True,
+                          timeout=30, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')

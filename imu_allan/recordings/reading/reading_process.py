@@ -28,7 +28,7 @@ from typing import IO, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.isolated_process import portable, start_python
+from imu_allan.isolated_process import end_in_peace, portable, start_python
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import numpy as np
 
@@ -155,7 +155,7 @@ def pays(recording: Recording) -> bool:
 def serve() -> None:
     """Be the reading process."""
     # An end from outside still removes what was unpacked into a temporary folder.
-    signal.signal(signal.SIGTERM, _end_in_peace)
+    end_in_peace()
     memory, recording, topic = pickle.load(sys.stdin.buffer)
     _keep_memory()
     writer = _Writer(_Slots(memory), os.dup(1))
@@ -191,11 +191,6 @@ def _keep_memory() -> None:
     is ever used.
     """
     np.empty(_LARGER_THAN_BLOCKS, np.uint8)
-
-
-def _end_in_peace(*_: object) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    sys.exit()
 
 
 class _Slots:
