@@ -10,6 +10,7 @@ from itertools import pairwise
 from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.alike import pairs
 from imu_allan.noise.axis_fault import axis_fault, steps_hide_noise
+from imu_allan.noise.bridges import Bridges
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.groups import bins_of, grouped, Groups, Spectra
@@ -87,12 +88,12 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
     if not pieces:
         return [None] * finished.axes
-    bins = bins_of(pieces, dt, finished.bridged / finished.samples)
+    bridges = finished.bridges
+    bins = bins_of(pieces, dt, bridges)
     segments = segment_powers(finished.periodogram)
     brief = short_powers(finished.periodogram) if segments is None else None
     coarse = steps_hide_noise(finished)
-    bridged_share = finished.bridged / finished.samples
-    quarters = _quarters(finished.periodogram, dt, bridged_share)
+    quarters = _quarters(finished.periodogram, dt, bridges)
     found: list[AxisFit | None] = []
     asked: dict[int, partial[Fit]] = {}
     for axis in range(finished.axes):
@@ -157,11 +158,11 @@ def copies(finished: Estimator) -> list[tuple[int, int, int]]:
         pair for pair in pairs(finished.alike) if not coarse[pair[0]]]
 
 
-def _quarters(periodogram: Periodogram, dt: float, bridged_share: float) -> list[Part]:
+def _quarters(periodogram: Periodogram, dt: float, bridges: Bridges) -> list[Part]:
     """Quarters of a record."""
     used = periodogram.segments.used
     ends = [round(part * used / PARTS) for part in range(PARTS + 1)]
-    return [Part(periodogram, dt, first, last, bridged_share)
+    return [Part(periodogram, dt, first, last, bridges)
             for first, last in pairwise(ends) if last > first]
 
 
@@ -170,7 +171,7 @@ def _calmed(finished: Estimator, axis: int, dt: float, lines_hz: Sequence[float]
     """Ask the segments and the quarters of an axis without a mean that moves."""
     calm = without_mean(finished.periodogram, axis, dt, mean)
     segments = segment_powers(calm)
-    quarters = _quarters(calm, dt, finished.bridged / finished.samples)
+    quarters = _quarters(calm, dt, finished.bridges)
     return (steadiness(segments, 0, dt, lines_hz) if segments else None,
             partial(_spectra, quarters, 0, lines_hz))
 

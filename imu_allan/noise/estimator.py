@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from imu_allan.noise.alike import narrow_down, undecided
+from imu_allan.noise.bridges import Bridges, BridgeSums
 from imu_allan.noise.cells import MOST_RUNS
 from imu_allan.noise.ends import count_ends, merge_ends
 from imu_allan.noise.near_zero import BINS, count_near_zero
@@ -75,6 +76,7 @@ class Estimator:
         self.pyramid = Pyramid(axes)
         self.periodogram = Periodogram(axes)
         self.signal = Signal(axes)
+        self._bridges = BridgeSums()
         self.reference: Array | None = None
         self.lowest = np.full(axes, np.inf)
         self.highest = np.full(axes, -np.inf)
@@ -96,6 +98,11 @@ class Estimator:
     def bridged(self) -> int:
         """How many of the samples stand in for missing ones."""
         return self._n.bridged
+
+    @property
+    def bridges(self) -> Bridges:
+        """Tell what the samples that stand in for missing ones do to noise."""
+        return self._bridges.bridges(self.bridged / max(self.samples, 1))
 
     @property
     def measured(self) -> int:
@@ -201,7 +208,7 @@ class Estimator:
         twin = Estimator.__new__(Estimator)
         twin.axes = self.axes
         twin.pyramid, twin.periodogram = self.pyramid.copy(), self.periodogram.copy()
-        twin.signal = self.signal.copy()
+        twin.signal, twin._bridges = self.signal.copy(), self._bridges.copy()
         twin.reference = None if self.reference is None else self.reference.copy()
         twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
         twin.step, twin.at_ends = self.step.copy(), self.at_ends.copy()
@@ -278,6 +285,7 @@ class Estimator:
             self._n.runs = self.periodogram.renumber_runs()
         self.periodogram.merge(theirs.periodogram, self._n.runs)
         self.pyramid.merge(theirs.pyramid)
+        self._bridges.merge(theirs._bridges)
         merge_ends((self.lowest, self.highest, self.at_ends),
                    (theirs.lowest + shift, theirs.highest + shift, theirs.at_ends))
         self.step = np.minimum(self.step, theirs.step)
@@ -302,6 +310,7 @@ class Estimator:
             if n.resolved < _RESOLUTION_SAMPLES:
                 n.resolved += own.shape[1]
                 np.minimum(self.step, step_of(own), out=self.step)
+        self._bridges.add(self._stand_ins, n.held)
         self.pyramid.absorb(rows)
         self.periodogram.absorb(rows, n.runs, n.first)
         self.signal.absorb(rows)
@@ -338,6 +347,7 @@ class Estimator:
             'at_zero': self.at_zero.copy(),
             'near_zero': self.near_zero.copy(),
             'alike': self.alike.copy(),
+            'bridges': self._bridges.to_state(),
         }
         if self.reference is not None:
             state['reference'] = self.reference
@@ -388,6 +398,8 @@ class Estimator:
         self.at_zero, self.near_zero, self.alike = at_zero, near_zero, alike
         if 'reference' in state:
             self.reference = np.array(state['reference'], dtype=np.float64)
+        if 'bridges' in state:
+            self._bridges = BridgeSums.from_state(state['bridges'])
         self.pyramid = Pyramid.from_state(part('pyramid'))
         self.periodogram = Periodogram.from_state(part('periodogram'))
         self.signal = Signal.from_state(part('signal'))

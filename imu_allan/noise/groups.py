@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
 from imu_allan.noise import spectrum
+from imu_allan.noise.bridges import Bridges, NO_BRIDGES
 from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
@@ -175,7 +176,7 @@ _block_shapes = lru_cache(maxsize=64)(_shapes)
 """The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
 
 
-def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridged_share: float = 0.0) -> Bins:
+def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BRIDGES) -> Bins:
     """
     Join the pieces of a spectrum.
 
@@ -185,8 +186,8 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridged_share: float = 0
         At least one.
     dt : float
         Sample interval in seconds.
-    bridged_share : float, optional
-        Share of the samples that stand in for missing ones, as means of those around.
+    bridges : Bridges, optional
+        Samples that stand in for missing ones.
 
     Returns
     -------
@@ -205,9 +206,9 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridged_share: float = 0
         if piece.gaps.flicker is not None and piece.gaps.walk is not None:
             flicker = flicker * piece.gaps.flicker[piece.first:piece.last]
             walk = walk * piece.gaps.walk[piece.first:piece.last]
-        if bridged_share:
-            white *= spectrum.bridged_white(index / (2 * piece.length * piece.step),
-                                            bridged_share)
+        bridged = bridges.white_power(piece.length, piece.step)
+        if bridged is not None:
+            white *= bridged[piece.first:piece.last]
         # The second part of the first column is what both ends of a block leak.
         quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
         design = np.stack((quantized, white, flicker, step * walk), axis=1)
@@ -218,7 +219,7 @@ def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridged_share: float = 0
         else:
             signed, squared = piece.coefficients[:, part], ramp**2
         # What stands in for missing samples adds nothing new; means of many hardly hold any.
-        known = 1 - max(piece.gaps.filled, bridged_share if piece.step == 1 else 0.0)
+        known = 1 - max(piece.gaps.filled, bridges.share if piece.step == 1 else 0.0)
         parts.append((index / (2 * piece.length * step), np.full(len(index), known * piece.blocks),
                       piece.power[:, part], design, signed * ramp, signed, squared,
                       np.full(len(index), piece.coefficients is not None),

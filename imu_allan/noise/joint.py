@@ -111,7 +111,7 @@ def _spectrum(record: Estimator, axis: int, dt: float) -> RecordedSpectrum | Non
     pieces = record.periodogram.pieces()
     if not pieces:
         return None
-    bins = bins_of(pieces, dt, record.bridged / record.samples)
+    bins = bins_of(pieces, dt, record.bridges)
     first = maximise(grouped(bins, axis), ramp=None)
     lines, keep = find_lines(pieces, bins, axis, dt, first)
     return RecordedSpectrum(RecordSpectrum(pieces, bins, axis, dt, keep), lines, first.theta,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
+from imu_allan.noise.bridges import Bridges, NO_BRIDGES
 from imu_allan.noise.cells import Cells
 from imu_allan.noise.groups import Bins, bins_of, grouped, Groups
 from imu_allan.noise.periodogram import (
@@ -63,8 +64,8 @@ class Part:
         Sample interval in seconds.
     first, last : int
         The segments, `first` up to and without `last`.
-    bridged_share : float
-        Share of the samples that stand in for missing ones.
+    bridges : Bridges
+        Samples of the whole record that stand in for missing ones.
 
     """
 
@@ -72,7 +73,7 @@ class Part:
     dt: float
     first: int
     last: int
-    bridged_share: float = 0.0
+    bridges: Bridges = NO_BRIDGES
 
     def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
         """
@@ -115,7 +116,7 @@ class Part:
                 coefficients = dct(points, norm='ortho')
                 pieces.append(SpectrumPiece(cell, length, 1, 1, end, coefficients**2,
                                             coefficients, gaps, start))
-        return bins_of(pieces, self.dt, self.bridged_share) if pieces else None
+        return bins_of(pieces, self.dt, self.bridges) if pieces else None
 
     @cached_property
     def _border(self) -> float:
@@ -138,7 +139,7 @@ class Part:
         parts = []
         for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
             place = layout(length, step)
-            frequency, design, ramp = _shapes(length, step, self.dt, self.bridged_share)
+            frequency, design, ramp = _shapes(length, step, self.dt, self.bridges)
             keep = (dof[place.bands] > 0) & (frequency * self.dt >= self._border)
             bands = place.bands[keep]
             nothing = np.zeros(len(bands))
@@ -149,12 +150,12 @@ class Part:
 
 
 @lru_cache(maxsize=16)
-def _shapes(length: int, step: int, dt: float, bridged_share: float
+def _shapes(length: int, step: int, dt: float, bridges: Bridges
             ) -> tuple[Array, Array, Array]:
     """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
     place = layout(length, step)
     nothing = SpectrumPiece(step, length, 1, place.first, place.last, np.zeros((1, length)))
-    bins = bins_of([nothing], dt, bridged_share)
+    bins = bins_of([nothing], dt, bridges)
     return (_by_band(bins.frequency, place), _by_band(bins.design, place),
             _by_band(bins.ramp, place))
 

@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 # Mean power of the first orthonormal DCT-II coefficients of flicker noise over its spectrum at
 # j/(2 n): the transform diagonalises flicker only asymptotically.
 _FLICKER_DCT = np.array([.7737, .9028, .9311, .9499, .9592, .9664, .9709, .9747])
-_NEIGHBOURS = 8  # on each side, as the timeline bridges gaps; a test holds the two together
 
 
 def white(nu: ArrayLike, dt: float) -> Array:
@@ -117,37 +116,6 @@ def power_law(nu: ArrayLike, dt: float, exponent: float) -> Array:
     s2 = np.sin(np.pi * nu) ** 2
     return np.asarray(dt ** (exponent - 1) * (2 * np.pi) ** -exponent * s2 / np.pi**2
                       * (zeta(2 + exponent, nu) + zeta(2 + exponent, 1 - nu)))
-
-
-def bridged_white(nu: ArrayLike, share: float) -> Array:
-    """
-    Spectrum of white noise of which some samples at random are local means, over that of all.
-
-    Parameters
-    ----------
-    nu : array_like, shape (n,)
-        Cycles per sample, in (0, 1/2].
-    share : float
-        Share of the samples that are the mean of 8 neighbours on each side.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        About ``1 - share`` at high and ``1 + share`` at low frequencies:
-        (1 - p + p g)^2 + p (1 - p) (1 + 1/16) with the share p and the gain g of the local mean.
-
-    Examples
-    --------
-    >>> bridged_white([0.001, 0.25], 0.1).round(3)
-    array([1.096, 0.906])
-
-    """
-    x = np.pi * np.asarray(nu, dtype=np.float64)
-    # Transform of the mean, from the sum of cos(2 k x), k = 1 to 8.
-    mean = (np.sin((2 * _NEIGHBOURS + 1) * x) / np.sin(x) - 1) / (2 * _NEIGHBOURS)
-    # What the samples give on average, and the scatter of which of them are missing.
-    return np.asarray((1 - share + share * mean) ** 2
-                      + share * (1 - share) * (1 + 1 / (2 * _NEIGHBOURS)))
 
 
 def gauss_markov(nu: ArrayLike, dt: float, correlation_time_s: float) -> Array:

@@ -4,8 +4,9 @@
 
 from itertools import pairwise
 
+from imu_allan.noise.bridges import NEIGHBOURS
 from imu_allan.timeline.clock import SECOND
-from imu_allan.timeline.grid import bridge, NEIGHBOURS
+from imu_allan.timeline.grid import bridge
 from imu_allan.timeline.messages import EvenPiece
 import numpy as np
 from numpy.typing import NDArray

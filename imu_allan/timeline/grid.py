@@ -11,6 +11,7 @@ one place unchanged.
 
 from math import sqrt
 
+from imu_allan.noise.bridges import NEIGHBOURS
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
     group_phases,
@@ -23,9 +24,6 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-NEIGHBOURS = 8
-"""Samples on each side of a gap whose mean bridges it."""
 
 EVEN_JITTER = 0.25
 """Stamps that all come within so many intervals of the expected distance need no further look."""

@@ -15,6 +15,7 @@ import json
 from math import isnan, sqrt
 from typing import Any
 
+from imu_allan.noise.bridges import NEIGHBOURS
 from imu_allan.timeline.bridging import even_pieces
 from imu_allan.timeline.clock import (
     in_order,
@@ -29,7 +30,6 @@ from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.grid import (
     count_steps,
     EVEN_JITTER,
-    NEIGHBOURS,
     RATE_BLOCKS,
     rate_changes,
 )

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, TERMS
-from imu_allan.timeline.grid import bridge
 import numpy as np
 import pytest
 from scipy.fft import dct
@@ -102,31 +101,3 @@ def test_gauss_markov_spectrum_is_exact_on_both_sides_of_its_series(a):
              + 2 * (decay / wide) ** 2 * np.real(z / (1 - np.exp(-wide) * z)))
     np.testing.assert_allclose(spectrum.gauss_markov(nu, DT, DT / a), exact.astype(float),
                                rtol=1e-6)
-
-
-@pytest.mark.parametrize('share', [0.01, 0.1])
-def test_spectrum_of_bridged_white_noise_is_that_of_the_timeline_s_bridges(share):
-    rng, n, runs = np.random.default_rng(5), 1024, 100
-    power = np.zeros(n)
-    for _ in range(runs):
-        rows = rng.standard_normal((n, 6))
-        here = rng.random(n) >= share
-        here[[0, -1]] = True
-        places = np.flatnonzero(here)
-        behind = np.flatnonzero(np.diff(places) > 1) + 1
-        means = bridge(rows[here], behind, np.zeros(len(places), dtype=np.int64))
-        rows[~here] = np.repeat(means, np.diff(places)[behind - 1] - 1, axis=0)
-        power += (dct(rows, axis=0, norm='ortho')**2).mean(axis=1) / runs
-    nu = np.arange(n) / (2 * n)
-    expected = spectrum.bridged_white(nu[1:], share)
-    for low, high in ((1, 40), (40, 120), (120, 300), (300, 1024)):
-        error = np.sqrt(2 / (6 * runs * (high - low)))
-        assert power[low:high].mean() == pytest.approx(expected[low - 1:high - 1].mean(),
-                                                       abs=4 * error)
-
-
-def test_the_transform_of_a_bridge_is_that_of_its_sixteen_neighbours():
-    nu, share = np.array([1e-6, 0.01, 0.1, 0.27, 0.5]), 0.2
-    mean = sum(2 * np.cos(2 * np.pi * k * nu) for k in range(1, 9)) / 16
-    np.testing.assert_allclose(spectrum.bridged_white(nu, share),
-                               (0.8 + 0.2 * mean)**2 + 0.16 * 17 / 16, rtol=1e-9)

@@ -555,6 +555,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     rate = result.timeline.sample_rate_hz
     off = _bound(result, r'(?:averaging times|its rate) may be up to ([\d.]+)% off')
     too_high = _bound(result, r'noise density (?:then|may) be up to ([\d.]+)% too high')
+    bridged = _bound(result, r'noise density may be up to ([\d.]+)% off')
     hidden = _bound(result, r'up to ([\d.]+)% of the samples may be missing unseen')
     may = max(off, RATE_TOLERANCE)
     if not result.axes and not codes:
@@ -568,7 +569,7 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
             continue
         if density.observable and density.value is not None and density.ci95 is not None:
             low, high = (density.value + 3 * (end - density.value) for end in density.ci95)
-            least = DENSITY_TOLERANCE + off / 2
+            least = DENSITY_TOLERANCE + off / 2 + bridged
             near = -least < density.value / truth.density - 1 < least + too_high
             if not (near or low <= truth.density <= high) and not told:
                 wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')

@@ -168,8 +168,7 @@ def test_messages_dropped_in_turn_are_missed(pattern):
     messages, truth, _ = rest()
     there = np.resize(np.array(pattern, bool), len(messages.place))
     result = characterized(keep(messages, there))
-    # A bridge over every third sample is more than the model of random losses describes.
-    assert_right(result, truth, 0.03 if sum(pattern) > 3 else 0.15)
+    assert_right(result, truth)
     assert 'many_missing' in codes(result)
     assert result.timeline.missing == pytest.approx(np.count_nonzero(~there), abs=2)
 
@@ -186,18 +185,15 @@ def test_messages_dropped_in_turn_are_missed_by_one_clock_alone(pattern):
 
 
 @pytest.mark.parametrize('lost', [0.3, 0.4, 0.5, 0.6, '110', '1100', '11000', '111000'])
-def test_many_missing_samples_bound_the_error_of_the_noise_density(lost):
+def test_many_missing_samples_leave_the_noise_density_right(lost):
     messages, truth, rng = rest()
     there = (np.resize([kept == '1' for kept in lost], len(messages.place))
              if isinstance(lost, str) else rng.random(len(messages.place)) > lost)
     result = characterized(keep(messages, there))
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
-    found = re.search(r'noise density may be up to (\d+)% too high', told(result, 'many_missing'))
-    assert found is not None
-    for axis in result.axes.values():
-        density = axis.coefficients['noise_density']
-        assert density.value is not None
-        assert 0.95 < density.value / truth.density < 1 + float(found[1]) / 100
+    found = re.search(r'noise density may be up to (\d+)% off', told(result, 'many_missing'))
+    assert (found is not None) == (lost in (0.6, '11000'))
+    assert_right(result, truth, 0.03 if found is None else float(found[1]) / 100)
 
 
 def missed_by_intervals(duration_s, lost, seeds):
@@ -218,9 +214,10 @@ def test_intervals_hold_the_noise_density_where_a_fifth_is_lost():
 
 @pytest.mark.slow
 @pytest.mark.parametrize('lost', [0.1, 0.2, 0.4])
-def test_intervals_miss_the_noise_density_in_five_of_a_hundred_at_most(lost):
-    share = missed_by_intervals(60, lost, range(9100, 9200))
-    print(f'{lost:.0%} lost: {share:.2%}')
+@pytest.mark.parametrize('duration_s', [60, 300])
+def test_intervals_miss_the_noise_density_in_five_of_a_hundred_at_most(lost, duration_s):
+    share = missed_by_intervals(duration_s, lost, range(9100, 9200))
+    print(f'{lost:.0%} of {duration_s} s lost: {share:.2%}')
     # Two standard errors of 600 axes.
     assert share < 0.068
 

@@ -1,0 +1,205 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What samples that stand in for missing ones do to the spectrum of white noise.
+
+A stand-in is the mean of the samples around it, so it shares their noise. How much any two places
+share follows from the pattern of the gaps alone; averaged over the record by their distance, it
+gives the expected power of every coefficient, whatever the pattern: losses at random, in bursts or
+in turn.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, dst
+
+Array = NDArray[np.float64]
+
+NEIGHBOURS = 8
+"""Samples on each side of a gap whose mean bridges it."""
+LAGS = 256
+"""Places apart: with two of three lost, what two stand-ins share ends after some hundred."""
+
+_LEAST = 1e-3
+"""Of full power: where the covariances cut off at the last lag leave less, the fit would divide by
+nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bridges:
+    """
+    Stand-ins of a record, as the fit of its spectrum takes them.
+
+    Attributes
+    ----------
+    share : float
+        Of the samples.
+    covariance : ndarray, shape (lags,), or None
+        Of white noise of unit variance by distance in samples; None where none stands in.
+
+    """
+
+    share: float = 0.0
+    covariance: Array | None = None
+
+    def white_power(self, length: int, step: int) -> Array | None:
+        """
+        Give the power of white noise in the DCT-II of means, over that of full ones.
+
+        Parameters
+        ----------
+        length : int
+            Points of a block.
+        step : int
+            Samples in a point.
+
+        Returns
+        -------
+        ndarray, shape (length,), or None
+            By index; None where it is one. The covariances of the points are those of the samples
+            under a triangle, and
+
+            ``E c_k^2 = r_0 + 2 sum r_l ((1 - l/n) cos(pi k l/n)
+            - sin(pi k l/n) / (n sin(pi k/n)))``.
+
+        Examples
+        --------
+        Two samples of which one is a copy of the other, again and again, have no noise at half of
+        the rate, and twice the power at the slowest:
+
+        >>> pairs = Bridges(0.5, np.array([1.0, 0.5]))
+        >>> pairs.white_power(1024, 1)[[1, 512, 1023]].round(2)
+        array([2., 1., 0.])
+
+        """
+        if self.covariance is None:
+            return None
+        farthest = len(self.covariance) - 1
+        both_ways = np.concatenate([self.covariance[:0:-1], self.covariance])
+        apart = step * np.arange(min(farthest // step + 2, length))
+        triangle = 1 - np.abs(apart[:, None] - np.arange(-farthest, farthest + 1)) / step
+        x = np.zeros(length + 1)
+        x[:len(apart)] = np.maximum(triangle, 0) @ both_ways
+        even = dct(x * (1 - np.arange(length + 1) / length), type=1)[:length]
+        odd = dst(x[1:-1], type=1)
+        even[1:] -= odd / (length * np.sin(np.pi * np.arange(1, length) / length))
+        return np.maximum(even, _LEAST)
+
+
+NO_BRIDGES = Bridges()
+
+
+def _places_apart() -> Array:
+    return np.zeros(LAGS)
+
+
+@dataclass
+class BridgeSums:
+    """
+    Sums over the pairs of places of a record.
+
+    Attributes
+    ----------
+    shared : ndarray, shape (LAGS,)
+        Covariance of white noise in two places by their distance, over that of samples of which
+        none is missing.
+    pairs : ndarray, shape (LAGS,)
+        How many pairs these are.
+
+    """
+
+    shared: Array = field(default_factory=_places_apart)
+    pairs: Array = field(default_factory=_places_apart)
+
+    def add(self, stand_ins: Sequence[int], samples: int) -> None:
+        """Add `samples` places in a row, of which some, rising, are `stand_ins`."""
+        self.pairs += np.maximum(samples - np.arange(LAGS), 0)
+        if len(stand_ins):
+            self.shared += shared_noise(np.asarray(stand_ins), samples)
+
+    def merge(self, other: 'BridgeSums') -> None:
+        """Add the sums of another record."""
+        self.shared += other.shared
+        self.pairs += other.pairs
+
+    def copy(self) -> 'BridgeSums':
+        """Return an independent copy."""
+        return BridgeSums(self.shared.copy(), self.pairs.copy())
+
+    @classmethod
+    def from_state(cls, state: NDArray[np.generic]) -> 'BridgeSums':
+        """
+        Read what `to_state` gave.
+
+        Raises
+        ------
+        ValueError
+            If these are no such sums.
+
+        """
+        sums = np.array(state, dtype=np.float64)
+        # Written so that NaN fails.
+        if sums.shape != (2, LAGS) or not np.all(np.abs(sums[0]) <= sums[1]):
+            raise ValueError('sums over pairs of samples are out of range')
+        return cls(*sums)
+
+    def to_state(self) -> Array:
+        """Return both sums, shape (2, LAGS)."""
+        return np.array([self.shared, self.pairs])
+
+    def bridges(self, share: float) -> Bridges:
+        """Give the mean over all pairs, of samples of which a `share` stand in for others."""
+        if not self.shared.any():
+            return Bridges(share)
+        covariance = self.shared / np.maximum(self.pairs, 1)
+        covariance[0] += 1
+        return Bridges(share, covariance)
+
+
+def shared_noise(stand_ins: NDArray[np.int64], samples: int) -> Array:
+    """
+    Sum up the noise that stand-ins share with others.
+
+    Parameters
+    ----------
+    stand_ins : ndarray of int64, shape (b,), b >= 1
+        Their places, rising.
+    samples : int
+        Places in a row.
+
+    Returns
+    -------
+    ndarray, shape (LAGS,)
+        Sum over the pairs of places of a distance of the covariance of white noise of unit
+        variance, less that of as many samples. Nothing where no sample is left.
+
+    """
+    own = np.ones(samples, dtype=bool)
+    own[stand_ins] = False
+    received = np.flatnonzero(own)
+    total = np.zeros(LAGS)
+    if not len(received):
+        return total
+
+    def enter(distance: NDArray[np.int64], noise: Array) -> None:
+        total[:] += np.bincount(np.minimum(distance, LAGS), noise, LAGS + 1)[:LAGS]
+
+    behind = np.searchsorted(received, stand_ins)
+    first = np.maximum(behind - NEIGHBOURS, 0)
+    last = np.minimum(behind + NEIGHBOURS, len(received))
+    share = 1.0 / (last - first)
+    for beside in range(-NEIGHBOURS, NEIGHBOURS):
+        row = behind + beside
+        there = (first <= row) & (row < last)
+        enter(np.abs(stand_ins - received[np.where(there, row, 0)]), share * there)
+    enter(np.zeros_like(stand_ins), share - 1)
+    for later in range(1, len(stand_ins)):
+        alike = last[:-later] - first[later:]
+        if alike.max() <= 0:
+            break
+        enter(stand_ins[later:] - stand_ins[:-later],
+              np.maximum(alike, 0) * share[later:] * share[:-later])
+    return total
