@@ -206,10 +206,10 @@ def test_white_noise_of_bridged_samples_is_given_back():
     samples[missing] = around
     estimator = Estimator()
     estimator.update(samples, np.sort(missing))
-    pieces = estimator.finished().periodogram.pieces()
-    share = len(missing) / len(samples)
-    plain = maximise(grouped(bins_of(pieces, 1.0), 0), fixed={QUANTIZATION: 0.0})
-    mended = maximise(grouped(bins_of(pieces, 1.0, share), 0), fixed={QUANTIZATION: 0.0})
+    finished = estimator.finished()
+    pieces = finished.periodogram.pieces()
+    plain, mended = (maximise(grouped(bins, 0), fixed={QUANTIZATION: 0.0}) for bins in (
+        bins_of(pieces, 1.0), bins_of(pieces, 1.0, finished.bridges)))
     assert abs(np.sqrt(mended.theta[WHITE]) - 1) < abs(np.sqrt(plain.theta[WHITE]) - 1)
     assert np.sqrt(mended.theta[WHITE]) == pytest.approx(1, abs=0.005)
 
