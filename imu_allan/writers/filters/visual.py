@@ -165,16 +165,16 @@ def isaac_ros_vslam(numbers: Numbers) -> str:
     ``VisualSlamNode`` (visual_slam_node.cpp) declares them as reals, and
     ``VisualSlamImpl::CreateConfiguration`` (visual_slam_impl.cpp) hands them as they are to
     ``CUVSLAM_ImuCalibration``. The units are those that cuVSLAM's header gives there:
-    rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz) and Hz. In cuVSLAM
-    ``IMUPreintegration::update_state`` (libs/imu/imu_preintegration.cpp) adds variances per
-    sample, dt^2 times that of the noise and one step of the walk: N^2 f and K^2/f of these, by the
-    frequency given. The class that makes them so, ImuCalibration, was not read.
+    rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz) and Hz. Of these
+    ``ImuCalibration`` of cuVSLAM (libs/common/imu_calibration.cpp) makes variances per sample by
+    the frequency given, N^2 f and K^2/f, and ``IMUPreintegration::update_state``
+    (libs/imu/imu_preintegration.cpp) adds dt^2 times the first and once the second at each sample:
+    N^2 dt and K^2 dt where the frequency is that of the samples.
     """
-    lines = [*heading(numbers), "# Continuous by the units in cuVSLAM's header; what makes values "
-             'per sample of them there, by',
-             '# calibration_frequency, was not read. The node takes the IMU with '
-             'enable_imu_fusion: true, in newer',
-             '# releases with tracking_mode: 1.',
+    lines = [*heading(numbers), '# cuVSLAM makes values per sample of them itself, by '
+             'calibration_frequency, which has to be the rate of the',
+             '# IMU. The node takes the IMU with enable_imu_fusion: true, in newer releases with '
+             'tracking_mode: 1.',
              '/**:', '  ros__parameters:']
     body = pairs(numbers, {('gyro', N): 'gyro_noise_density', ('gyro', K): 'gyro_random_walk',
                            ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'})
