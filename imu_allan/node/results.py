@@ -132,11 +132,12 @@ class Results:
 
         def work() -> _Fitted:
             started = time.monotonic()
-            of_lanes = snapshot.results(tested)
+            of_lanes, fits = snapshot.fitted(tested)
             result = snapshot.as_one(of_lanes)
             messages = result_messages(result, name, _time(stamp), filter_of)
             findings = standards.judge(
-                result, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks)
+                result, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
+                fits)
             return _Fitted(result, of_lanes, messages, findings, time.monotonic() - started)
 
         def publish(future: 'Future[_Fitted]') -> None:

@@ -15,6 +15,7 @@ from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
 from imu_allan.node.same_imu import ChangeWatch, Probation, Signature
 from imu_allan.node.standards import Looks
+from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.result import Backtest, Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 
@@ -24,6 +25,7 @@ before, and each of its filters runs over half of the record."""
 
 Half = Literal['gyro', 'accel']
 Backtests = Mapping[str, Backtest | None]
+Fits = Mapping[str, AxisFit | None]
 
 
 @dataclass(frozen=True)
@@ -35,10 +37,11 @@ class LaneSnapshot:
     half: Half | None
     remarks: Sequence[Remark]
 
-    def result(self, tested: Backtests | None = None) -> Result:
-        """Fit it."""
-        return self.power_ons.entered(
-            self.characterization.result(self.remarks, tested=tested), self.characterization)
+    def fitted(self, tested: Backtests | None = None) -> tuple[Result, Fits]:
+        """Fit it: the result, and the fits of its axes."""
+        result, fits = self.characterization.fitted(self.remarks, tested=tested)
+        own = {name: fit for name, fit in fits.items() if name.startswith(self.half or '')}
+        return self.power_ons.entered(result, self.characterization), own
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,26 @@ class Snapshot:
 
     lanes: tuple[LaneSnapshot, ...]
 
-    def results(self, tested: Backtests | None = None) -> list[Result]:
-        """Fit each lane; without backtests from before they are made."""
-        return [lane.result(tested) for lane in self.lanes]
+    def fitted(self, tested: Backtests | None = None) -> tuple[list[Result], Fits]:
+        """
+        Fit each lane; without backtests from before they are made.
+
+        Parameters
+        ----------
+        tested : mapping of axis name to Backtest or None, optional
+            Of a shorter record.
+
+        Returns
+        -------
+        results : list of Result
+            Of each lane.
+        fits : dict of str to AxisFit or None
+            Of every axis, what the results were made of.
+
+        """
+        found = [lane.fitted(tested) for lane in self.lanes]
+        return ([result for result, _ in found],
+                {name: fit for _, fits in found for name, fit in fits.items()})
 
     def as_one(self, results: Sequence[Result]) -> Result:
         """Join the results of the lanes."""
@@ -61,7 +81,7 @@ class Snapshot:
 
     def result(self) -> Result:
         """Fit it."""
-        return self.as_one(self.results())
+        return self.as_one(self.fitted()[0])
 
 
 class Lane:

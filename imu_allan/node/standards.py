@@ -9,6 +9,7 @@ from typing import Literal
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
@@ -58,13 +59,13 @@ class Looks:
         self._next = next_look(0)
         self._decided: Standing | None = None
 
-    def decided(self, stream: Stream, specification: NoiseModel, result: Result
-                ) -> Standing | None:
+    def decided(self, stream: Stream, specification: NoiseModel, result: Result,
+                fits: Mapping[str, AxisFit | None] | None = None) -> Standing | None:
         """Look again if it is time to; return the verdict once it is certain."""
         samples = result.timeline.samples
         if self._decided is None and samples >= self._next:
             self._next = next_look(samples)
-            now = standing(stream, specification, result=result)
+            now = standing(stream, specification, result=result, fits=fits)
             self._decided = now if now.decided else None
         return self._decided
 
@@ -98,7 +99,8 @@ class Standards:
         except ImuAllanError as error:
             raise ImuAllanError(f'parameter {parameter}: {error}') from error
 
-    def judge(self, result: Result, stream: Stream, looks: Looks) -> list[Finding]:
+    def judge(self, result: Result, stream: Stream, looks: Looks,
+              fits: Mapping[str, AxisFit | None] | None = None) -> list[Finding]:
         """
         Hold a result against every standard.
 
@@ -110,6 +112,8 @@ class Standards:
             That it was made of; of an IMU in halves each, by ``gyro`` and ``accel``.
         looks : Looks
             Of the run.
+        fits : mapping of axis name to AxisFit or None, optional
+            What the result was made of, which spares a second fit at every look.
 
         Raises
         ------
@@ -125,7 +129,7 @@ class Standards:
         if self._specification is not None:
             verdicts = check(result, self._specification)
             findings.append(_against_specification(verdicts, looks.decided(
-                stream, self._specification, result)))
+                stream, self._specification, result, fits)))
         if self._reference is not None:
             findings.append(_against_reference(result, self._reference))
         return findings

@@ -76,7 +76,7 @@ def test_a_backtest_is_made_again_when_the_record_is_longer_by_a_part() -> None:
 def fitted(run: Run) -> list[float]:
     """Fit as the node does; return what the backtests were trained on."""
     tested = run.backtests
-    results = run.snapshot().results(tested)
+    results, _ = run.snapshot().fitted(tested)
     run.learn(results, run.fed if tested is None else None)
     found = [axis.backtest for axis in run.snapshot().as_one(results).axes.values()]
     return [round(each.trained_s) for each in found if each is not None]

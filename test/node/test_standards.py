@@ -8,10 +8,12 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.run import Lane, Run
 from imu_allan.node.standards import Finding, Looks, Standards
 from imu_allan.result import Result, Tone
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.datasheet import live
 from imu_allan.writers.result_file import save_result
 import pytest
 from ros_harness import Driver, Ros
@@ -57,6 +59,17 @@ def test_a_limit_is_kept_or_broken(tmp_path: Path, healthy_run: Characterization
     [finding] = judged(Standards(spec_file=spec), healthy_run)
     assert (finding.standard, finding.level) == ('specification', level)
     assert words in finding.message
+
+
+def test_a_look_takes_the_fits_that_the_result_was_made_of(
+        tmp_path: Path, healthy_run: Characterization, monkeypatch: pytest.MonkeyPatch) -> None:
+    standards = Standards(spec_file=written(
+        tmp_path, 'gyro: {noise_density: 2e-3 rad/s/sqrt(Hz)}'))
+    fitted_again = judged(standards, healthy_run)
+    run = Run(Lane(healthy_run))
+    [result], fits = run.snapshot().fitted()
+    monkeypatch.setattr(live, 'fit_axes', lambda *_: pytest.fail('fitted again'))
+    assert standards.judge(result, healthy_run, Looks(), fits) == fitted_again
 
 
 def test_before_there_is_data_nobody_can_tell(tmp_path: Path) -> None:
