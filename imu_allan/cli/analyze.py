@@ -157,6 +157,7 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
                 complaints.append(unsaved)
             elif len(tasks) == 1 and task.folder is not None:
                 print(_written(task))
+            _tell_of_earlier(task)
             source = task.path if not args.all_topics or task.topic is None else (
                 f'{task.path}, topic {shorten(task.topic)}')
             if (nothing := without_coefficient(result, source)) is not None:
@@ -233,6 +234,14 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     sys.stdout.flush()
     if unsaved is not None:
         raise unsaved
+
+
+def _tell_of_earlier(task: Task) -> None:
+    """Name configurations of an earlier result beside the new one."""
+    from imu_allan.writers.filters import left_from_earlier
+
+    if task.folder is not None and (old := left_from_earlier(task.folder, task.exports)):
+        print(f'imu_allan: {old}', file=sys.stderr)
 
 
 def _written(task: Task) -> str:

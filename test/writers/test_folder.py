@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from imu_allan.result import Timeline
-from imu_allan.writers.filters import CONSUMERS, export
+from imu_allan.writers.filters import CONSUMERS, export, left_from_earlier
 from imu_allan.writers.folder import IncompleteSave, save_folder
 from imu_allan.writers.result_file import load_result
 import pytest
@@ -47,6 +47,24 @@ def test_a_configuration_of_an_earlier_result_is_named_and_left_alone(result, tm
         f"have; give it with --rate HZ; {tmp_path / 'vins_fusion_imu.yaml'} stands there from "
         f'before and was not replaced; the other files are in {tmp_path}')
     assert (tmp_path / 'vins_fusion_imu.yaml').read_bytes() == old
+
+
+def test_configurations_of_an_earlier_result_are_named_beside_a_new_one(result, tmp_path):
+    save_folder(result, tmp_path, ('px4', 'basalt', 'kalibr'), report=False)
+    (tmp_path / CONSUMERS['gazebo'].file).write_text('<imu>of somebody else</imu>')
+    assert left_from_earlier(tmp_path, ('px4', 'basalt', 'kalibr')) == ''
+    assert left_from_earlier(tmp_path, ('basalt',)) == (
+        f'{tmp_path}: imu.yaml and px4_imu.params are of an earlier result and were not replaced; '
+        '--for kalibr --for px4 writes them anew')
+    assert left_from_earlier(tmp_path, ('px4', 'kalibr')) == (
+        f'{tmp_path}: basalt_imu.json is of an earlier result and was not replaced; '
+        '--for basalt writes it anew')
+
+
+def test_every_configuration_says_whose_it_is(result, tmp_path):
+    save_folder(result, tmp_path, tuple(CONSUMERS), report=False)
+    said = left_from_earlier(tmp_path)
+    assert all(consumer.file in said for consumer in CONSUMERS.values())
 
 
 def test_a_node_writes_all_but_the_page(result, tmp_path):

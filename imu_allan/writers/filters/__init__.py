@@ -20,7 +20,8 @@ from imu_allan.writers.filters.export import (
     export,
     FilterConfig,
     left_from_before,
+    left_from_earlier,
 )
 
 __all__ = ['CONSUMERS', 'Aiding', 'Consumer', 'FilterConfig', 'Wishes', 'export',
-           'left_from_before']
+           'left_from_before', 'left_from_earlier']

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The consumers: what writes their configuration, what corrects them, what bias they model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
@@ -10,6 +10,7 @@ from pathlib import Path
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.result import Result
 from imu_allan.tuning.tune import Bias
+from imu_allan.wording import listed
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.filters import (
     autopilots,
@@ -29,6 +30,8 @@ AUTOPILOT = Aiding(0.2, 'satellite fixes of an autopilot at 5 Hz')
 SIMULATION = Aiding(1.0, 'a simulation shall drift like the sensor from a second on', 600.0)
 ESTIMATOR = Aiding(0.1, 'an estimator at 10 Hz')
 NO_BIAS = Aiding(None, 'the consumer has no bias state')
+_HEADING, _BEGINNING = b', by imu_allan ', 16384
+"""What every configuration says of itself, in its first bytes."""
 
 
 @dataclass(frozen=True)
@@ -203,3 +206,46 @@ def left_from_before(path: str | os.PathLike[str]) -> str:
     if not Path(path).is_file():
         return ''
     return f'; {printable(path)} stands there from before and was not replaced'
+
+
+def left_from_earlier(folder: str | os.PathLike[str], exports: Sequence[str] = ()) -> str:
+    """
+    Say which configurations in a folder are not of the result that was saved there last.
+
+    They are left alone, but beside a new result they look like those of it.
+
+    Parameters
+    ----------
+    folder : path
+        Where a result was saved.
+    exports : sequence of str, optional
+        Consumers whose configurations belong to that.
+
+    Returns
+    -------
+    str
+        Empty where there are none; what stands under the name of a configuration and was not
+        written by this program is none.
+
+    """
+    folder = Path(folder)
+    old = [consumer for name, consumer in CONSUMERS.items()
+           if name not in exports and _is_configuration(folder / consumer.file)]
+    if not old:
+        return ''
+    files = listed([consumer.file for consumer in old])
+    again = ' '.join(f'--for {consumer.name}' for consumer in old)
+    return (f'{printable(str(folder))}: {files} {"is" if len(old) == 1 else "are"} of an earlier '
+            f'result and {"was" if len(old) == 1 else "were"} not replaced; {again} writes '
+            f'{"it" if len(old) == 1 else "them"} anew')
+
+
+def _is_configuration(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    try:
+        with path.open('rb') as file:
+            return _HEADING in file.read(_BEGINNING)
+    except OSError:
+        # What this user cannot read no filter of theirs takes for new.
+        return False
