@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 import json
 import re
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -29,6 +30,7 @@ import yaml
 GYRO_N, GYRO_K, ACCEL_N, ACCEL_K = 2e-3, 3e-5, 4e-2, 5e-4
 RATE = 400.0
 DEGREE = 0.017453292519943295
+OCTAVE = shutil.which('octave-cli')
 OPENCV = ('openvins', 'orb_slam3', 'vins_fusion', 'vins_fusion_midpoint', 'okvis2', 'kimera')
 JSON = ('basalt', 'airsim', 'state_space')
 NO_YAML = ('px4', 'ardupilot', 'rovio', 'glim', 'navego', 'psins', 'gazebo', 'rotors', 'matlab',
@@ -462,6 +464,7 @@ def test_rtabmap_takes_strings_for_each_backend(easy):
         'OdomOpenVINS/GyroscopeNoiseDensity': GYRO_N, 'OdomOpenVINS/GyroscopeRandomWalk': GYRO_K,
         'OdomORBSLAM/AccNoise': ACCEL_N, 'OdomORBSLAM/AccWalk': ACCEL_K,
         'OdomORBSLAM/GyroNoise': GYRO_N, 'OdomORBSLAM/GyroWalk': GYRO_K,
+        'OdomORBSLAM/SamplingRate': RATE,
         'OdomMSCKF/NoiseAcc': ACCEL_N, 'OdomMSCKF/NoiseAccBias': ACCEL_K,
         'OdomMSCKF/NoiseGyro': GYRO_N, 'OdomMSCKF/NoiseGyroBias': GYRO_K,
         'OdomLIOSAM/ImuAccNoise': ACCEL_N, 'OdomLIOSAM/ImuAccBiasN': ACCEL_K,
@@ -774,6 +777,44 @@ def test_wishes_are_followed_and_written_down(drifting):
 def test_wishes_that_make_no_sense_are_refused(wish, words):
     with pytest.raises(ImuAllanError, match=re.escape(words)):
         Wishes(**wish)
+
+
+@pytest.mark.skipif(OCTAVE is None, reason='octave-cli is not installed')
+def test_files_for_matlab_run_in_octave(easy, tmp_path):
+    """The toolboxes' own functions stand in: what they are given is what is written here."""
+    functions = {
+        'gyroparams': "out = struct('NoiseType', 'double-sided', 'NoiseDensity', 0);",
+        'accelparams': "out = struct('NoiseType', 'double-sided', 'NoiseDensity', 0);",
+        'fractalcoef': "out = struct('Numerator', 1, 'Denominator', ones(1, varargin{1}));",
+        'imuSensor': 'out = varargin;', 'imuerrset': 'out = varargin;'}
+    for name, body in functions.items():
+        (tmp_path / f'{name}.m').write_text(f'function out = {name}(varargin)\n{body}\nend\n')
+    for consumer in ('matlab', 'navego', 'psins'):
+        text = export(flickering(easy), consumer).text
+        (tmp_path / f'{consumer}_file.m').write_text(text)
+    (tmp_path / 'all_of_them.m').write_text("""
+        matlab_file
+        printf('%s %g %g %g %d %g\\n', gyro.NoiseType, gyro.NoiseDensity(1), gyro.RandomWalk(2),
+               gyro.BiasInstability(2), numel(gyro.BiasInstabilityCoefficients.Denominator),
+               imu{3});
+        clear imu
+        navego_file
+        printf('%g ', imu.gb_dyn, imu.gb_corr, imu.arrw); printf('\\n');
+        eb = [1; 1; 1]; db = [1; 1; 1];
+        psins_file
+        printf('%d %d %g %g\\n', size(imuerr{5}), imuerr{5}(1), imuerr{6}(1));
+        """)
+    done = subprocess.run([OCTAVE, '--quiet', '--no-gui', '--no-init-file', 'all_of_them.m'],
+                          cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    first, second, third = done.stdout.splitlines()
+    name, *numbers = first.split()
+    assert name == 'single-sided'
+    assert [float(x) for x in numbers] == [GYRO_N, near(GYRO_K / 2), 1e-4, 2000, RATE]
+    assert [float(x) for x in second.split()][3:] == [200.0] * 3 + [0.0] * 3
+    assert float(second.split()[0]) * DEGREE / 200**0.5 == near(GYRO_K)
+    assert third.split()[:2] == ['3', '1']
+    assert float(third.split()[2]) * DEGREE / 3600 * (2 / 200)**0.5 == near(GYRO_K)
+    assert float(third.split()[3]) == 200.0
 
 
 @pytest.mark.parametrize('consumer', ['kf_gins', 'psins'])

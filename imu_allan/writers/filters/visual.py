@@ -274,8 +274,9 @@ def rtabmap(numbers: Numbers) -> str:
     RTAB-Map's odometry backends: N and K, each under the backend's own names.
 
     Its list of parameters names the units of OpenVINS; ORB-SLAM3's, MSCKF-VIO's and LIO-SAM's
-    (OdometryORBSLAM3.cpp, OdometryLIOSAM.cpp) are handed over as they are. RTAB-Map's values are
-    strings.
+    (OdometryORBSLAM3.cpp, OdometryLIOSAM.cpp) are handed over as they are. The first wants the
+    rate, too, which is that of its first two samples where it is 0, the default. RTAB-Map's values
+    are strings.
     """
     lines = [*heading(numbers), '# Only the lines of the backend that Odom/Strategy chooses '
              'are read; those of OdomLIOSAM where', '# OdomLIOSAM/ConfigPath names no file.',
@@ -295,6 +296,8 @@ def rtabmap(numbers: Numbers) -> str:
     for backend, names in backends.items():
         own = {pair: f'{backend}/{name}' for pair, name in names.items()}
         body += pairs(numbers, own, line="{name}: '{value}'")
+    body += ['', '# [Hz], by which ORB-SLAM3 makes values per sample of them',
+             f"OdomORBSLAM/SamplingRate: '{real(numbers.rate())}'"]
     return joined([*lines, *indented(body, 4)])
 
 
