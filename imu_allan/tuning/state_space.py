@@ -121,6 +121,10 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
         raise ImuAllanError(f'step_s {step_s:g} s is below {model.from_s:g} s, the band edge: '
                             'this recording does not know how the sensor drifts faster; '
                             'choose a longer step')
+    if step_s > model.to_s * (1 + 1e-6):
+        raise ImuAllanError(f'step_s {step_s:g} s is beyond {model.to_s:g} s, a third of the '
+                            'recording: it does not know how the sensor drifts over longer; '
+                            'choose a shorter step')
     return space_of(model, axis.tones, step_s)
 
 

@@ -47,6 +47,11 @@ _TIMES = 25
 """Correlation times, from one correction to ten times the longest time without."""
 _PEAK = 1.89
 """Averaging time over correlation time where the Allan variance of a process is highest."""
+_CLEARLY = 8.0
+"""
+Times as long as a walk takes to reach the white noise: over so long a process is known by what it
+does. Less makes a conservative filter overconfident on more real halves, more makes it wider.
+"""
 _WHITE_FLOOR = 0.05     # of the variance: a filter without white noise divides by nearly nothing
 
 
@@ -363,6 +368,11 @@ class Truth:
         model = float(drift_avar(self.model, self.axis.tones, interval_s))
         return max(float(measured) - model, 0.0)
 
+    def _shows_s(self, walk: float) -> float:
+        """Averaging time from which on a walk is above the white noise, as far as is known."""
+        white = float(np.sqrt(3)) * self.model.noise_density
+        return min(white / walk, self.model.to_s) if walk > 0 else self.model.to_s
+
     def expected(self, filters: Filters, horizons: Array) -> Array:
         """E(h): mean square of what the filters get wrong, shape (horizons, filters)."""
         return np.asarray(sum(part for _, part in self._parts(filters, horizons)))
@@ -374,7 +384,8 @@ class Truth:
             if scale_s is None:
                 factor, _ = upper_factors(self.axis, horizons)
             else:
-                # A process is known by how often it came and went, however short the horizon.
+                # A process is known by how often it came and went, however short the horizon, or,
+                # a slow one, by how often it stood clear of the white noise.
                 _, factor = upper_factors(self.axis, np.maximum(horizons, scale_s))
             total = total + part * factor[:, None]
         return total
@@ -393,10 +404,12 @@ class Truth:
                     + line_power(self.axis.tones, h)
                     + hidden_variance(self.axis, horizons)[:, None])
         walk = self.model.rate_random_walk
-        processes = [(_PEAK * p.correlation_time_s, p) for p in self.model.processes]
+        # Over short times a process is a walk, too.
+        processes = [(min(_PEAK * p.correlation_time_s,
+                          _CLEARLY * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
+                     for p in self.model.processes]
         if walk > 0:
-            # It shows from where it crosses the white noise on.
-            shows_s = min(float(np.sqrt(3)) * self.model.noise_density / walk, self.model.to_s)
+            shows_s = self._shows_s(walk)
             if np.isfinite(filters.time).any():
                 # A walk leaves a filter that forgets behind in the end. It is followed for as long
                 # as the recording has seen it.

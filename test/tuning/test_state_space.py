@@ -74,6 +74,16 @@ def test_a_step_below_the_band_edge_is_refused():
         'drifts faster; choose a longer step')
 
 
+def test_a_step_beyond_what_the_recording_knows_is_refused():
+    axis = axis_of(1.0, known=(0.4, 100.0))
+    assert state_space(axis, 100.0).step_s == 100.0
+    with pytest.raises(ImuAllanError) as error:
+        state_space(axis, 3600.0)
+    assert str(error.value) == (
+        'step_s 3600 s is beyond 100 s, a third of the recording: it does not know how the sensor '
+        'drifts over longer; choose a shorter step')
+
+
 def test_an_axis_without_a_drift_model_is_told():
     from dataclasses import replace
     axis = replace(axis_of(1.0), drift_model=None)
