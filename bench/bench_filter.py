@@ -7,7 +7,8 @@ Simulated: a record is fitted, the filter runs on over as much again. Loss is th
 logarithmic score against the true model, in nats per step; NIS the mean normalised innovation
 squared (1 is right, above 1 overconfident); coast the actual over the claimed variance of the
 mean over that time without correction. Real: recordings named by IMU_ALLAN_DATA, fitted on one
-half and filtered over the other, both ways.
+half and filtered over the other, both ways; the interval of a median is that of its rank, as if
+the halves were independent. And ten minutes of each, held against the hour behind it.
 
     python bench/bench_filter.py                 # some minutes on two cores
     python bench/bench_filter.py --hours 0.25 1 --runs 40
@@ -21,6 +22,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 import functools
+from math import comb
 import os
 from pathlib import Path
 import sys
@@ -209,7 +211,7 @@ def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = 
     print(f'\n{title}')
     columns = [f'nis {s:g}' for s in STEPS_S] + [f'coast {s:g}' for s in COASTS_S]
     columns += [f'{"log" if real else "loss"} {s:g}' for s in STEPS_S]
-    wide = 29 if real else 11
+    wide = 42 if real else 11
     print(f'  {"":14}' + ''.join(f'{column:>{wide}}' for column in columns))
     for model in dict.fromkeys(key[0] for key in lines[0]):
         row = ''
@@ -223,7 +225,8 @@ def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = 
                 text = '-'
             elif real:
                 both = '' if column.startswith('log') else f' {np.exp(np.log(values).mean()):.2f}'
-                text = (f'{np.median(values):.3g}{both} '
+                low, high = of_median(values)
+                text = (f'{np.median(values):.3g} ({low:.2f}..{high:.2f}){both} '
                         f'[{values.min():.2f}..{values.max():.2f}]')
             else:
                 text = f'{values.mean():.4f}'
@@ -232,6 +235,16 @@ def show(title: str, lines: list[dict[tuple[str, str], float]], *, real: bool = 
         if not real:
             row = ''.join(f'{f"+-{error(lines, model, column):.4f}":>11}' for column in columns)
             print(f'  {"":14}{row}')
+
+
+def of_median(values: Array) -> tuple[float, float]:
+    """Return the 95 % interval of a median: the values of the ranks that it is between."""
+    n = len(values)
+    below, rank = 0.0, 0
+    while rank < n // 2 and (below := below + comb(n, rank) / 2**n) <= 0.025:
+        rank += 1
+    ordered = np.sort(values)
+    return float(ordered[max(rank - 1, 0)]), float(ordered[n - max(rank, 1)])
 
 
 def error(lines: list[dict[tuple[str, str], float]], model: str, column: str) -> float:
@@ -298,6 +311,35 @@ def real(record: Array, rate_hz: float, quantity: str) -> list[dict[tuple[str, s
     return lines
 
 
+def of_ten_minutes(record: Array, rate_hz: float, quantity: str) -> list[Line]:
+    """Fit ten minutes and filter over the hour behind them, every twenty minutes."""
+    cut, series, lines = round(600 * rate_hz), means(record, round(rate_hz)), []
+    for begin in range(0, len(series) - 4200 + 1, 1200):
+        at = begin * round(rate_hz)
+        models = fed(characterize(record[at:at + cut], rate_hz, quantity))
+        hour = series[begin + 600:begin + 4200]
+        line = assessed([(models, hour)], 0.0, round(rate_hz) / rate_hz)[0]
+        line['conservative', 'K'] = (models['conservative'][0].rate_random_walk
+                                     / models['tuned pair'][0].rate_random_walk)
+        lines.append(line)
+    return lines
+
+
+def show_overconfident(title: str, lines: list[Line]) -> None:
+    """Print for each filter in what share of the lines it was overconfident, by column."""
+    columns = [f'nis {s:g}' for s in STEPS_S] + [f'coast {s:g}' for s in COASTS_S]
+    print(f'\n{title}\n  {"":14}' + ''.join(f'{column:>16}' for column in columns))
+    for model in dict.fromkeys(key[0] for key in lines[0]):
+        row = ''
+        for column in columns:
+            values = np.array([line[model, column] for line in lines if (model, column) in line])
+            row += f'{f"{np.mean(values > 1):.2f} (<= {values.max():.2f})":>16}'
+        print(f'  {model:14}{row}')
+    wider = [line['conservative', 'K'] for line in lines]
+    print(f'  conservative K over the tuned one: median {np.median(wider):.1f}, '
+          f'at most {max(wider):.1f}', flush=True)
+
+
 def main() -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__,
@@ -320,17 +362,25 @@ def main() -> int:
                 show(f'{name}, {hours:g} h, {runs} records', lines)
                 by_sensor[name] = lines
             against_goal(hours, by_sensor)
-    found: dict[str, list[dict[tuple[str, str], float]]] = {'gyro': [], 'accel': []}
+    found: dict[str, list[Line]] = {'gyro': [], 'accel': []}
+    short: dict[str, list[Line]] = {'gyro': [], 'accel': []}
     for path in recordings():
         axes, rate_hz = of_recording(path)
         for name, samples in axes.items():
             sensor = name.partition('_')[0]
-            found[sensor] += real(samples, rate_hz, {'gyro': 'angular_velocity',
-                                                     'accel': 'linear_acceleration'}[sensor])
+            quantity = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}[sensor]
+            found[sensor] += real(samples, rate_hz, quantity)
+            short[sensor] += of_ten_minutes(samples, rate_hz, quantity)
     for sensor, lines in found.items():
         if lines:
-            show(f'{sensor}: real recordings, {len(lines)} halves, median, geometric mean of '
-                 "both ways [range]; log is the loss against the drift model's", lines, real=True)
+            show(f'{sensor}: real recordings, {len(lines)} halves, median (95 %), geometric mean '
+                 "of both ways [range]; log is the loss against the drift model's", lines,
+                 real=True)
+    for sensor, lines in short.items():
+        if lines:
+            show_overconfident(f'{sensor}: of {len(lines)} stretches of ten minutes, fitted and '
+                               'held against the hour behind: share overconfident (highest '
+                               'ratio)', lines)
     return 0
 
 

@@ -262,11 +262,17 @@ class Stationarity:
 
 @dataclass(frozen=True)
 class Innovations:
-    """Mean normalised innovation squared of means over `interval_s`: 1 is right, more is doubt."""
+    """
+    Mean normalised innovation squared of means over `interval_s`: 1 is right, more is doubt.
+
+    `of_halves` is that of the first half of a record, under the model of the second, and that of
+    the second under the model of the first.
+    """
 
     interval_s: float
     nis: float
     steps: int
+    of_halves: Interval | None = None
 
 
 @dataclass(frozen=True)

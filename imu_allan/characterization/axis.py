@@ -261,6 +261,13 @@ def bounded(axis: AxisResult) -> AxisResult:
         for key in ('bias_instability', 'rate_random_walk')})
 
 
+def unsteady(axis: AxisResult) -> AxisResult:
+    """Return an axis whose noise is known not to stay the same, whatever its segments say."""
+    if axis.stationarity is None:
+        return axis
+    return replace(axis, stationarity=replace(axis.stationarity, steady=False))
+
+
 def _upper_bound(found: Coefficient) -> Coefficient:
     """Return what was found as the most that it may be."""
     if not found.observable or found.ci95 is None:

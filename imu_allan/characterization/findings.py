@@ -3,7 +3,7 @@
 """What was found in the words that users read, in one module as they are read together."""
 
 from collections.abc import Collection, Mapping, Sequence
-from math import ceil, inf, isfinite, isinf
+from math import ceil, exp, inf, isfinite, isinf, log
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
@@ -16,7 +16,8 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import AxisResult, Deadband, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import about, duration, listed, named
+from imu_allan.wording import about, duration, listed, named, SENSORS
+import numpy as np
 
 MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
@@ -28,6 +29,10 @@ _FACTOR = 2.0
 """From which on an error is no percentage."""
 _HEATED_S = 30.0
 """Period from which on a slow cycle may be one of temperature."""
+_HALVES_SIGMAS = 3.0
+"""A difference of the halves that is told: false in 1 of 720 steady gyroscopes of three axes."""
+_LEAST_CHANGE = log(1.3)
+"""Of a variance: 14 % in deviation, of which no user of a filter needs to know."""
 _STEP_SHARE = 0.7
 """Share of the spread between segments from which it is told as one step."""
 
@@ -174,6 +179,46 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
         words = (f'the noise{where} changes by {100 * change.spread:.0f} % (standard deviation) '
                  f'between parts of {duration(segments[0].duration_s)}')
     return [Remark('not_steady', f'{words}; the intervals are widened accordingly')]
+
+
+def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Remark]:
+    """
+    Say by how much one half of the record drifts more than the other, by axis.
+
+    What changes one axis of a sensor, its temperature first of all, changes the others: where no
+    axis alone is certain they may be together.
+    """
+    changes = {name: change for name, axis in axes.items()
+               if (change := _change_of_halves(axis)) is not None}
+    told = {}
+    for sensor in SENSORS:
+        own = {name: change for name, change in changes.items() if name.startswith(sensor)}
+        if not own:
+            continue
+        ratio, error, interval = np.mean(list(own.values()), axis=0)
+        error /= len(own)**0.5
+        for name, change in own.items():
+            for log_ratio, uncertain in (change[:2], (ratio, error)):
+                if abs(log_ratio) > max(_HALVES_SIGMAS * uncertain, _LEAST_CHANGE):
+                    more, less = ('first', 'second') if log_ratio > 0 else ('second', 'first')
+                    told[name] = Remark('not_steady', f'over {duration(interval)} the {more} half '
+                                        f'drifts {exp(abs(log_ratio) / 2):.1f} times as much as '
+                                        f'the {less}; numbers for a filter are between the two')
+                    break
+    return told
+
+
+def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
+    """Logarithm of the ratio of the halves' drift in variance, its error, and over what time."""
+    if axis.backtest is None:
+        return None
+    longest = axis.backtest.innovations[-1]
+    if longest.of_halves is None or not min(longest.of_halves) > 0:
+        return None
+    first, second = longest.of_halves
+    # Each half is the measure of the other: the ratio is there twice. Of n innovations their mean
+    # square has a variance of 2/n, and the model that predicts them has about as much.
+    return log(first / second) / 2, 2 / (longest.steps / 2)**0.5, longest.interval_s
 
 
 def steady_after_s(axis: AxisResult) -> float:

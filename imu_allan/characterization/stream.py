@@ -15,9 +15,10 @@ import json
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
-from imu_allan.characterization.axis import axis_results, bounded
+from imu_allan.characterization.axis import axis_results, bounded, unsteady
 from imu_allan.characterization.findings import (
     copy_remark,
+    halves_remarks,
     length_remarks,
     MEAN_MOVES,
     thermometer_remarks,
@@ -362,6 +363,11 @@ class Characterization:
             remarks += [Remark(remark.code, f'{name}: {remark.message}') for remark in own]
             if any(remark.code in MEAN_MOVES for remark in own):
                 unclear.add(name)
+        unsaid = {name: axes[name] for name, (_, own) in zip(names, fitted, strict=True)
+                  if not any(remark.code in {'not_steady', *MEAN_MOVES} for remark in own)}
+        for name, remark in halves_remarks(unsaid).items():
+            remarks.append(Remark(remark.code, f'{name}: {remark.message}'))
+            axes[name] = unsteady(axes[name])
         if heat is not None and group is self._groups[0]:
             remarks += thermometer_remarks(heat)
         return axes

@@ -63,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
         forecast_table,
         included_sentences,
         left_out_sentences,
+        steadiness_sentences,
         tuning_table,
     )
 
@@ -79,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     console.print()
     console.print(forecast_table(result, args.calibration))
     for sentence in (*left_out_sentences(result), *forecast_sentences(result, args.calibration),
-                     *included_sentences(result),
+                     *included_sentences(result), *steadiness_sentences(result, args.coast),
                      *_beyond(result, args.coast, 'without correction'),
                      *_beyond(result, args.calibration, 'of averaging the bias')):
         console.print(sentence, markup=False)

@@ -10,7 +10,7 @@ therefore multiples of a cell, which for a recording of three hours is some two 
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from imu_allan.noise.cells import Cells
@@ -18,10 +18,19 @@ from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.gaps import filled
 from imu_allan.noise.groups import bins_of, grouped
 from imu_allan.noise.periodogram import SpectrumPiece
-from imu_allan.result import Backtest, Coast, DriftModel, Innovations, Tone
+from imu_allan.result import (
+    AxisResult,
+    Backtest,
+    Coast,
+    DriftModel,
+    Innovations,
+    Interval,
+    Tone,
+)
 from imu_allan.tuning.coasting import coasting_weights
 from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
+from imu_allan.tuning.uncertainty import coast_bands
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -113,9 +122,23 @@ def backtest(series: Cells, cell: int, dt: float) -> list[Backtest | None]:
                    cell_s)
     for i, axis in enumerate(good):
         innovations, coasts = met.of(slice(2 * i, 2 * i + 2))
+        after, before = (met.of(slice(lane, lane + 1))[0] for lane in (2 * i, 2 * i + 1))
+        innovations = tuple(replace(both, of_halves=(first.nis, second.nis)) for
+                            both, first, second in zip(innovations, before, after, strict=True))
         if innovations:
             found[axis] = Backtest(half * cell_s, half * cell_s, innovations, coasts)
     return found
+
+
+def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
+    """Where 95 % of the deviations in the backtest of an axis should lie, by horizon."""
+    found = axis.backtest
+    if found is None:
+        return ()
+    # One after the other in both halves, but for the first stretch, in which the filter learns.
+    outages = [2 * max(round(found.tested_s / coast.horizon_s - 0.5) - 1, 1)
+               for coast in found.coast]
+    return coast_bands(axis, found.coast, outages)
 
 
 def filtered(fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], parts: Iterable[Array],

@@ -26,7 +26,7 @@ from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stret
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
-from imu_allan.tuning.uncertainty import spread_of_forecast
+from imu_allan.tuning.uncertainty import coast_bands
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -154,13 +154,8 @@ def _as_model(tuning: FilterTuning) -> DriftModel:
 
 def _outcome(met: Met, lane: int, axis: AxisResult) -> Outcome:
     innovations, coasts = met.of(slice(lane, lane + 1))
-    horizons = np.array([coast.horizon_s for coast in coasts])
-    outages = np.array([met.coasts[h][2] for h in horizons.tolist()])
-    # The spread of a root mean square of n is sqrt(1 / 2n).
-    spread = np.hypot(spread_of_forecast(axis, horizons), np.sqrt(0.5 / outages))
-    bands = tuple((coast.predicted_sigma / by, coast.predicted_sigma * by) for coast, by in
-                  zip(coasts, np.exp(chi_square.NORMAL95 * spread).tolist(), strict=True))
-    return Outcome(innovations, coasts, bands)
+    outages = [met.coasts[coast.horizon_s][2] for coast in coasts]
+    return Outcome(innovations, coasts, coast_bands(axis, coasts, outages))
 
 
 def _as_predicted(bins: Bins, pieces: Sequence[SpectrumPiece], axis: AxisResult, step_s: float

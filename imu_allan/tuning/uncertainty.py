@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a recording does not know about the drift that it shows."""
 
+from collections.abc import Sequence
+
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_level import about_mean, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
-from imu_allan.result import AxisResult
+from imu_allan.result import AxisResult, Coast, Interval
 from imu_allan.tuning.processes import drift_model_of
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import polygamma
 
 Array = NDArray[np.float64]
@@ -121,6 +123,33 @@ def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
     dof = np.maximum(_degrees_of_freedom(axis, horizons), _FEWEST_OF_FORECAST)
     sampling = np.sqrt(1 / (2 * dof))
     return np.asarray(np.hypot(sampling, max(unsteadiness(axis), _USUAL[axis.quantity])))
+
+
+def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
+                ) -> tuple[Interval, ...]:
+    """
+    Return where 95 % of the deviations observed without correction should lie.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose drift model predicted them.
+    coasts : sequence of Coast
+        What was predicted and observed.
+    outages : array_like, shape (n,)
+        How often for each.
+
+    Returns
+    -------
+    tuple of (float, float)
+        What the sensor's own unsteadiness and the number of outages leave open.
+
+    """
+    horizons = np.array([coast.horizon_s for coast in coasts])
+    # The spread of a root mean square of n is sqrt(1 / 2n).
+    spread = np.hypot(spread_of_forecast(axis, horizons), np.sqrt(0.5 / np.asarray(outages)))
+    return tuple((coast.predicted_sigma / by, coast.predicted_sigma * by) for coast, by in
+                 zip(coasts, np.exp(chi_square.NORMAL95 * spread).tolist(), strict=True))
 
 
 def upper_factors(axis: AxisResult, horizons: Array) -> tuple[Array, Array]:

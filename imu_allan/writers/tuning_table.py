@@ -1,19 +1,22 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter needs, as tables for the terminal: five ways to feed it, side by side."""
+"""What a filter needs, for the terminal: tables and words in one module, as they are one page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise import chi_square
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
+from imu_allan.tuning.uncertainty import spread_of_forecast
 from imu_allan.tuning.verification import Excess, Verification
-from imu_allan.wording import duration, number, SENSORS, spoken
+from imu_allan.wording import duration, listed, number, SENSORS, spoken
+from imu_allan.writers.grouped_remarks import grouped
 from imu_allan.writers.included import included
 import numpy as np
 from rich.console import Group, RenderableType
@@ -22,6 +25,8 @@ from rich.text import Text
 
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
 CONSERVATIVE = 'conservative'
+_UNKNOWN = 100.0
+"""Factor on a squared error from which on nobody says that it is known."""
 
 
 @dataclass(frozen=True)
@@ -176,6 +181,31 @@ def left_out_sentences(result: Result) -> list[str]:
                else why[axis.fault] if axis.fault is not None
                else 'too short for a drift model, or from an older version') + '.'
             for name, axis in result.axes.items() if axis.drift_model is None]
+
+
+def steadiness_sentences(result: Result, coast_s: float) -> list[str]:
+    """
+    Say how far another day may be from what is expected, and what changed within the recording.
+
+    Parameters
+    ----------
+    result : Result
+        With a drift model.
+    coast_s : float
+        The longest time without correction.
+
+    """
+    spans = []
+    for title, axes in _by_sensor(known_axes(result)).items():
+        spread = max(float(spread_of_forecast(axis, np.array([coast_s]))[0])
+                     for axis in axes.values())
+        by = float(np.exp(2 * chi_square.NORMAL95 * min(spread, 100.0)))
+        spans.append(f'{number(1 / by, 2)} to {number(by, 2)} times ({title.lower()})'
+                     if by < _UNKNOWN else f'any number of times ({title.lower()})')
+    return [f'On another day the squared error after {duration(coast_s)} may be {listed(spans)} '
+            'as large as here (95 %): sensors change, and a recording is short.',
+            *(f'Not steady: {sentence}.' for group in grouped(result)
+              if group.code == 'not_steady' for sentence in group.sentences)]
 
 
 def included_sentences(result: Result) -> list[str]:

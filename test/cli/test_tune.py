@@ -8,8 +8,9 @@ import re
 
 import imu_allan
 from imu_allan.cli.main import main
-from imu_allan.result import Saturation
+from imu_allan.result import Remark, Saturation
 from imu_allan.writers.result_file import load_result, save_result
+import numpy as np
 import pytest
 
 
@@ -71,6 +72,29 @@ def test_the_numbers_as_json(result_file, tmp_path, capsys):
     assert len(tuned['consistency']) == 7
     assert axis['forecast']['position'] is None
     assert document['axes']['accel_x']['forecast']['position'][0] > 0
+
+
+def test_how_far_another_day_may_be_off_is_said(result_file, capsys):
+    assert main(['tune', str(result_file), '--coast', '20s']) == 0
+    out = ' '.join(capsys.readouterr().out.split())
+    found = re.search(r'On another day the squared error after 20 s may be ([\d.]+) to ([\d.]+) '
+                      r'times \(gyroscope\) and ([\d.]+) to ([\d.]+) times', out)
+    low, high, lower, higher = map(float, found.groups())
+    assert low * high == pytest.approx(1, abs=0.05)
+    # At least what real sensors change by: 17 and 36 % in deviation.
+    assert np.exp(4 * 0.17) < high < higher
+    assert lower < low
+    assert 'Not steady' not in out
+
+
+def test_what_changed_within_the_recording_is_said(result_file, capsys, tmp_path):
+    result = load_result(result_file)
+    told = Remark('not_steady', 'gyro_x: over 60 s the first half drifts 2.0 times as much')
+    save_result(replace(result, warnings=(told,)), tmp_path / 'told.json')
+    assert main(['tune', str(tmp_path / 'told.json'), '--coast', '3h']) == 0
+    out = ' '.join(capsys.readouterr().out.split())
+    assert 'Not steady: gyro x: over 60 s the first half drifts 2.0 times as much.' in out
+    assert 'any number of times (gyroscope)' in out
 
 
 def test_an_outage_beyond_the_recording_is_said(result_file, capsys):

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each half of a record predicted from the other."""
 
+from drifting_axes import axis_of
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.tuning.backtest import backtest
+from imu_allan.result import Backtest, Coast
+from imu_allan.tuning.backtest import backtest, bands_of
+from imu_allan.tuning.uncertainty import spread_of_forecast
 import numpy as np
 import pytest
 
@@ -41,6 +44,19 @@ def test_a_sensor_that_changes_half_way_is_caught():
     [found] = halves_of(np.concatenate((quiet, loud)))
     # One direction sees nine times, the other a ninth of what it claims.
     assert found.innovations[0].nis == pytest.approx((9 + 1 / 9) / 2, rel=0.1)
+    assert found.innovations[0].of_halves == pytest.approx((1 / 9, 9), rel=0.1)
+
+
+def test_the_band_of_the_observed_drift_is_that_of_its_outages():
+    horizons = 10.0, 300.0
+    axis = axis_of(1e-3, backtest=Backtest(1000.0, 1000.0, (), tuple(
+        Coast(horizon, 2.0, 2.0) for horizon in horizons)))
+    # Two halves of 1000 s: 99 outages of 10 s and 2 of 300 s in each, the first only learns.
+    for (low, high), horizon, outages in zip(bands_of(axis), horizons, (198, 4), strict=True):
+        spread = np.hypot(spread_of_forecast(axis, np.array([horizon]))[0],
+                          np.sqrt(0.5 / outages))
+        assert np.log(high / 2) == np.log(2 / low) == pytest.approx(1.96 * spread, rel=1e-4)
+    assert bands_of(axis_of(1e-3)) == ()
 
 
 def test_every_axis_is_tested_on_its_own(hours):

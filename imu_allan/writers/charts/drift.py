@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult
 from imu_allan.sensor.units import engineering, typeset
+from imu_allan.tuning.backtest import bands_of
 from imu_allan.tuning.tune import FilterTuning
 from imu_allan.wording import duration, number, SAMPLES, SENSORS
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of
@@ -48,6 +49,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
         for row in axis.backtest.coast if axis.backtest else ():
             horizons.append(row.horizon_s)
             values += [row.predicted_sigma, row.observed_rms]
+        values += [end for band in bands_of(axis) for end in band]
     values = [value for value in values if value > 0]
     if not values:
         return None
@@ -67,6 +69,10 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                           panel.line(h, claimed * factor, 'claimed')]
             if axis.backtest is not None:
                 coast = axis.backtest.coast
+                if coast:
+                    low, high = np.array(bands_of(axis)).T * factor
+                    parts.insert(0, panel.band([c.horizon_s for c in coast], low, high,
+                                               'expected'))
                 parts.append(panel.line([c.horizon_s for c in coast],
                                         [c.predicted_sigma * factor for c in coast], 'predicted'))
                 parts.append(panel.points(
@@ -85,6 +91,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                  'Line: what a filter with the tuned numbers gets wrong, as the drift model has '
                  'it. Dashed: what that filter claims.' + (
                      ' Points: what happened in the part of the recording that the model was not '
-                     'fitted to; dotted: what it predicted for them.' if tested else ''),
+                     'fitted to; dotted: what it predicted for them; shade: where 95 % of the '
+                     'points should lie.' if tested else ''),
                  both(name, f'{SENSORS[sensor]}: predicted and observed drift', 340, draw, 300),
                  groups_of(known))
