@@ -26,7 +26,7 @@ WORTH = 3.0
 """Most that the interval of the density may widen for an octave less of doubt about its bend."""
 _LEVELS = range(3)
 """Half-octaves below the highest frequency. A low-pass that bends the band falls by half there."""
-_LEVEL = 0.05
+_LEVEL_ERROR = 0.05
 """Relative error of a half-octave, and half of what they may differ by and still be level."""
 _OF_OUTPUT = 0.05
 """Share of the power below that rounding the output leaves of it: what is less is no finding."""
@@ -135,12 +135,12 @@ def plateau(groups: Groups, trial: Trial) -> tuple[float, float] | None:
         here = (groups.frequency <= top / 2 ** (half_octave / 2)) \
             & (groups.frequency > top / 2 ** ((half_octave + 1) / 2))
         fewest = min(fewest, float(groups.dof[here].sum()))
-        if fewest < 2 / _LEVEL**2:
+        if fewest < 2 / _LEVEL_ERROR**2:
             return None
         levels.append(float(np.average(density[here], weights=groups.dof[here])))
     level, still_falls = float(np.mean(levels)), max(levels) - min(levels)
-    if still_falls >= 2 * _LEVEL * min(levels) or level <= _OF_OUTPUT * white \
-            or abs(level / white - 1) <= 3 * _LEVEL:
+    if still_falls >= 2 * _LEVEL_ERROR * min(levels) or level <= _OF_OUTPUT * white \
+            or abs(level / white - 1) <= 3 * _LEVEL_ERROR:
         return None
     # Of a tail that goes with 1/f^2 a third of the fall between the levels is left at the last.
     lowest_white = min(levels) - still_falls - 2 * np.sqrt(2 / fewest) * min(levels)

@@ -4,6 +4,11 @@
 The chi-square distribution, by incomplete gamma functions.
 
 scipy.stats has it too, at half a second of import for a command that takes two.
+
+References
+----------
+M. S. Bartlett, "Properties of sufficiency and statistical tests", Proc. R. Soc. A 160 (1937).
+
 """
 
 import numpy as np
@@ -31,6 +36,39 @@ def upper(probability: float, dof: ArrayLike) -> Array:
 def lower(probability: float, dof: ArrayLike) -> Array:
     """Return the value that is not reached with `probability`."""
     return np.asarray(2 * gammaincinv(_half(dof), probability))
+
+
+def equal_variances(ratio: Array, dof: Array, least: float = 1e-300) -> float:
+    """
+    Return the probability that equal variances look so different: Bartlett's test.
+
+    Parameters
+    ----------
+    ratio, dof : ndarray, shape (n, bands)
+        Variances over what is expected of each, and their degrees of freedom.
+    least : float, optional
+        The lowest ratio that counts, over that of all of a band: none has no logarithm.
+
+    Returns
+    -------
+    float
+        All bands together.
+
+    Examples
+    --------
+    >>> dof = np.full((2, 1), 20.0)
+    >>> round(equal_variances(np.array([[1.0], [1.0]]), dof), 3)
+    1.0
+    >>> round(equal_variances(np.array([[1.0], [3.0]]), dof), 3)
+    0.018
+
+    """
+    total = dof.sum(axis=0)
+    pooled = np.sum(dof * ratio, axis=0) / total
+    value = total * np.log(pooled) - np.sum(dof * np.log(np.maximum(ratio, least * pooled)), 0)
+    correction = 1 + (np.sum(1 / dof, axis=0) - 1 / total) / (3 * (len(ratio) - 1))
+    return float(survival(max(float(np.sum(value / correction)), 0.0),
+                          (len(ratio) - 1) * ratio.shape[1]))
 
 
 def _half(value: ArrayLike) -> Array:

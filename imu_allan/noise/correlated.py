@@ -14,6 +14,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.groups import Bins, Groups, QUANTIZATION, WHITE
 from imu_allan.noise.intervals import CI95, crossing, spread
 from imu_allan.noise.likelihood import maximise, residual_power, Solution
+from imu_allan.noise.minimum import lowest_near
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.trial import fit_columns, SMALLEST_P, Trial
 import numpy as np
@@ -134,11 +135,7 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
     best = int(np.argmin(losses))
     if 2 * (base.solution.loss - losses[best]) < _OBSERVABLE_PROCESS / 2:
         return None
-    from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
-
-    around = (times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)])
-    log_time = float(minimize_scalar(attempt, bounds=around, method='bounded',
-                                     options={'xatol': 0.01}).x)
+    log_time, _ = lowest_near(attempt, times, best, 0.01)
     time = float(np.exp(log_time))
     trial = fit_columns(with_process(time), base.edge_hz, base.rolling)
     theta = trial.solution.theta

@@ -67,6 +67,31 @@ def about_mean(covariance: Array) -> Array:
     return np.asarray(centre @ covariance @ centre)
 
 
+def degrees_of_freedom(trace: Array | float, trace_of_square: Array | float) -> Array:
+    """
+    Return the degrees of freedom of a sum of squares of correlated Gaussian values.
+
+    Parameters
+    ----------
+    trace, trace_of_square : float or ndarray, shape (n,)
+        Of the covariance of the values, and of its matrix product with itself.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Those of the chi-square of the same mean and variance, by Satterthwaite.
+
+    Examples
+    --------
+    Three independent values, and one value three times:
+
+    >>> degrees_of_freedom(3.0, 3.0), degrees_of_freedom(3.0, 9.0)
+    (array(3.), array(1.))
+
+    """
+    return np.asarray(np.square(trace) / trace_of_square)
+
+
 def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, Interval]]:
     """
     Tell the level of the drift from the spread of the means of the parts of a segment.
@@ -101,8 +126,8 @@ def drift_levels(seen: Array, white: float, shape: Array) -> list[tuple[float, I
         # Without noise of its own a mean has no level of zero.
         tried = variance * (_TRIED if white > 0 else _TRIED[1:])
         mean = tried + noise
-        dof = (parts * mean)**2 / (tried**2 * square + 2 * tried * white * parts
-                                   + white**2 * (parts - 1))
+        dof = degrees_of_freedom(parts * mean, tried**2 * square + 2 * tried * white * parts
+                                 + white**2 * (parts - 1))
         above = chi_square.survival(dof * variance / mean, dof)
         likely = tried[(above >= _OUTSIDE) & (above <= 1 - _OUTSIDE)]
         level = max(variance - noise, 0.0)

@@ -17,6 +17,7 @@ from collections.abc import Callable
 
 from imu_allan.noise.groups import Groups, QUANTIZATION
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.minimum import lowest_near
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,8 +72,6 @@ def likeliest_low_passed(groups: Groups, dt: float, start: Solution) -> float:
         The loss: the negative logarithm of the likelihood.
 
     """
-    from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
-
     nu = np.minimum(groups.frequency * dt, 0.5)
     best = np.inf
     for response, narrowest, widest in _FILTERS:
@@ -87,8 +86,6 @@ def likeliest_low_passed(groups: Groups, dt: float, start: Solution) -> float:
 
         corners = np.linspace(np.log(narrowest), np.log(widest), _CORNERS)
         losses = [loss(corner) for corner in corners]
-        at = int(np.argmin(losses))
-        around = (corners[max(at - 1, 0)], corners[min(at + 1, _CORNERS - 1)])
-        found = minimize_scalar(loss, bounds=around, method='bounded', options={'xatol': 1e-2})
-        best = min(best, min(losses), float(found.fun))
+        refined = lowest_near(loss, corners, int(np.argmin(losses)), 1e-2)[1]
+        best = min(best, min(losses), refined)
     return float(best)

@@ -32,6 +32,7 @@ from imu_allan.noise.intervals import CI95, crossing, Estimate, spread
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.low_passes import likeliest_low_passed
+from imu_allan.noise.minimum import lowest_near
 from imu_allan.noise.spectrum import flicker, power_law
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
@@ -216,14 +217,10 @@ class _Search:
 
     def _lowest(self) -> tuple[float, float]:
         """Exponent of the lowest loss, and that loss."""
-        from scipy.optimize import minimize_scalar  # seldom needed: a tenth of a second of import
+        def loss(exponent: float) -> float:
+            return self.at(float(exponent)).loss
 
-        losses = [self.at(exponent).loss for exponent in _TRIED]
-        best = int(np.argmin(losses))
-        around = (_TRIED[max(best - 1, 0)], _TRIED[min(best + 1, len(_TRIED) - 1)])
-        found = minimize_scalar(lambda exponent: self.at(float(exponent)).loss, bounds=around,
-                                method='bounded', options={'xatol': 1e-3})
-        return float(found.x), float(found.fun)
+        return lowest_near(loss, _TRIED, int(np.argmin([loss(one) for one in _TRIED])), 1e-3)
 
     def interval(self, best: float, dispersion: float) -> PowerLaw:
         """Return the law with the intervals of the exponent, and of the density beside it."""

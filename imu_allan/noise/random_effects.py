@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.minimum import lowest_near
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -145,7 +146,8 @@ def random_effects(values: ArrayLike, errors: ArrayLike, bounds: ArrayLike = ())
     spreads = scatter * np.geomspace(_FINEST, 10.0, _STEPS)
     profile = np.array([_best_mean(y, e, u, spread)[1] for spread in spreads])
     best = int(np.argmin(profile))
-    spread = _refined(lambda s: _best_mean(y, e, u, s)[1], spreads, best)
+    spread = float(np.exp(lowest_near(lambda log: _best_mean(y, e, u, float(np.exp(log)))[1],
+                                      np.log(spreads), best, 1e-4)[0]))
     # A spread at the lower end of what was tried is none.
     spread = 0.0 if best == 0 else spread
     low, high = _interval(y, e, scatter)
@@ -238,15 +240,6 @@ def _loss(y: Array, variance: Array, mean: float) -> float:
     information = float(np.sum(1 / variance))
     return float(0.5 * (np.sum(np.log(variance) + (y - mean)**2 / variance)
                         + np.log(information)))
-
-
-def _refined(loss: Callable[[float], float], grid: Array, best: int) -> float:
-    from scipy.optimize import minimize_scalar
-
-    around = np.log(grid[[max(best - 1, 0), min(best + 1, len(grid) - 1)]])
-    return float(np.exp(minimize_scalar(lambda log: loss(float(np.exp(log))),
-                                        bounds=tuple(around), method='bounded',
-                                        options={'xatol': 1e-4}).x))
 
 
 def outliers(values: ArrayLike, errors: ArrayLike, chance: float = 0.01) -> NDArray[np.bool_]:

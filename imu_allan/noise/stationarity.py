@@ -9,7 +9,6 @@ equal noise; what counts is the size of the difference beyond sampling error.
 
 References
 ----------
-M. S. Bartlett, Proc. R. Soc. A 160 (1937): the test of equal variances.
 R. T. Birge, Phys. Rev. 40 (1932): intervals of measurements that disagree.
 
 """
@@ -18,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise import chi_square
 from imu_allan.noise.cells import Cells, end_to_end
+from imu_allan.noise.chi_square import equal_variances
 from imu_allan.noise.groups import Groups
 from imu_allan.noise.parts import part_cells
 from imu_allan.noise.periodogram import HIGHEST_OF_MEANS, Periodogram, unbroken
@@ -310,7 +309,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         nothing = np.array([1.0])
         return Steadiness(True, 1.0, (), nothing, np.zeros(1), nothing)
     at, middle, count = half
-    p_value, least = _bartlett(at, count), _SHORT_P if white_alone else _SMALLEST_P
+    p_value, least = equal_variances(at, count), _SHORT_P if white_alone else _SMALLEST_P
     spread = _spread(at, count)
     weight = np.exp(-0.5 * (np.log2(middle[:, None] / middle) / (_SMOOTH / 2))**2) \
         * count.mean(axis=0)
@@ -323,7 +322,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     changes = []
     for place in np.argsort(-wide):
         only = slice(place, place + 1)
-        if wide[place] <= _LEAST_SPREAD or _bartlett(at[:, only], count[:, only]) >= least:
+        if wide[place] <= _LEAST_SPREAD or equal_variances(at[:, only], count[:, only]) >= least:
             continue
         band = int(np.digitize(centre[place], _SPLITS_HZ))
         changes.append(Change(edges[band], edges[band + 1], float(wide[place]) / 2,
@@ -381,16 +380,6 @@ def _by_band(number: NDArray[np.int64], ratio: Array, dof: Array, frequency: Arr
         return None
     at, middle, counts = zip(*found, strict=True)
     return np.stack(at, axis=1), np.array(middle), np.stack(counts, axis=1)
-
-
-def _bartlett(ratio: Array, dof: Array) -> float:
-    """Probability of ratios so different, shape (segments, bands), under equal noise."""
-    parts = len(ratio)
-    pooled = np.sum(dof * ratio, axis=0) / dof.sum(axis=0)
-    value = dof.sum(axis=0) * np.log(pooled) - np.sum(dof * np.log(np.maximum(ratio, 1e-300)), 0)
-    correction = 1 + (np.sum(1 / dof, axis=0) - 1 / dof.sum(axis=0)) / (3 * (parts - 1))
-    return float(chi_square.survival(float(np.sum(value / correction)),
-                                     (parts - 1) * ratio.shape[1]))
 
 
 def _spread(ratio: Array, dof: Array) -> Array:

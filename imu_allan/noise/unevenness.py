@@ -11,15 +11,14 @@ the walk gives to each frequency over what all the noise gives. That power is lo
 References
 ----------
 P. J. Huber, Proc. Fifth Berkeley Symp. 1 (1967): the variance of an estimate whose model does not
-hold is that of its score. M. S. Bartlett, Proc. R. Soc. A 160 (1937): the test of equal variances.
+hold is that of its score.
 
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.noise import chi_square
-from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.chi_square import equal_variances, NORMAL95
 from imu_allan.noise.correlated import process_column
 from imu_allan.noise.groups import WALK
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum, regressors
@@ -94,9 +93,11 @@ def uneven_by(trial: Trial, spectrum: RecordSpectrum | JointSpectrum,
         if len(power) < 3:
             continue
         dof = 2 * expected**2 / variance
-        if dof.mean() < _FEWEST_DOF or _bartlett(power / expected, dof) >= _CHANCE / len(_BATCHES):
+        ratio = power / expected
+        if dof.mean() < _FEWEST_DOF or equal_variances(
+                ratio[:, None], dof[:, None], _LEAST_SHARE) >= _CHANCE / len(_BATCHES):
             continue
-        most = max(most, _widening(power / expected, dof))
+        most = max(most, _widening(ratio, dof))
     return most
 
 
@@ -187,15 +188,6 @@ def _variance_over_time(squares: Array) -> Array:
     double /= 2
     double[0] = squares[1:].sum()
     return np.asarray(dct(double, type=3) / length)
-
-
-def _bartlett(ratio: Array, dof: Array) -> float:
-    """Probability of batches whose power is so uneven, of an even walk."""
-    pooled = float(dof @ ratio / dof.sum())
-    logarithm = np.log(np.maximum(ratio / max(pooled, 1e-300), _LEAST_SHARE))
-    correction = 1 + (np.sum(1 / dof) - 1 / dof.sum()) / (3 * (len(ratio) - 1))
-    return float(chi_square.survival(max(-float(dof @ logarithm), 0.0) / correction,
-                                     len(ratio) - 1))
 
 
 def _widening(ratio: Array, dof: Array) -> float:

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.drift_level import about_mean, drift_of_means
+from imu_allan.noise.drift_level import about_mean, degrees_of_freedom, drift_of_means
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.stationarity import SEGMENT_PARTS
 from imu_allan.result import AxisResult, Coast, Interval
@@ -61,8 +61,7 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
     """
     Return the variance of the logarithm of the drift that a steady segment shows.
 
-    That drift is the spread of the means of its parts, less what white noise adds, with the
-    degrees of freedom that `imu_allan.noise.drift_level` tells of.
+    That drift is the spread of the means of its parts, less what white noise adds.
     """
     model = drift_model_of(axis)
     part = duration_s / SEGMENT_PARTS
@@ -72,7 +71,7 @@ def _spread_by_chance(axis: AxisResult, duration_s: float) -> float:
     if of_drift <= 0:
         return np.inf
     total = float(np.trace(whole))
-    dof = total**2 / float(np.sum(whole * whole))
+    dof = float(degrees_of_freedom(total, float(np.sum(whole * whole))))
     # Half the logarithm of a chi-square, whose variance the trigamma function is.
     return float(polygamma(1, dof / 2)) / 4 * (total / of_drift)**2
 
