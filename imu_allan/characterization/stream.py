@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The path of every sample, in one class: messages, timeline, estimator, fit, result.
+The path of every sample from message to result, in one class as all of it is one state.
 
 The node and the recording tool both push their blocks through one `Characterization`; they differ
 in where blocks come from and where results go, and in nothing else.

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Readings of a thermometer beside the samples, in constant memory.
+Readings of a thermometer in constant memory, in one class as all of it reads the same cells.
 
 Readings come by their stamps, in any order and any number at a time, before or after the samples
 that they belong to; where the samples lie on the same clock is noted as they come. The two meet

@@ -117,7 +117,7 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
     from imu_allan.writers.tuning_document import field_test_document
-    from imu_allan.writers.tuning_table import field_test_table, verification_table
+    from imu_allan.writers.verification_table import field_test_table, verification_table
 
     other, means = _other(args)
     axes = {name: axis for name, axis in result.axes.items()

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The node beside an IMU driver, which puts its parts together and serves them (more than 300 lines).
+The node beside an IMU driver, in one class because the executor calls all of it.
 
 The executor's one thread takes samples, feeds them to the run and answers services. Everything
 that takes longer (fit, plot, files) is done by the worker's thread on a snapshot, so that the

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Noise coefficients of one axis from its spectrum, with intervals one can trust.
+Noise coefficients of one axis, in one module as each question waits for that before it.
 
 The fit is a maximum of likelihood over the whole band. Where no sum of the five terms describes
 the spectrum there, the sensor's or driver's low-pass is the usual reason: the finest octaves are

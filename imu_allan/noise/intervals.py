@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals of coefficients by profile likelihood, or bounds where nothing shows."""
+"""Intervals and bounds by profile likelihood, in one module as all ends are crossings of one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Spectra of averaged samples: what each noise term puts into a periodogram.
+Spectra of averaged samples, in one module because a fit adds all of them up.
 
 All spectra are variances per unit of ``nu``, the frequency in cycles per sample (``nu = f dt``),
 two-sided, so that white samples have a spectrum equal to their variance. A mean over ``m``

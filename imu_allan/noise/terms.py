@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The noise terms of an inertial sensor and their Allan variance.
+The noise terms of an inertial sensor, in one module as their Allan variances add up.
 
 Terms, symbols and formulas are those of IEEE Std 952 (Annex C); a sample is understood as the
 average of the continuous rate over the sample interval, for which the formulas hold at every

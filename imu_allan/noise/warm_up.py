@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A sensor that warms up: its mean settles by one exponential, or by two.
+A sensor that warms up, by one exponential or two, in one module as one search finds both.
 
 A warm-up of a real sensor is thousands of times the noise it hides. Its time constant therefore is
 fitted, not picked: the exponential and its derivative by the logarithm of the time constant are

@@ -15,7 +15,8 @@ from typing import Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.recording import choose_topic, Recording
+from imu_allan.recordings.choose_topic import choose_topic
+from imu_allan.recordings.recording import Recording
 import numpy as np
 from numpy.typing import NDArray
 

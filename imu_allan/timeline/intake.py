@@ -35,7 +35,6 @@ from imu_allan.timeline.findings import (
     several_publishers,
 )
 from imu_allan.timeline.foreign_samples import alternates, is_spiky, spikes
-from imu_allan.timeline.messages import Messages
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import (
     longest_at_one_rate,
@@ -45,6 +44,7 @@ from imu_allan.timeline.pace import (
     spread_about,
 )
 from imu_allan.timeline.pending import Window
+from imu_allan.timeline.pieces import Messages
 from imu_allan.timeline.presence import Presence
 from imu_allan.timeline.sleepers import Sleepers
 import numpy as np

@@ -18,7 +18,7 @@ from typing import Any
 from imu_allan.block import EvenBlock
 from imu_allan.timeline.excluded import Excluded, MotionSummary
 from imu_allan.timeline.excursions import Excursions
-from imu_allan.timeline.messages import EvenPiece
+from imu_allan.timeline.pieces import EvenPiece
 from imu_allan.timeline.rest_level import RestLevel
 from imu_allan.timeline.sensor_at_rest import QUIETER
 from imu_allan.timeline.windows import FARTHEST_LAG, Stretch, Windows

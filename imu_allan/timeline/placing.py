@@ -33,9 +33,9 @@ from imu_allan.timeline.grid import (
     RATE_BLOCKS,
     rate_changes,
 )
-from imu_allan.timeline.messages import EvenPiece, Messages, NONE_BRIDGED
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import measure_pace, Pace
+from imu_allan.timeline.pieces import EvenPiece, Messages, NONE_BRIDGED
 from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray

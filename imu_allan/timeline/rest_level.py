@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The level of rest: how it is found in the first windows, and how it follows the sensor.
+The level of rest, in one class because what is found first is what then follows the sensor.
 
 Windows are compared with those before them, in the terms of
 `imu_allan.timeline.sensor_at_rest`.

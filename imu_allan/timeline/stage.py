@@ -21,10 +21,10 @@ from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import clock_changed
 from imu_allan.timeline.intake import Intake
-from imu_allan.timeline.messages import EvenPiece, Messages
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pending import Pending, Window
+from imu_allan.timeline.pieces import EvenPiece, Messages
 from imu_allan.timeline.placing import Placing
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is drawn of a result, as arrays: curves, spectra and limits, for pictures and page alike.
+What is drawn of a result, as arrays, in one module so that pictures and page agree.
 
-Nothing here knows how it is drawn.
+Curves, spectra and their limits; nothing here knows how they are drawn.
 """
 
 from collections.abc import Iterable, Mapping

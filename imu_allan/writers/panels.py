@@ -1,9 +1,10 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What stands inside the panels of a figure: Allan deviation and its terms, spectrum, signal.
+What stands inside the panels of a figure, in one module as they share dashes and inks.
 
-Drawn with matplotlib's object interface, without pyplot and without a display.
+Allan deviation and its terms, spectrum, signal: drawn with matplotlib's object interface, without
+pyplot and without a display.
 """
 
 from collections.abc import Mapping, Sequence

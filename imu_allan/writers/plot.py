@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Figures of a result: Allan deviation, power spectral density, and the signal over time.
+Figures of a result, in one module because all sheets share heading, table and panels.
 
 Every figure is one sheet, put together from the parts in `imu_allan.writers.panels` and `frames`.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The result on a terminal: the answer, the coefficients, the remarks; one screen at 80 columns.
+The result on a terminal, in one module because all of it has to fit one screen.
 
 Units are spelled as model and datasheet files spell them, so that a value can be copied from the
 screen into such a file. Text that comes from a recording never reaches the terminal as markup or

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter needs, for the terminal: tables and words in one module, as they are one page."""
+"""What a filter needs, as tables and words for the terminal: five ways to feed it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,13 +8,10 @@ from dataclasses import dataclass
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.result import AxisResult, Result
-from imu_allan.sensor.units import engineering
 from imu_allan.tuning.bounds import upper_bound
-from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.uncertainty import spread_of_forecast
-from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.grouped_remarks import grouped
 from imu_allan.writers.included import included
@@ -121,7 +118,7 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         second = ('K', f'K {walk}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {walk}')
         parts.append(Text(f'\n{title}: N {noise}, {second[1]}, claimed {axis.unit}'))
-        table = _table('', 'numbers', 'N', second[0], 'NIS', 'error', 'claimed')
+        table = bare_table('', 'numbers', 'N', second[0], 'NIS', 'error', 'claimed')
         for name, axis in axes.items():
             for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
                 table.add_row(name[-1] if i == 0 else '', *_cells(choice, bias))
@@ -134,7 +131,7 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
     return Group(*parts)
 
 
-def _table(*headings: str, texts: int = 2) -> Table:
+def bare_table(*headings: str, texts: int = 2) -> Table:
     """Return a table without lines, to have room at 60 columns; `texts` columns are no numbers."""
     table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for place, heading in enumerate(headings):
@@ -216,7 +213,7 @@ def included_sentences(result: Result) -> list[str]:
 
 def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
     """Return the predicted drift of every axis without correction."""
-    table = _table('axis', 'off by', *map(duration, FORECAST_S))
+    table = bare_table('axis', 'off by', *map(duration, FORECAST_S))
     for name, axis in known_axes(result).items():
         forecast = predicted_drift(axis, FORECAST_S, calibration_s)
         gyro = forecast.position is None
@@ -263,89 +260,3 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
            for axis in result.axes.values()):
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
     return said
-
-
-def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]
-                     ) -> Group:
-    """
-    Return what filters with the numbers of one recording met in another.
-
-    Parameters
-    ----------
-    found : mapping of name to FieldTest
-        Not empty.
-    other : str
-        Name of the other recording.
-    units : mapping of name to str
-        Of a sample of each axis.
-
-    """
-    first = next(iter(found.values()))
-    parts = ('in one part' if first.stops == 1
-             else f'in {first.stops} parts, in each of which the filter begins anew')
-    table = _table('axis', 'numbers',
-                   *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
-                   *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
-    for name, one in found.items():
-        factor, unit = engineering(1.0, units[name])
-        for what, met in ((TUNED, one.tuned), (FULL, one.full)):
-            table.add_row(
-                f'{spoken(name)}\n{unit}' if what == TUNED else '',
-                'full model' if what == FULL else what,
-                *(f'{row.nis:.3g}' for row in met.innovations),
-                *(f'{number(row.observed_rms * factor, 3)}\n'
-                  f'({number(low * factor, 2)}-{number(high * factor, 2)})'
-                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
-    return Group(
-        Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
-             f'{other}, {parts}:'), table,
-        Text('NIS: mean squared innovation over what is claimed, of means over that time: 1 is '
-             'right, above 1 overconfident. Off after: root mean square error of the mean over '
-             'that time without correction; in brackets where 95 % of such errors should lie if '
-             'the sensor were as the first recording has it.', 'dim'))
-
-
-def verification_table(found: Mapping[str, Verification], other: str,
-                       bias: Bias = 'random_walk', *, run: bool = False) -> Group:
-    """
-    Return how numbers from one recording hold in another.
-
-    Parameters
-    ----------
-    found : mapping of name to Verification
-        By axis.
-    other : str
-        Name of the other recording.
-    bias : {'random_walk', 'gauss_markov'}, optional
-        What the filter takes its bias for.
-    run : bool, optional
-        Whether filters were run over it, so that what its model expects needs no column.
-
-    """
-    spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
-    second = 'K' if bias == 'random_walk' else 'sigma'
-    table = _table('axis', *(() if run else ('NIS', 'error')), 'N times', f'{second} times',
-                   *spans, texts=1)
-    for name, one in found.items():
-        bands = {_span(e): f'{e.ratio:.2f}\n{e.ci95[0]:.2f}-{e.ci95[1]:.2f}' for e in one.excess}
-        expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
-        table.add_row(spoken(name), *expected, _factor(one.noise_factor, one.noise_ci95),
-                      _factor(one.walk_factor, one.walk_ci95),
-                      *(bands.get(span, '') for span in spans))
-    return Group(
-        Text(f'The tuned numbers held against {other}:'), table,
-        Text(f'N times, {second} times: the factor that would make the numbers right there, with '
-             'its 95 % interval. Above 1 with motors or wheels running, it is what the motion '
-             'adds: put it into --inflate. By averaging time: Allan deviation there over the one '
-             'predicted.'
-             + ('' if run else ' The models are compared; name the recording itself to run '
-                'filters over it.'), 'dim'))
-
-
-def _span(excess: Excess) -> str:
-    low, high = number(excess.from_s, 2), number(excess.to_s, 2)
-    return f'{low} s' if low == high else f'{low}-{high} s'
-
-
-def _factor(value: float, ci95: tuple[float, float]) -> str:
-    return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which IMUs the messages of a topic hold, by the name of their type or its definition."""
+"""Which IMUs the messages of a topic hold, in one module as name and definition lead to one."""
 
 from dataclasses import replace
 

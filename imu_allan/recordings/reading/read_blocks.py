@@ -7,9 +7,10 @@ from contextlib import suppress
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.choose_topic import choose_topic
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 from imu_allan.recordings.reading.reading_process import pays, ReadingProcess
-from imu_allan.recordings.recording import choose_topic, Recording
+from imu_allan.recordings.recording import Recording
 
 
 def read_blocks(

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Filters and smoothers that a camera corrects."""
+"""Filters and smoothers that a camera corrects, in one module as each takes a few lines."""
 
 import json
 from math import sqrt

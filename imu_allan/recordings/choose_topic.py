@@ -1,0 +1,87 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The choice of an Imu topic in a recording, and what there is where the choice fails."""
+
+from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.recordings.recording import Recording
+
+
+def choose_topic(recording: Recording, topic: str | None = None) -> str:
+    """
+    Name the topic to read.
+
+    Parameters
+    ----------
+    recording : Recording
+        An open recording.
+    topic : str, optional
+        The user's choice, with or without a leading slash. It may be left out where the recording
+        has exactly one Imu topic.
+
+    Raises
+    ------
+    ImuAllanError
+        If there is no such topic, it is of another type, it has no messages, or there are
+        several to choose from.
+
+    """
+    path = printable(recording.path)
+    names = {item.name: item for item in recording.topics}
+    if topic is not None:
+        spellings = [topic, f'/{topic}', topic.removeprefix('/')]
+        chosen = next((name for name in spellings if name in names), None)
+        if chosen is None:
+            other = next((name for name in spellings if name in recording.other_topics), None)
+            if other is None:
+                raise ImuAllanError(
+                    f'{path}: no topic {_shown(topic)}; {_what_there_is(recording)}')
+            raise ImuAllanError(
+                f'{path}: topic {_shown(other)} is of type '
+                f'{_shown(recording.other_topics[other])}, not sensor_msgs/msg/Imu'
+                f'{_reason(recording, [other])}')
+    elif not names:
+        raise ImuAllanError(f'{path}: {_what_there_is(recording)}')
+    elif len(names) > 1:
+        raise ImuAllanError(
+            f'{path}: {len(names)} Imu topics; choose one with --topic: {_list_topics(recording)}')
+    else:
+        [chosen] = names
+    if names[chosen].count == 0:
+        raise ImuAllanError(
+            f'{path}: topic {_shown(chosen)} has no messages; record it while the IMU driver '
+            'runs')
+    return chosen
+
+
+def _what_there_is(recording: Recording) -> str:
+    if recording.topics:
+        return f'its Imu topics are {_list_topics(recording)}'
+    if not recording.other_topics:
+        return 'it holds no topics at all: the recording is empty'
+    shown = [f'{_shown(name)} ({_shown(kind)})'
+             for name, kind in sorted(recording.other_topics.items())[:10]]
+    more = len(recording.other_topics) - len(shown)
+    return ('no topic of type sensor_msgs/msg/Imu; it holds ' + ', '.join(shown)
+            + (f' and {more} more' if more else '')
+            + _reason(recording, sorted(recording.other_topics)))
+
+
+def _reason(recording: Recording, topics: list[str]) -> str:
+    """Tell why the first of `topics` with a reason is not read."""
+    for topic in topics:
+        if topic in recording.reasons:
+            named = '' if len(topics) == 1 else f'{_shown(topic)}: '
+            return f'; {named}{recording.reasons[topic]}'
+    return ''
+
+
+def _list_topics(recording: Recording) -> str:
+    shown = [
+        _shown(topic.name) + ('' if topic.count is None else f' ({topic.count} messages)')
+        for topic in sorted(recording.topics, key=lambda topic: topic.name)[:10]]
+    more = len(recording.topics) - len(shown)
+    return ', '.join(shown) + (f' and {more} more' if more else '')
+
+
+def _shown(name: str) -> str:
+    return printable(shorten(name))
