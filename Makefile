@@ -4,7 +4,7 @@
 # make setup            create $(VENV) with everything; a second call does nothing
 # make demo             the main job in about a minute (RECORDING=path analyzes a recording instead)
 # make test             all everyday tests, those over real DDS included
-# make test-fast        what needs no process, ROS or recording: after every edit, in a minute
+# make test-fast        numerics, timeline, decoding, writers: after every edit, in a minute
 # make test-slow        Monte Carlo, soak and fuzz runs
 # make mutation         small faults in the numerics, thousands of them: which does no test see
 # make coverage         the everyday tests, with the branches that none of them takes
@@ -21,8 +21,10 @@ VENV ?= .venv
 CONSTRAINTS ?=
 EXTRAS ?= ros,fleet,test,lint,docs
 PYTEST_ARGS ?=
-# Processes that share the everyday tests, a module at a time.
+# Processes that share the everyday tests, a module at a time. Those of node and command, which wait
+# more than they work, stay in the middle: at the end one process would wait alone.
 JOBS ?= 2
+SHARED := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 RECORDING ?=
 TOPIC ?=
 DEMO_OUTPUT ?= demo_output
@@ -33,10 +35,10 @@ PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3
 	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' \
 	2>/dev/null && echo $$python && break; done)
 
-# Pictures, processes and hundreds of random scenarios are left to `make test`.
+# Pictures, browsers, and messages taken all the way to a result are left to `make test`.
 FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timeline test/writers \
-	$(foreach slower,writers/test_plot.py writers/test_comparison.py writers/test_fleet.py \
-	writers/test_folder.py timeline/test_nothing_silent.py::test_random_faults,--deselect test/$(slower))
+	-m 'not slow and not browser' $(foreach slower,plot comparison fleet folder, \
+	--ignore test/writers/test_$(slower).py) --ignore test/timeline/test_nothing_silent.py
 
 LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py \
 	docs/make_figures.py setup.py
@@ -46,6 +48,9 @@ STAMP := $(VENV)/.installed
 # The demo needs no linters, no documentation tools and no second library to compare with.
 DEMO_EXTRAS := ros
 DEMO_STAMP := $(if $(STAMP),$(VENV)/.installed-demo)
+
+# What is timed; what is drawn by the hundred has other targets, or is run by name.
+SPEED := analyze reading messages timeline report node
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-fast test-slow mutation coverage lint docs bench bench-accuracy bench-filter clean
@@ -87,10 +92,10 @@ demo: $(if $(wildcard $(STAMP)),$(STAMP),$(DEMO_STAMP))
 		$(if $(RECORDING),--recording '$(RECORDING)') $(if $(TOPIC),--topic '$(TOPIC)')
 
 test: $(STAMP)
-	$(RUN)/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
+	$(RUN)/python -m pytest $(SHARED) $(PYTEST_ARGS)
 
 test-fast: $(STAMP)
-	$(RUN)/python -m pytest -q -n $(JOBS) --dist loadfile $(FAST) $(PYTEST_ARGS)
+	$(RUN)/python -m pytest -q $(SHARED) $(FAST) $(PYTEST_ARGS)
 
 test-slow: $(STAMP)
 	$(RUN)/python -m pytest -m slow -o faulthandler_timeout=0 $(PYTEST_ARGS)
@@ -113,7 +118,7 @@ docs: $(STAMP)
 	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html
 
 bench: $(STAMP)
-	@for script in $(filter-out %_accuracy.py %_constants.py %_exponent.py %_filter.py %_processes.py %_quarters.py %_slow_mean.py,$(wildcard bench/bench_*.py)); do \
+	@for script in $(SPEED:%=bench/bench_%.py); do \
 		echo "== $$script"; $(RUN)/python $$script || exit 1; done
 
 bench-filter: $(STAMP)

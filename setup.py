@@ -51,7 +51,7 @@ setup(
         'test': [
             'pytest',
             'pytest-cov',
-            'pytest-xdist',
+            'pytest-xdist>=3.7',
             'hypothesis',
             'allantools',
             'colcon-common-extensions',

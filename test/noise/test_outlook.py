@@ -102,9 +102,9 @@ def test_a_term_shows_by_then_in_most_records(key, value):
     wait = outlook(coefficients, {'noise_density': True}, 0.01, 60.0)[key][0]
     samples = round((60 + wait) * 100)
     shown = [characterize(simulate(coefficients, samples, 100.0, seed), 100.0)
-             .coefficients[key].observable for seed in range(20)]
+             .coefficients[key].observable for seed in range(10)]
     assert np.mean(shown) > 0.25
     # Nor does it show in most records a sixth of that length.
     shown = [characterize(simulate(coefficients, samples // 6, 100.0, seed), 100.0)
-             .coefficients[key].observable for seed in range(20)]
+             .coefficients[key].observable for seed in range(10)]
     assert np.mean(shown) < 0.5

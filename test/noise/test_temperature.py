@@ -16,7 +16,7 @@ DURATION = 7200.0
 TIME = np.arange(round(DURATION * RATE)) / RATE
 NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
 WALK = {**NOISE, 'rate_random_walk': 3e-5}
-RECORDS = 6
+RECORDS = 4
 """Each takes a tenth of a second."""
 
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from base64 import b64decode
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
 from pathlib import Path
@@ -24,8 +24,15 @@ import pytest
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') \
     or shutil.which('google-chrome')
 DRIVER = shutil.which('chromedriver')
-needs_browser = pytest.mark.skipif(not (CHROMIUM and DRIVER),
-                                   reason='chromium and chromedriver are not installed')
+
+
+def needs_browser(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test that looks at a page as readers do, and skip it where nothing shows it."""
+    skip = pytest.mark.skipif(not (CHROMIUM and DRIVER),
+                              reason='chromium and chromedriver are not installed')
+    marked: Callable[..., None] = pytest.mark.browser(skip(test))
+    return marked
+
 
 _ARGUMENTS = ['--headless=new', '--no-sandbox', '--disable-gpu', '--disable-quic',
               '--no-first-run', '--disable-background-networking', '--disable-component-update',

@@ -57,6 +57,7 @@ def test_every_limit_has_its_row_and_every_axis_its_mark(result):
     assert len(marks) == len(check(result, EVERYTHING)) == 6 * 5 + 6 * (len(LIMITS) - 1) + 1
 
 
+@pytest.mark.browser
 @pytest.mark.skipif(shutil.which('chromium') is None or shutil.which('pdfinfo') is None,
                     reason='needs chromium and pdfinfo')
 def test_a_certificate_of_every_limit_is_one_sheet_of_a4(result, tmp_path):
