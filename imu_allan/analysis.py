@@ -45,7 +45,8 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
             options: TimelineOptions = TimelineOptions(),  # noqa: B008
             reading: RecordingOptions = RecordingOptions(),  # noqa: B008
             start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None,
-            progress: Callable[[int], None] | None = None) -> Result:
+            progress: Callable[[int], None] | None = None,
+            opening: Callable[[], Recording] | None = None) -> Result:
     """
     Characterize the IMU of a recording, or one IMU from several recordings.
 
@@ -68,6 +69,9 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
         Seconds to use from there; all when left out.
     progress : callable, optional
         Called with the bytes read so far, of all recordings together.
+    opening : callable, optional
+        Opens the recording, where it is one of which several topics are analyzed
+        (`imu_allan.recordings.many_topics`).
 
     Returns
     -------
@@ -91,11 +95,11 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
         if not isinstance(path, (str, Path)):
             raise ImuAllanError('start auto finds the warm-up of one recording; of several give '
                                 'the time to leave out')
-        result = _warmed_up(path, topic, options, reading, duration_s, progress)
+        result = _warmed_up(path, topic, options, reading, duration_s, progress, opening)
     elif not isinstance(path, (str, Path)):
         result = _together(path, topic, options, reading, start_s, duration_s, progress)
     else:
-        result = _alone(path, topic, options, reading, start_s, duration_s, progress)
+        result = _alone(path, topic, options, reading, start_s, duration_s, progress, opening)
     chosen = said(topic, options, reading, start_s, duration_s)
     return replace(result, source=replace(
         result.source, options=chosen,
@@ -104,9 +108,11 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
 
 def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
            reading: RecordingOptions, start_s: float, duration_s: float | None,
-           progress: Callable[[int], None] | None) -> Result:
+           progress: Callable[[int], None] | None, opening: Callable[[], Recording] | None
+           ) -> Result:
     """One result for one recording."""
-    taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress)
+    taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress,
+                      opening=opening)
     results = []
     for stream, characterization, remarks in taken:
         result = characterization.result(remarks)
@@ -155,10 +161,11 @@ def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),
 
 def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
                reading: RecordingOptions, duration_s: float | None,
-               progress: Callable[[int], None] | None) -> Result:
+               progress: Callable[[int], None] | None,
+               opening: Callable[[], Recording] | None) -> Result:
     """Analyze, and where the mean of an axis settles, again without the time that takes."""
     cold = analyze(path, topic, options=options, reading=reading, duration_s=duration_s,
-                   progress=progress)
+                   progress=progress, opening=opening)
     from imu_allan.characterization.findings import (
         start_of,
         start_remark,
@@ -173,7 +180,7 @@ def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
         return replace(cold, warnings=(start_remark(longest_s, length), *cold.warnings))
     left = None if duration_s is None else max(duration_s - start_s, 0.0)
     warm = analyze(path, topic, options=options, reading=reading, start_s=start_s,
-                   duration_s=left)
+                   duration_s=left, opening=opening)
     return replace(warm, warnings=(start_remark(start_s, length, longest_s), *warm.warnings))
 
 
@@ -224,10 +231,11 @@ def _counted_on(progress: Callable[[int], None] | None, before: int
 
 def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
            reading: RecordingOptions, start_s: float, duration_s: float | None,
-           progress: Callable[[int], None] | None, fingerprint: Fingerprint | None = None
-           ) -> tuple[list[Taken], int]:
+           progress: Callable[[int], None] | None, fingerprint: Fingerprint | None = None,
+           opening: Callable[[], Recording] | None = None) -> tuple[list[Taken], int]:
     """Take in the streams of a recording; return them with what was found, and its size."""
-    with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
+    with (open_recording(path, rate_hz=options.rate_hz, options=reading) if opening is None
+          else opening()) as recording:
         streams = choose_streams(recording, topic)
         taken = []
         for number, stream in enumerate(streams):

@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from imu_allan.result import Result
 
 
+_MOST_COMPLAINTS = 100
+"""Lines on what failed: a file can name 65,000 topics without a message."""
+
+
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
@@ -163,8 +167,10 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
             if (nothing := without_coefficient(result, source)) is not None:
                 complaints.append(nothing)
     gathering.finish()
-    for complaint in complaints[:-1]:
+    for complaint in complaints[:min(_MOST_COMPLAINTS, len(complaints) - 1)]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
+    if (more := len(complaints) - 1 - _MOST_COMPLAINTS) > 0:
+        print(f'imu_allan: {more} more like these, the last of all is:', file=sys.stderr)
     if complaints:
         raise complaints[-1]
     return 0

@@ -18,11 +18,11 @@ from concurrent.futures import (
     TimeoutError as FutureTimeout,
     wait,
 )
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
-from itertools import count as naturals
+from itertools import count as naturals, groupby
 import logging
 import os
 from pathlib import Path
@@ -39,7 +39,8 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import end_in_peace, portable, start_python
 
 if TYPE_CHECKING:
-    from imu_allan.recordings import RecordingOptions
+    from imu_allan.recordings import Recording, RecordingOptions
+    from imu_allan.recordings.many_topics import ManyTopics
     from imu_allan.result import Inspection, Result
 
 T = TypeVar('T')
@@ -48,6 +49,8 @@ _LONGEST_FOLDER_NAME = 200
 """Bytes of a folder's name; file systems take 255, and a number may have to be added."""
 ANSWER_S = 10.0
 """How long a scheduler may take to answer; one in the same building takes milliseconds."""
+_MOST_PARTS = 16
+"""Readings of a recording by several workers: enough for each to have a share, however uneven."""
 _PATIENCE_S = 15.0
 """How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
@@ -120,7 +123,8 @@ class Task:
 
 
 def characterize(task: Task, progress: Callable[[int], None] | None = None,
-                 artist: Executor | None = None) -> 'tuple[Result, ImuAllanError | None]':
+                 artist: Executor | None = None, opening: 'Callable[[], Recording] | None' = None,
+                 ) -> 'tuple[Result, ImuAllanError | None]':
     """
     Make the result of a task and write its folder: where the work is done, not one by one.
 
@@ -134,6 +138,8 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
         As for `analyze`.
     artist : Executor, optional
         Draws the picture meanwhile.
+    opening : callable, optional
+        As for `analyze`.
 
     """
     from imu_allan.analysis import analyze
@@ -141,7 +147,8 @@ def characterize(task: Task, progress: Callable[[int], None] | None = None,
     drawing = None
     if task.folder is not None and artist is not None:
         drawing = partial(_drawn, artist)
-    result = analyze(list(task.together) or task.path, progress=progress, **task.arguments())
+    result = analyze(list(task.together) or task.path, progress=progress, opening=opening,
+                     **task.arguments())
     if task.inspection:
         result = replace(result, inspection=task.inspected())
     if task.folder is not None:
@@ -276,24 +283,101 @@ def in_order(workers: Executor, tasks: Sequence[Task],
              progress: Callable[[int], None]
              ) -> 'Iterator[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]]':
     """Submit every task; yield each with its finished future, in the order of `tasks`."""
-    waiting: deque[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]] = deque()
+    groups = [list(same) for _, same in groupby(tasks, _recording_of)]
+    if isinstance(workers, _ThisProcess):
+        yield from _here(workers, groups, progress)
+        return
+    waiting = deque((part, workers.submit(characterize_each, part))
+                    for group in groups for part in _parts(group))
     done_bytes = 0
-    for task in tasks:
-        if isinstance(workers, _ThisProcess):
-            future = workers.submit(characterize, task,
-                                    lambda done, before=done_bytes: progress(before + done),
-                                    workers.artist)
-        else:
-            future = workers.submit(characterize, task)
-        waiting.append((task, future))
-        while waiting and waiting[0][1].done():
-            done_bytes += waiting[0][0].size_bytes
-            yield waiting.popleft()
     while waiting:
-        wait([waiting[0][1]])
-        done_bytes += waiting[0][0].size_bytes
-        progress(done_bytes)
-        yield waiting.popleft()
+        part, futures = waiting.popleft()
+        wait([futures])
+        for task, future in zip(part, _apart(futures, len(part)), strict=True):
+            done_bytes += task.size_bytes
+            progress(done_bytes)
+            yield task, future
+
+
+def _here(workers: '_ThisProcess', groups: Sequence[Sequence[Task]],
+          progress: Callable[[int], None]
+          ) -> 'Iterator[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]]':
+    """Work in this process, so that each result is there at once."""
+    done_bytes = 0
+    for group in groups:
+        with closing(_topics_of(group)) as topics:
+            for task in group:
+                yield task, workers.submit(
+                    characterize, task, lambda done, before=done_bytes: progress(before + done),
+                    workers.artist, _opening(topics, task))
+                done_bytes += task.size_bytes
+
+
+def characterize_each(tasks: Sequence[Task]
+                      ) -> 'list[tuple[tuple[Result, ImuAllanError | None] | None, Any]]':
+    """
+    Characterize several topics of one recording; a failure stops none of the others.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        Of one recording, or one of any kind.
+
+    Returns
+    -------
+    list of (result of `characterize`, failure)
+        One of them None.
+
+    """
+    with closing(_topics_of(tasks)) as topics:
+        return [_outcome(characterize, (task, None, None, _opening(topics, task)), {})
+                for task in tasks]
+
+
+def _recording_of(task: Task) -> tuple[object, ...]:
+    """Return what is the same of the topics of a recording; a task without one is by itself."""
+    return task.path, task.reading, task.options, id(task) if task.topic is None else 0
+
+
+def _topics_of(tasks: Sequence[Task]) -> 'ManyTopics':
+    """Give what goes through a recording once for all topics of `tasks`."""
+    from imu_allan.recordings import open_recording
+    from imu_allan.recordings.many_topics import ManyTopics
+
+    first = tasks[0].arguments()
+    return ManyTopics(partial(open_recording, tasks[0].path, rate_hz=first['options'].rate_hz,
+                              options=first['reading']),
+                      [task.topic for task in tasks if task.topic is not None])
+
+
+def _opening(topics: 'ManyTopics', task: Task) -> 'Callable[[], Recording] | None':
+    return None if len(topics) < 2 or task.topic is None else partial(topics.opening, task.topic)
+
+
+def _parts(group: Sequence[Task]) -> Iterator[Sequence[Task]]:
+    """Part the topics of a recording: each part is one reading, and several can work on them."""
+    size = -(-len(group) // _MOST_PARTS)
+    for first in range(0, len(group), size):
+        yield group[first:first + size]
+
+
+def _apart(done: 'Future[list[tuple[Any, Any]]]', count: int) -> 'Iterator[Future[Any]]':
+    """Give the outcome of each task of a part."""
+    error = done.exception()
+    for value, failure in [(None, (error, ''))] * count if error is not None else done.result():
+        future: Future[Any] = Future()
+        if failure is None:
+            future.set_result(value)
+        else:
+            future.set_exception(_raisable(*failure))
+        yield future
+
+
+def _raisable(error: BaseException, where: str) -> BaseException:
+    """Return what a worker raised, with its traceback where it was not expected."""
+    if where and not isinstance(error, (ImuAllanError, OSError)):
+        error.__cause__ = RuntimeError(f'in a worker process:\n{where}')
+    return error
 
 
 class _ThisProcess(Executor):
@@ -352,9 +436,7 @@ class _WorkerProcesses(Executor):
                 f'--jobs: the process that worked on {_first(args)} was ended from outside, '
                 'perhaps for want of memory; try fewer jobs') from None
         if failure is not None:
-            error, where = failure
-            raise error from (None if isinstance(error, (ImuAllanError, OSError))
-                              else RuntimeError(f'in a worker process:\n{where}'))
+            raise _raisable(*failure)
         answer: T = value
         return answer
 
@@ -422,7 +504,8 @@ def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
 
 
 def _first(args: Any) -> str:
-    return printable(args[0].path) if args and isinstance(args[0], Task) else 'it'
+    tasks = args[0] if args and isinstance(args[0], list) else args
+    return printable(tasks[0].path) if tasks and isinstance(tasks[0], Task) else 'it'
 
 
 @contextmanager

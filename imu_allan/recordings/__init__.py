@@ -9,10 +9,11 @@ Recordings: files that robots write, to blocks of samples in constant memory.
 """
 
 from imu_allan.recordings.choose_topic import choose_topic
+from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.open_recording import open_recording, recordings_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.reading.read_blocks import read_blocks
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.recording import Recording
 
 __all__ = [
     'ImuTopic', 'Recording', 'RecordingOptions', 'choose_topic', 'open_recording', 'read_blocks',

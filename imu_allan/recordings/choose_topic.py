@@ -26,7 +26,7 @@ def choose_topic(recording: Recording, topic: str | None = None) -> str:
 
     """
     path = printable(recording.path)
-    names = {item.name: item for item in recording.topics}
+    names = recording.by_name
     if topic is not None:
         spellings = [topic, f'/{topic}', topic.removeprefix('/')]
         chosen = next((name for name in spellings if name in names), None)

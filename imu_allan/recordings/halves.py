@@ -154,7 +154,7 @@ def _tell_filtered(recording: Recording, topic: str) -> None:
     Most hand the samples through; imu_complementary_filter subtracts the bias that it estimates.
     """
     raw = f'{topic}_raw'
-    if not topic.endswith('/data') or raw not in (imu.name for imu in recording.topics):
+    if not topic.endswith('/data') or raw not in recording.by_name:
         return
     filtered, sensor = (
         {stamp: sample for block in _beginning(recording, name)

@@ -3,61 +3,31 @@
 """What every kind of recording offers."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MalformedImu, Serialization
+from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.descriptions import Descriptions
-from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
+from imu_allan.recordings.imu_topic import ImuTopic
+from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.imus_in import (
-    IMU_TYPES,
     imus_in,
     is_parsed,
     TEMPERATURE_TYPES,
     thermometer_in,
 )
 from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.topic_readings import TopicReadings
 from imu_allan.result import Remark
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """How the names of the files in a rosbag2 directory end."""
-
-
-@dataclass(frozen=True)
-class ImuTopic:
-    """
-    An IMU in the messages of a topic.
-
-    Attributes
-    ----------
-    name : str
-        Topic name; with the field behind it where the messages hold several IMUs.
-    count : int or None
-        Messages in the recording; None where the file does not say.
-    messages : ImuMessages
-        How they are read; by default as sensor_msgs/msg/Imu.
-    source : str
-        Topic that is recorded; empty where it is `name`.
-
-    """
-
-    name: str
-    count: int | None
-    messages: ImuMessages = BARE_IMU
-    source: str = ''
-
-    @property
-    def topic(self) -> str:
-        """Return the topic that is recorded."""
-        return self.source or self.name
-
-
 _MOST_REMARKS = 10
 """Remarks of one kind that are kept; a folder may hold thousands of damaged files."""
 _MOST_THERMOMETERS = 64
@@ -92,6 +62,8 @@ class Recording(ABC):
         Why what looks like the two halves of an IMU is not read as one; empty where nothing does.
     size_bytes : int
         Bytes that `decoded` goes through, for progress.
+    in_memory : bool
+        Whether the messages are in memory, so that nothing is won by reading ahead.
     remarks : list of Remark
         What the user should know about the file; grows while it is read.
 
@@ -114,6 +86,7 @@ class Recording(ABC):
         self.preferred_for = 'with the highest rate'
         self.apart = ''
         self.size_bytes = 0
+        self.in_memory = False
         self.remarks: list[Remark] = []
         self._withheld: dict[str, set[str]] = {}
         self._descriptions = Descriptions()
@@ -122,13 +95,28 @@ class Recording(ABC):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks as the file has them, each with the bytes consumed so far."""
 
+    def read_each(self, readings: TopicReadings) -> None:
+        """
+        Read several topics at once: their messages as `decoded` gives them, and their remarks.
+
+        Where the format offers no such thing, none is read.
+        """
+        readings.drop()
+
     @abstractmethod
     def close(self) -> None:
         """Release files."""
 
+    @property
+    def by_name(self) -> Mapping[str, ImuTopic]:
+        """Return `topics` by their names."""
+        return {imu.name: imu for imu in self.topics}
+
     def imu(self, name: str) -> ImuTopic:
         """Return one of `topics`, or of `thermometers`, by its name."""
-        return next(topic for topic in (*self.topics, *self.thermometers) if topic.name == name)
+        known = self.by_name
+        return known[name] if name in known else next(
+            heat for heat in self.thermometers if heat.name == name)
 
     def list_topic(
         self, topic: str, type_name: str, serialization: Serialization, count: int | None,
@@ -178,6 +166,16 @@ class Recording(ABC):
         """Add a remark, once."""
         self.keep_remark(Remark(code, f'{printable(self.path)}: {message}'))
 
+    @contextmanager
+    def remarks_apart(self) -> Iterator[list[Remark]]:
+        """Keep the remarks that are made meanwhile out of `remarks`."""
+        before = self.remarks, self._withheld
+        self.remarks, self._withheld = [], {}
+        try:
+            yield self.remarks
+        finally:
+            self.remarks, self._withheld = before
+
     def keep_remark(self, remark: Remark) -> None:
         """Add a remark, once; of the same kind ten are kept, and the others counted."""
         same = [kept.code for kept in self.remarks].count(remark.code)
@@ -225,25 +223,3 @@ class FileRecording(Recording):
 
     def close(self) -> None:
         """Release nothing: no file stays open."""
-
-
-class MalformedMessages:
-    """Counts what is not an Imu message on an Imu topic, and keeps the first reason."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.reason = ''
-
-    def __call__(self, count: int, error: MalformedImu) -> None:
-        self.count += count
-        self.reason = self.reason or str(error)
-
-    def report(self, recording: Recording, topic: str) -> None:
-        """Add a remark to `recording` where there were any."""
-        if self.count:
-            kind = recording.imu(topic).messages.type_name
-            kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
-            recording.remark(
-                'malformed_messages',
-                f'{self.count} messages of {printable(topic)} are not valid {kind} and were '
-                f'left out; the first: {self.reason}')

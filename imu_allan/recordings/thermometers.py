@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Literal
 
 from imu_allan.errors import ImuAllanError, printable, shorten
-from imu_allan.recordings.recording import ImuTopic, Recording
+from imu_allan.recordings.imu_topic import ImuTopic
+from imu_allan.recordings.recording import Recording
 from imu_allan.result import Remark
 import numpy as np
 from numpy.typing import NDArray

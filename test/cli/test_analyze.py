@@ -176,6 +176,17 @@ def test_all_topics_are_analyzed_and_no_topic_name_leads_out_of_the_output_folde
     assert list((tmp_path / 'deep').iterdir()) == [output]
 
 
+@pytest.mark.parametrize('more', [[], ['--jobs', '2', '--start', 'auto']])
+def test_of_all_topics_each_result_is_that_of_the_topic_alone(
+        two_topics: Path, tmp_path: Path, more: list[str]) -> None:
+    assert main(['analyze', str(two_topics), '--all-topics', '--output', str(tmp_path),
+                 *more]) == 0
+    for topic in ('/../up', '/front/imu'):
+        folder = tmp_path / f'two_{topic[1:].replace("/", "_")}'
+        alone = imu_allan.analyze(str(two_topics), topic, start_s='auto' if more else 0.0)
+        assert json.loads((folder / 'result.json').read_text()) == alone.to_dict()
+
+
 def test_of_all_topics_the_one_without_a_coefficient_is_named(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with (tmp_path / 'a.mcap').open('wb') as file:

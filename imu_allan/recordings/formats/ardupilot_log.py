@@ -25,10 +25,11 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.table import fastest, Table, table_block, table_times
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
+from imu_allan.recordings.recording import FileRecording
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,7 +118,7 @@ class ArduPilotRecording(FileRecording):
         for name, table, position in self._tables(self._kinds(), base):
             if name == imu.topic:
                 yield table_block(table, fields, factors, malformed), position
-        malformed.report(self, topic)
+        malformed.report(self.imu(topic), self.remark)
         if base == 'IMU':
             self.remark('filtered', 'IMU messages have passed the filters of the autopilot '
                                     f'(INS_GYRO_FILTER, INS_ACCEL_FILTER); {_RAW}')

@@ -17,9 +17,12 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
+from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import BAG_SUFFIXES, ImuTopic, Recording
+from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
+from imu_allan.recordings.topic_readings import TopicReadings
+from imu_allan.result import Remark
 import yaml
 
 _TOLD_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
@@ -91,13 +94,38 @@ class BagDirectory(Recording):
                             yield block, before + position
                     self._adopt(part)
             before += file.stat().st_size
-        expected = self.imu(topic).count or 0
-        if messages < expected and _TOLD_LOSSES.isdisjoint(
-                remark.code for remark in self.remarks):
-            self.remark(
-                'lost_messages',
-                f'{messages} of the {expected} messages of {printable(topic)} that metadata.yaml '
-                'counts were found')
+        if remark := self._loss(self.imu(topic), messages, self.remarks):
+            self.keep_remark(remark)
+
+    def read_each(self, readings: TopicReadings) -> None:
+        """Read several topics at once, the files one after the other."""
+        for file in self._files:
+            with self.remarks_apart() as common:
+                part = self._opened(file)
+            readings.begin({} if part is None else {
+                imu.name: imu for imu in (*part.topics, *part.thermometers)})
+            if part is not None:
+                with part:
+                    part.read_each(readings)
+                    common += part.remarks
+            readings.tell(common)
+            if readings.given_up:
+                return
+        for imu in (*self.topics, *self.thermometers):
+            if imu.name in readings.by_name:
+                reading = readings.by_name[imu.name]
+                if remark := self._loss(imu, sum(map(len, reading.blocks)),
+                                        [*self.remarks, *readings.remarks_on(imu.name)]):
+                    readings.tell([remark], reading)
+
+    def _loss(self, imu: ImuTopic, messages: int, told: list[Remark]) -> Remark | None:
+        """Say of how many messages nothing is known; None where it was told, or of none."""
+        if messages >= (imu.count or 0) or not _TOLD_LOSSES.isdisjoint(
+                remark.code for remark in told):
+            return None
+        return Remark('lost_messages', (
+            f'{printable(self.path)}: {messages} of the {imu.count} messages of '
+            f'{printable(imu.name)} that metadata.yaml counts were found'))
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; where there are others, one that cannot be opened is a remark."""

@@ -19,6 +19,7 @@ from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.topic_readings import TopicReadings
 
 _PIECE = 1 << 22
 """So much is held at a time, and written before a bound is seen to be overrun."""
@@ -82,6 +83,10 @@ class CompressedRecording(Recording):
         share = self.size_bytes / max(self._inner.size_bytes, 1)
         for block, position in self._inner.decoded(topic):
             yield block, int(position * share)
+
+    def read_each(self, readings: TopicReadings) -> None:
+        """Read several topics at once."""
+        self._inner.read_each(readings)
 
     def _unpack(self, stored: Path) -> None:
         room = shutil.disk_usage(self._folder).free - _SPARED_DISK

@@ -35,8 +35,9 @@ from imu_allan.recordings.formats.csv_rows import (
 )
 from imu_allan.recordings.formats.csv_times import interval_of_no_imu, seconds_in
 from imu_allan.recordings.formats.csv_written_times import written_time, WrittenTimes
+from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic
+from imu_allan.recordings.recording import FileRecording
 from imu_allan.wording import NO_TOPIC, SENSORS
 import numpy as np
 from numpy.typing import NDArray

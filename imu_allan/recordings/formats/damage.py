@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The account of what could not be read of a file made of chunks."""
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 from imu_allan.errors import printable
 from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.topic_readings import NO_CHUNK, TopicReading, TopicReadings
 
 _UNWRITTEN = 'what was not yet written is missing'
 
@@ -45,11 +47,23 @@ class Damage:
     holes: int = 0
     first_hole: str = ''
     end: str = ''
+    first_place: int = NO_CHUNK[0]
 
     def chunk(self, at: int, reason: str) -> None:
         """Note a whole chunk whose content is damaged."""
         self.broken_chunks += 1
         self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
+
+    def chunk_of(self, readings: Iterable[TopicReading] | None, at: int, reason: str) -> None:
+        """Note it of the topics that it holds messages of; None where it may be any."""
+        if readings is None:
+            self.chunk(at, reason)
+            self.first_place = min(self.first_place, at)
+            return
+        for reading in readings:
+            reading.broken_chunks += 1
+            reading.first_broken = min(
+                reading.first_broken, (at, f'at byte {at}: {printable(reason)}'))
 
     def hole(self, at: int, length: int) -> None:
         """Note bytes between chunks that are no records."""
@@ -93,3 +107,18 @@ class Damage:
                 f'(the first: {self.first_hole}){messages}')
         elif messages and not self.end:
             recording.remark('damaged_recording', f'not all of it could be read{messages}')
+
+    def report_each(self, recording: Recording, readings: TopicReadings,
+                    expected: Mapping[str, int]) -> None:
+        """Tell each of several topics what its own reading would have; `expected` by name."""
+        readings.decode()
+        for reading in readings.present:
+            name = reading.imu.name
+            with recording.remarks_apart() as own:
+                reading.malformed.report(reading.imu, recording.remark)
+                _, first = min((self.first_place, self.first_broken), reading.first_broken)
+                replace(self, broken_chunks=self.broken_chunks + reading.broken_chunks,
+                        first_broken=first).report(
+                    recording, name, expected.get(name, 0) - reading.messages
+                    - reading.malformed.count, expected.get(name, 0))
+            readings.tell(own, reading)

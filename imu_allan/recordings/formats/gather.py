@@ -13,7 +13,7 @@ channel are what counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from itertools import chain, pairwise
 from struct import Struct
 
@@ -29,6 +29,8 @@ RECORD_HEAD = 9
 
 _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
 _LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
+CHANNELS = 1 << 16
+"""There are as many numbers for channels."""
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
 _STEPS_WITHOUT_INDEX = 32
@@ -44,7 +46,7 @@ _DESCRIPTIONS = frozenset({int(Opcode.SCHEMA), int(Opcode.CHANNEL)})
 
 def gather(
     buffer: bytes,
-    wanted: frozenset[int] | set[int],
+    wanted: AbstractSet[int],
     describe: Callable[[int, bytes], object] | None = None,
     index: Callable[[], NDArray[np.int64]] | None = None,
     effort: Effort | None = None,
@@ -154,6 +156,30 @@ def in_batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
         raise failure
 
 
+def by_source(pieces: Iterable[Piece], sources: NDArray[np.int64]) -> dict[int, list[Piece]]:
+    """
+    Part messages by where they come from, as copies.
+
+    Parameters
+    ----------
+    pieces : iterable of Piece
+        With `channels`.
+    sources : ndarray of int64, shape (CHANNELS,)
+        By channel.
+
+    """
+    parts: dict[int, list[Piece]] = {}
+    for piece in pieces:
+        assert piece.channels is not None
+        source = sources[piece.channels]
+        order = np.argsort(source, kind='stable')
+        bounds = [0, *(np.flatnonzero(np.diff(source[order])) + 1).tolist(), len(order)]
+        for rows in (order[a:b] for a, b in pairwise(bounds)):
+            parts.setdefault(int(source[rows[0]]), []).append(
+                Piece(piece.rows[rows], piece.receive_ns[rows]))
+    return parts
+
+
 def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:
     """Count the records from `at` on that begin with `key`, each `stride` after the one before."""
     most = (len(buffer) - at) // stride
@@ -211,10 +237,14 @@ def _only_descriptions(
 
 
 def _of_channels(
-    buffer: bytes, places: NDArray[np.int64], wanted: frozenset[int] | set[int],
+    buffer: bytes, places: NDArray[np.int64], wanted: AbstractSet[int],
 ) -> NDArray[np.int64]:
     channels = np.ndarray((len(buffer) - _KEY + 1,), '<u2', buffer, RECORD_HEAD, (1,))[places]
-    return places[np.isin(channels, list(wanted))]
+    # There may be as many wanted as there are numbers, and a few in a chunk.
+    kinds, which = np.unique(channels, return_inverse=True)
+    chosen = np.array([number in wanted for number in kinds.tolist()])
+    kept: NDArray[np.int64] = places[chosen[which]]
+    return kept
 
 
 def _lengths(buffer: bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -235,4 +265,5 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
 
 def _piece(records: NDArray[np.uint8]) -> Piece:
     log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
-    return Piece(records[:, _MESSAGE_HEAD:], log_time)
+    channels = records[:, RECORD_HEAD:RECORD_HEAD + 2].view('<u2')[:, 0]
+    return Piece(records[:, _MESSAGE_HEAD:], log_time, channels)

@@ -16,7 +16,7 @@ MCAP format specification, https://mcap.dev/spec
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -35,13 +35,15 @@ from imu_allan.recordings.formats.decompress import (
     Readable,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.gather import gather, in_batches
+from imu_allan.recordings.formats.gather import by_source, CHANNELS, gather, in_batches
 from imu_allan.recordings.formats.message_compression import unpacked
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS, normal_name
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
+from imu_allan.recordings.recording import FileRecording
+from imu_allan.recordings.topic_readings import TopicReading, TopicReadings
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -51,6 +53,7 @@ from numpy.typing import NDArray
 
 MAGIC = b'\x89MCAP0\r\n'
 
+Decoded = TypeVar('Decoded')
 Record = TypeVar('Record')
 
 _FRAME = Struct('<BQ')
@@ -146,9 +149,55 @@ class McapRecording(FileRecording):
                             yield block, part.start
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
-        malformed.report(self, topic)
+        malformed.report(self.imu(topic), self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
+
+    def read_each(self, readings: TopicReadings) -> None:
+        """Read several topics at once."""
+        effort = Effort(self.path, _STEPS_AT_LEAST)
+        damage = Damage()
+        carried: dict[int, list[TopicReading]] = {}
+        # Publishers of one topic keep their order.
+        sources = np.zeros(CHANNELS, np.int64)
+        first_of: dict[str, int] = {}
+
+        def enter(number: int) -> None:
+            channel = self._channels[number]
+            found = [reading for reading in readings.by_source.get(channel.topic, ())
+                     if channel.is_of(reading.imu)]
+            if found:
+                carried[number] = found
+                sources[number] = first_of.setdefault(channel.topic, number)
+
+        def describe(opcode: int, body: bytes) -> None:
+            number = self._describe(opcode, body)
+            if number is not None:
+                enter(number)
+
+        for number in self._channels:
+            enter(number)
+        with self._stored.open('rb') as file:
+            for part in self._walk(file, damage):
+                if readings.given_up:
+                    return
+                if part.counts and not carried.keys() & part.counts.keys():
+                    continue
+                try:
+                    for parts in _decoded(file, part, carried.keys(), describe,
+                                          lambda pieces: by_source(pieces, sources), effort):
+                        for number, pieces in parts.items():
+                            for reading in carried[number]:
+                                reading.take(in_batches(unpacked(pieces, effort)))
+                except DamagedData as error:
+                    damage.chunk_of({reading for number in part.counts
+                                     for reading in carried.get(number, ())}
+                                    if part.counts else None, part.start, str(error))
+        expected: Counter[str] = Counter()
+        for number, found in carried.items():
+            for reading in found:
+                expected[reading.imu.name] += self._counts.get(number, 0)
+        damage.report_each(self, readings, expected)
 
     # ---------------------------------------------------------------------------- what is there
 
@@ -308,10 +357,10 @@ class McapRecording(FileRecording):
 
 
 def _decoded(
-    file: BinaryIO, part: Part, wanted: frozenset[int] | set[int],
+    file: BinaryIO, part: Part, wanted: AbstractSet[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[Iterable[Piece]], list[ImuBlock]], effort: Effort,
-) -> Iterator[list[ImuBlock]]:
+    decode: Callable[[Iterable[Piece]], Decoded], effort: Effort,
+) -> Iterator[Decoded]:
     """
     Decode a part of the file, whole where it is small, else a few MiB at a time.
 
@@ -355,11 +404,11 @@ def _decoded(
 
 
 def _whole(
-    data: bytes, crc: int, wanted: frozenset[int] | set[int],
+    data: bytes, crc: int, wanted: AbstractSet[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[Iterable[Piece]], list[ImuBlock]],
+    decode: Callable[[Iterable[Piece]], Decoded],
     index: Callable[[], NDArray[np.int64]], effort: Effort,
-) -> tuple[list[ImuBlock], int]:
+) -> tuple[Decoded, int]:
     """Decode a decompressed chunk; returns also the bytes at its end that are no records."""
     if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')
@@ -389,10 +438,10 @@ def _verify(source: Readable, size: int, crc: int) -> None:
 
 
 def _stream(
-    source: Readable, size: int, wanted: frozenset[int] | set[int],
+    source: Readable, size: int, wanted: AbstractSet[int],
     describe: Callable[[int, bytes], object],
-    decode: Callable[[Iterable[Piece]], list[ImuBlock]], effort: Effort,
-) -> Iterator[list[ImuBlock]]:
+    decode: Callable[[Iterable[Piece]], Decoded], effort: Effort,
+) -> Iterator[Decoded]:
     """Decode `size` bytes of records, a window at a time."""
     kept, left = b'', size
     while left:

@@ -14,10 +14,11 @@ from pathlib import Path
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.recordings.formats.table import fastest, Table, table_block, table_times
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, ImuTopic, MalformedMessages
+from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
 _TYPES = {
@@ -80,7 +81,7 @@ class UlogRecording(FileRecording):
                 for start in range(0, len(block), _BLOCK):
                     yield (block.part(slice(start, start + _BLOCK)),
                            self.size_bytes * start // len(block))
-        malformed.report(self, topic)
+        malformed.report(self.imu(topic), self.remark)
 
     def _tables(self, names: list[str]) -> Iterator[tuple[str, str, Table]]:
         """Load topics: name, type and columns of each that has messages."""

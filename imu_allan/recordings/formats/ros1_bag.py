@@ -15,9 +15,9 @@ ROS wiki, Bags/Format/2.0
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Set as AbstractSet
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
@@ -29,10 +29,12 @@ from imu_allan.recordings.formats.decompress import DamagedData, decompress
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.gather import collect, in_batches
 from imu_allan.recordings.formats.ros1_header import DamagedHeader, Operation, Ros1Header
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording, MalformedMessages
+from imu_allan.recordings.recording import FileRecording
+from imu_allan.recordings.topic_readings import TopicReading, TopicReadings
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,22 +98,69 @@ class Ros1Recording(FileRecording):
         malformed = MalformedMessages()
         damage = Damage()
         messages = 0
+        imu = self.imu(topic)
+        wanted = {number for number, connection in self._connections.items()
+                  if connection.is_of(imu)}
+
+        def enter(number: int) -> None:
+            if self._connections[number].is_of(imu):
+                wanted.add(number)
+
         with self._stored.open('rb') as file:
             for part in self._walk(file, damage):
-                wanted = self._numbers(topic)
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
-                    for pieces in in_batches(
-                            self._gather(_chunk_data(file, part, effort), topic, effort)):
+                    for pieces in in_batches(piece for _, piece in self._gather(
+                            _chunk_data(file, part, effort), wanted, enter, effort)):
                         for block in decode(pieces, malformed):
                             messages += len(block)
                             yield block, part.start
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
-        malformed.report(self, topic)
-        expected = sum(self._counts.get(number, 0) for number in self._numbers(topic))
+        malformed.report(self.imu(topic), self.remark)
+        expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
+
+    def read_each(self, readings: TopicReadings) -> None:
+        """Read several topics at once."""
+        effort = Effort(self.path, _STEPS_AT_LEAST, _BYTES_PER_STEP)
+        damage = Damage()
+        carried: dict[int, list[TopicReading]] = {}
+
+        def enter(number: int) -> None:
+            connection = self._connections[number]
+            found = [reading for reading in readings.by_source.get(connection.topic, ())
+                     if connection.is_of(reading.imu)]
+            if found:
+                carried[number] = found
+
+        for number in self._connections:
+            enter(number)
+        with self._stored.open('rb') as file:
+            for part in self._walk(file, damage):
+                if readings.given_up:
+                    return
+                if part.counts and not carried.keys() & part.counts.keys():
+                    continue
+                parts: dict[str, list[Piece]] = {}
+                try:
+                    for number, piece in self._gather(
+                            _chunk_data(file, part, effort), carried.keys(), enter, effort):
+                        parts.setdefault(self._connections[number].topic, []).append(
+                            replace(piece, rows=piece.rows.copy()))
+                except DamagedData as error:
+                    damage.chunk_of({reading for number in part.counts
+                                     for reading in carried.get(number, ())}
+                                    if part.counts else None, part.start, str(error))
+                for topic, pieces in parts.items():
+                    for reading in readings.by_source[topic]:
+                        reading.take(in_batches(pieces))
+        expected: Counter[str] = Counter()
+        for number, found in carried.items():
+            for reading in found:
+                expected[reading.imu.name] += self._counts.get(number, 0)
+        damage.report_each(self, readings, expected)
 
     # ---------------------------------------------------------------------------- what is there
 
@@ -151,7 +200,8 @@ class Ros1Recording(FileRecording):
             counts.update(part.counts)
             if not part.counts or part.counts.keys() - self._connections:
                 try:
-                    for _ in self._gather(_chunk_data(file, part, effort), None, effort):
+                    for _ in self._gather(
+                            _chunk_data(file, part, effort), frozenset(), lambda _: None, effort):
                         pass
                 except DamagedData as error:
                     damage.chunk(part.start, str(error))
@@ -160,23 +210,25 @@ class Ros1Recording(FileRecording):
             raise ImuAllanError(
                 f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
 
-    def _describe(self, header: Ros1Header, data: bytes) -> None:
-        """Remember a connection record."""
+    def _describe(self, header: Ros1Header, data: bytes) -> int | None:
+        """Remember a connection record; returns the number of a new one."""
         with suppress(DamagedHeader):
             number = header.number('conn', 4)
             if number in self._connections:
-                return
+                return None
             topic = header.text('topic')
             if not self.keeps(len(topic) + len(data)):
-                return
+                return None
             if len(self._connections) == _MOST_CONNECTIONS:
                 self.remark('many_topics', f'its first {_MOST_CONNECTIONS:,} connections are '
                             'listed, the others are not read')
-                return
+                return None
             fields = Ros1Header(data)
             self._connections[number] = _Connection(
                 topic, fields.text('type'),
                 fields.get('message_definition').decode('utf-8', 'replace'))
+            return number
+        return None
 
     def _list_topics(self) -> None:
         groups: dict[tuple[str, str], list[int]] = {}
@@ -191,15 +243,6 @@ class Ros1Recording(FileRecording):
             if self.list_topic(topic, kind, 'ros1', count if self._counts else None,
                                Definition(text) if text.strip() else None):
                 listed.add(topic)
-
-    def _numbers(self, topic: str | None) -> set[int]:
-        """Return the connections of one of `topics`."""
-        if topic is None:
-            return set()
-        imu = self.imu(topic)
-        return {number for number, connection in self._connections.items()
-                if connection.topic == imu.topic
-                and normal_name(connection.type_name) == imu.messages.type_name}
 
     # ------------------------------------------------------------------------------ going through
 
@@ -234,9 +277,26 @@ class Ros1Recording(FileRecording):
                 break
             at = record.start + record.length
 
-    def _gather(self, buffer: bytes, topic: str | None, effort: Effort) -> Iterator[Piece]:
+    def _gather(self, buffer: bytes, wanted: AbstractSet[int], enter: Callable[[int], None],
+                effort: Effort) -> Iterator[tuple[int, Piece]]:
         """
-        Gather the messages of `topic` from a chunk, and remember its connections.
+        Gather the messages of connections from a chunk, and remember the connections in it.
+
+        Parameters
+        ----------
+        buffer : bytes
+            The chunk.
+        wanted : set of int
+            Numbers of the connections; looked at anew after each call of `enter`.
+        enter : callable
+            Called with the number of each connection that was not known.
+        effort : Effort
+            How many records may be stepped through.
+
+        Yields
+        ------
+        (int, Piece)
+            With the number of their connection.
 
         Raises
         ------
@@ -245,7 +305,6 @@ class Ros1Recording(FileRecording):
             after the messages before.
 
         """
-        wanted = self._numbers(topic)
         heads: list[_MessageHead] = []
         scattered: list[int] = []
         scattered_head: _MessageHead | None = None
@@ -256,10 +315,9 @@ class Ros1Recording(FileRecording):
                 effort.step()
                 head = _head_at(buffer, at, heads)
                 if head is None:
-                    known = len(self._connections)
-                    at = self._gather_connection(buffer, at)
-                    if len(self._connections) > known:
-                        wanted = self._numbers(topic)
+                    at, number = self._gather_connection(buffer, at)
+                    if number is not None:
+                        enter(number)
                     continue
             except DamagedData as error:
                 failure = error
@@ -267,23 +325,22 @@ class Ros1Recording(FileRecording):
             count = _equal_records(buffer, at, head)
             if head.connection in wanted:
                 if scattered_head is not None and (count > 1 or head is not scattered_head):
-                    yield _piece(collect(
-                        buffer, np.array(scattered), scattered_head.stride), scattered_head)
+                    yield _scattered(buffer, scattered, scattered_head)
                     scattered, scattered_head = [], None
                 if count > 1:
-                    yield _piece(np.ndarray((count, head.stride), np.uint8, buffer, at), head)
+                    yield head.connection, _piece(
+                        np.ndarray((count, head.stride), np.uint8, buffer, at), head)
                 else:
                     scattered.append(at)
                     scattered_head = head
             at += count * head.stride
         if scattered_head is not None:
-            yield _piece(collect(
-                        buffer, np.array(scattered), scattered_head.stride), scattered_head)
+            yield _scattered(buffer, scattered, scattered_head)
         if failure is not None:
             raise failure
 
-    def _gather_connection(self, buffer: bytes, at: int) -> int:
-        """Remember the connection record at `at`; returns where it ends."""
+    def _gather_connection(self, buffer: bytes, at: int) -> tuple[int, int | None]:
+        """Remember the connection record at `at`; returns its end, and its number if new."""
         start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
         try:
             if start > len(buffer):
@@ -296,8 +353,8 @@ class Ros1Recording(FileRecording):
         if end > len(buffer):
             raise DamagedData(f'the record at byte {at} of it is cut short')
         if operation == Operation.CONNECTION and end - start <= _LARGEST_DEFINITION:
-            self._describe(header, buffer[start:end])
-        return end
+            return end, self._describe(header, buffer[start:end])
+        return end, None
 
 
 @dataclass(frozen=True)
@@ -305,6 +362,11 @@ class _Connection:
     topic: str
     type_name: str
     definition: str
+
+    def is_of(self, imu: ImuTopic) -> bool:
+        """Whether it carries the messages of an Imu topic."""
+        return (self.topic == imu.topic
+                and normal_name(self.type_name) == imu.messages.type_name)
 
 
 @dataclass(frozen=True)
@@ -465,3 +527,7 @@ def _piece(records: NDArray[np.uint8], head: _MessageHead) -> Piece:
     time = records[:, head.time_at:head.time_at + 8].view(_TIME)[:, 0]
     return Piece(records[:, head.size:],
                  time['sec'].astype(np.int64) * 1_000_000_000 + time['nsec'])
+
+
+def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> tuple[int, Piece]:
+    return head.connection, _piece(collect(buffer, np.array(places), head.stride), head)

@@ -8,7 +8,7 @@ left beside the file, that is done in a copy.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import groupby
@@ -33,10 +33,12 @@ from imu_allan.recordings.formats.untrusted_database import (
     require_plain_tables,
     untrusted_database,
 )
+from imu_allan.recordings.imu_topic import MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import MalformedMessages, Recording
+from imu_allan.recordings.recording import Recording
+from imu_allan.recordings.topic_readings import TopicReadings
 import numpy as np
 
 _FETCH = 64
@@ -57,10 +59,15 @@ _MOST_NUMBERS = 500
 """Numbers that one topic may have; rosbag2 gives it one."""
 _HELD_BYTES = 1 << 24
 """Bytes of messages that are held at a time, where messages are large."""
+_HELD_BYTES_OF_ALL = 1 << 26
+"""The same of several topics together."""
+_MOST_AT_ONCE = 8000
+"""Numbers of topics in one statement: each takes 2 of the 25,000 steps that it may have."""
 _TABLES = ('messages', 'topics')
 _INTEGER = "CASE typeof({0}) WHEN 'integer' THEN {0} END"
 """A value that is not looked at where it is something else, however long."""
 _BLOB = f"CASE WHEN typeof(data) = 'blob' AND length(data) <= {LONGEST_VALUE} THEN data END"
+_COLUMNS = f'ifnull({_INTEGER.format("timestamp")}, 0), {_BLOB}, rowid'
 _TEXT = "CASE typeof({0}) WHEN 'text' THEN {0} ELSE '' END"
 _TOPIC_TEXTS = ('name', 'type', 'serialization_format')
 _NO_MESSAGE = MalformedImu(f'not a blob of {LONGEST_VALUE:,} bytes at most')
@@ -122,7 +129,86 @@ class SqliteRecording(Recording):
             for pieces, position in self._pieces(database, topic, malformed):
                 for block in decode(pieces, malformed):
                     yield block, position
-        malformed.report(self, topic)
+        malformed.report(self.imu(topic), self.remark)
+
+    def read_each(self, readings: TopicReadings) -> None:
+        """Read several topics at once; of a damaged database none."""
+        source_of: dict[int, str] = {}
+        for source, same in readings.by_source.items():
+            if len(self._numbers[source]) <= _MOST_NUMBERS:
+                source_of |= dict.fromkeys(self._numbers[source], source)
+            else:
+                for reading in same:
+                    reading.drop()
+        numbers = list(source_of)
+        effort = Effort(self.path, 0)
+        try:
+            with self._database() as database:
+                for first in range(0, len(numbers), _MOST_AT_ONCE):
+                    self._read_numbers(database, numbers[first:first + _MOST_AT_ONCE], source_of,
+                                       readings, effort)
+        except sqlite3.Error:
+            # What can be saved of it is another way for each topic.
+            readings.drop()
+            return
+        readings.decode()
+        for reading in readings.present:
+            with self.remarks_apart() as own:
+                reading.malformed.report(reading.imu, self.remark)
+            readings.tell(own, reading)
+
+    def _read_numbers(self, database: sqlite3.Connection, numbers: list[int],
+                      source_of: Mapping[int, str], readings: TopicReadings, effort: Effort
+                      ) -> None:
+        """Read the messages of several topic numbers in the order of recording."""
+        fetched: dict[str, list[Row]] = {source_of[number]: [] for number in numbers}
+        held: dict[str, _HeldMessages] = {}
+        held_bytes = 0
+
+        def hand_on(source: str) -> None:
+            pieces = held[source].pieces()
+            for reading in readings.by_source[source]:
+                reading.take([pieces])
+
+        def take(source: str) -> None:
+            some, fetched[source] = fetched[source], []
+            if source not in held:
+                def malformed(count: int, error: MalformedImu) -> None:
+                    for reading in readings.by_source[source]:
+                        reading.malformed(count, error)
+                held[source] = _HeldMessages(effort, malformed)
+            if held[source].full:
+                hand_on(source)
+            held[source].take(some)
+
+        def hand_all_on() -> None:
+            for source, some in fetched.items():
+                if some:
+                    take(source)
+                if source in held:
+                    hand_on(source)
+
+        left = self._room
+        cursor = database.execute(
+            f'SELECT {_COLUMNS}, topic_id FROM messages NOT INDEXED '
+            f'WHERE {_INTEGER.format("topic_id")} IN ({_marks(numbers)}) ORDER BY rowid', numbers)
+        while rows := cursor.fetchmany(_FETCH):
+            if readings.given_up:
+                return
+            size = sum(len(row[1]) for row in rows if row[1])
+            left -= size
+            if left < 0:
+                raise sqlite3.DatabaseError('its messages have more bytes than the file')
+            for *row, number in rows:
+                source = source_of[number]
+                fetched[source].append(tuple(row))
+                if len(fetched[source]) == _FETCH:
+                    take(source)
+            held_bytes += size
+            if held_bytes > _HELD_BYTES_OF_ALL:
+                hand_all_on()
+                held_bytes = 0
+        hand_all_on()
 
     # ---------------------------------------------------------------------------- what is there
 
@@ -276,34 +362,15 @@ class SqliteRecording(Recording):
         with suppress(sqlite3.Error):
             first, last = (number for order in ('ASC', 'DESC') for [number] in database.execute(
                 f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'))
-        pieces: list[Piece] = []
-        parts: list[bytes] = []
-        stamps: list[int] = []
-        size = position = held = held_bytes = 0
-        effort = Effort(self.path, 0)
+        held = _HeldMessages(Effort(self.path, 0), malformed)
+        position = 0
         for fetched in self._fetched(database, topic):
-            times, data, numbers = zip(*fetched, strict=True)
-            if None in data:
-                malformed(data.count(None), _NO_MESSAGE)
-                times, data = _messages(times, data)
-            if data and is_compressed(data[0]):
-                data = tuple(unpacked_message(message, effort) for message in data)
-            if parts and (held >= _DECODE or held_bytes >= _HELD_BYTES):
-                yield [*pieces, _piece(parts, stamps, size)], position
-                pieces, parts, stamps, held, held_bytes = [], [], [], 0, 0
-            for length, run in _equal_sizes(data):
-                if parts and length != size:
-                    pieces.append(_piece(parts, stamps, size))
-                    parts, stamps = [], []
-                size = length
-                parts.append(b''.join(data[run]))
-                stamps += times[run]
-                held_bytes += len(parts[-1])
-            held += len(data)
-            share = (numbers[-1] - first) / max(last - first, 1)
+            if held.full:
+                yield held.pieces(), position
+            held.take(fetched)
+            share = (fetched[-1][2] - first) / max(last - first, 1)
             position = int(self.size_bytes * min(max(share, 0.0), 1.0))
-        if parts:
-            yield [*pieces, _piece(parts, stamps, size)], position
+        yield held.pieces(), position
 
     def _fetched(self, database: sqlite3.Connection, topic: str) -> Iterator[list[Row]]:
         """Fetch rows; reading goes on behind damaged pages."""
@@ -313,14 +380,13 @@ class SqliteRecording(Recording):
                         f'{printable(topic)} is entered {len(numbers)} times; the messages of '
                         f'the first {_MOST_NUMBERS} entries were read')
             numbers = numbers[:_MOST_NUMBERS]
-        columns = f'ifnull({_INTEGER.format("timestamp")}, 0), {_BLOB}, rowid'
         source = (f'FROM messages NOT INDEXED WHERE {_INTEGER.format("topic_id")} '
                   f'IN ({_marks(numbers)})')
         messages = 0
         left = self._room
         reason: Exception
         try:
-            cursor = database.execute(f'SELECT {columns} {source} ORDER BY rowid', numbers)
+            cursor = database.execute(f'SELECT {_COLUMNS} {source} ORDER BY rowid', numbers)
             while rows := cursor.fetchmany(_FETCH):
                 messages += len(rows)
                 left -= sum(len(row[1]) for row in rows if row[1])
@@ -336,7 +402,7 @@ class SqliteRecording(Recording):
                     f'SELECT rowid {source} ORDER BY rowid LIMIT 1 OFFSET ?',
                     (*numbers, max(messages, 1) - 1)):
                 last = number if messages else number - 1
-        query = f'SELECT {columns} {source} AND rowid > ? ORDER BY rowid'
+        query = f'SELECT {_COLUMNS} {source} AND rowid > ? ORDER BY rowid'
         places = step = 0
         while (step < _LONGEST_STEP and places < _MOST_PLACES and left >= 0
                and not self._budget.exhausted):
@@ -397,6 +463,51 @@ def _messages(times: Sequence[int], data: Sequence[bytes | None],
     kept = [(stamp, message) for stamp, message in zip(times, data, strict=True)
             if message is not None]
     return tuple(stamp for stamp, _ in kept), tuple(message for _, message in kept)
+
+
+class _HeldMessages:
+    """Messages of a topic as they are fetched, those of one size in a row as one piece."""
+
+    def __init__(self, effort: Effort, malformed: Callable[[int, MalformedImu], None]) -> None:
+        self._effort, self._malformed = effort, malformed
+        self._pieces: list[Piece] = []
+        self._parts: list[bytes] = []
+        self._stamps: list[int] = []
+        self._size = self._count = self._bytes = 0
+
+    @property
+    def full(self) -> bool:
+        """Whether they are to be decoded before more are taken."""
+        return self._count >= _DECODE or self._bytes >= _HELD_BYTES
+
+    def take(self, fetched: Sequence[Row]) -> None:
+        """Take some `_FETCH` rows."""
+        times, data = zip(*(row[:2] for row in fetched), strict=True)
+        if None in data:
+            self._malformed(data.count(None), _NO_MESSAGE)
+            times, data = _messages(times, data)
+        if data and is_compressed(data[0]):
+            data = tuple(unpacked_message(message, self._effort) for message in data)
+        for length, run in _equal_sizes(data):
+            if length != self._size:
+                self._end_piece()
+            self._size = length
+            self._parts.append(b''.join(data[run]))
+            self._stamps += times[run]
+            self._bytes += len(self._parts[-1])
+        self._count += len(data)
+
+    def pieces(self) -> list[Piece]:
+        """Give what is held, and hold it no longer."""
+        self._end_piece()
+        pieces, self._pieces = self._pieces, []
+        self._count = self._bytes = 0
+        return pieces
+
+    def _end_piece(self) -> None:
+        if self._parts:
+            self._pieces.append(_piece(self._parts, self._stamps, self._size))
+            self._parts, self._stamps = [], []
 
 
 def _piece(parts: list[bytes], stamps: list[int], size: int) -> Piece:
