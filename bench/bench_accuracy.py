@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 DEGREE = np.pi / 180
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
 PROCESS = 'gauss_markov'
-_CONSUMER = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 6.5e-5 * DEGREE}
-_WALKING = {**_CONSUMER, K: 2.5e-4 * DEGREE}
+CONSUMER = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 6.5e-5 * DEGREE}
+WALKING = {**CONSUMER, K: 2.5e-4 * DEGREE}
 _SETTLING = 2000
 
 
@@ -90,22 +90,22 @@ _A = {N: 0.00069, B: 0.044, K: 0.30}
 _B = {N: 0.00084, B: 0.10, K: 0.17}
 _HOUR = 3600.0
 CASES = {
-    'A': Case(_CONSUMER, 100, 3 * _HOUR, _A),
-    'B': Case(_WALKING, 200, _HOUR, _B),
-    'N': Case({N: _CONSUMER[N]}, 100, _HOUR, {}),
-    'NK': Case({N: _CONSUMER[N], K: _WALKING[K]}, 100, 3 * _HOUR, {}),
-    'NB': Case({N: _CONSUMER[N], B: _CONSUMER[B]}, 100, 3 * _HOUR, {}),
-    'NBK': Case(_WALKING, 100, 3 * _HOUR, {}),
-    'QNB': Case({'quantization_noise': 3e-6, N: _CONSUMER[N], B: _CONSUMER[B]}, 100, 3 * _HOUR,
+    'A': Case(CONSUMER, 100, 3 * _HOUR, _A),
+    'B': Case(WALKING, 200, _HOUR, _B),
+    'N': Case({N: CONSUMER[N]}, 100, _HOUR, {}),
+    'NK': Case({N: CONSUMER[N], K: WALKING[K]}, 100, 3 * _HOUR, {}),
+    'NB': Case({N: CONSUMER[N], B: CONSUMER[B]}, 100, 3 * _HOUR, {}),
+    'NBK': Case(WALKING, 100, 3 * _HOUR, {}),
+    'QNB': Case({'quantization_noise': 3e-6, N: CONSUMER[N], B: CONSUMER[B]}, 100, 3 * _HOUR,
                 {}),
     'GM': Case({N: 1e-3, PROCESS: {'sigma': 1e-3, 'correlation_time_s': 60.0}}, 100, _HOUR, {}),
-    '1st order 20 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(1, 20, fs=100)),
-    '2nd order 20 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 20, fs=100)),
-    '2nd order 5 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(2, 5, fs=100)),
-    '4th order 10 Hz': Case(_CONSUMER, 100, 3 * _HOUR, _A, butter(4, 10, fs=100)),
-    'boxcar 8': Case(_CONSUMER, 100, 3 * _HOUR, _A, ([1 / 8] * 8, [1.0])),
-    'f^-0.7': Case({N: _CONSUMER[N]}, 100, _HOUR, {}, power_law=(0.7, 5.0)),
-    'f^-1.3': Case({N: _CONSUMER[N]}, 100, _HOUR, {}, power_law=(1.3, 5.0)),
+    '1st order 20 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(1, 20, fs=100)),
+    '2nd order 20 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(2, 20, fs=100)),
+    '2nd order 5 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(2, 5, fs=100)),
+    '4th order 10 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(4, 10, fs=100)),
+    'boxcar 8': Case(CONSUMER, 100, 3 * _HOUR, _A, ([1 / 8] * 8, [1.0])),
+    'f^-0.7': Case({N: CONSUMER[N]}, 100, _HOUR, {}, power_law=(0.7, 5.0)),
+    'f^-1.3': Case({N: CONSUMER[N]}, 100, _HOUR, {}, power_law=(1.3, 5.0)),
 }
 
 Estimates = dict[str, tuple[float, float, float, bool]]
@@ -246,25 +246,25 @@ def show(name: str, trials: Sequence[Any]) -> None:
 
 
 TERMS_OF_DRAWN = ('quantization_noise', N, B, K)
-_WEAK_Q = _CONSUMER[N] * np.sqrt(np.sqrt(2 / 360_000) * 0.01 / 2 * 1.15)
+_WEAK_Q = CONSUMER[N] * np.sqrt(np.sqrt(2 / 360_000) * 0.01 / 2 * 1.15)
 """Quantization noise whose square is one standard error, in an hour at 100 Hz."""
 
 
 def drawn_cases() -> dict[str, tuple[float, float, dict[str, float], list[Callable[..., Any]]]]:
     """Sample rate, hours, terms and courses of the mean of the cases that `--drawn` runs."""
-    still = {N: _CONSUMER[N], B: _CONSUMER[B]}
-    flicker = _CONSUMER[B]
+    still = {N: CONSUMER[N], B: CONSUMER[B]}
+    flicker = CONSUMER[B]
 
     def ramp(slope: float) -> Callable[[Array], Array]:
         return lambda time: slope * time
 
-    steep = 3 * _WALKING[K] / np.sqrt(_HOUR)
+    steep = 3 * WALKING[K] / np.sqrt(_HOUR)
     return {
-        'A': (100, 3, _CONSUMER, []),
-        'B': (200, 1, _WALKING, []),
+        'A': (100, 3, CONSUMER, []),
+        'B': (200, 1, WALKING, []),
         'N + B': (100, 1, still, []),
         'N + B + ramp of 5 standard errors': (100, 1, still, [ramp(4.4 * flicker / _HOUR)]),
-        'N + B + K + ramp of 3 standard errors': (100, 1, _WALKING, [ramp(steep)]),
+        'N + B + K + ramp of 3 standard errors': (100, 1, WALKING, [ramp(steep)]),
         'warm-up 10 B exp(-t/600 s)': (
             100, 2, still, [lambda time: 10 * flicker * np.exp(-time / 600)]),
         'warm-up 1000 B exp(-t/1800 s)': (
@@ -273,7 +273,7 @@ def drawn_cases() -> dict[str, tuple[float, float, dict[str, float], list[Callab
             100, 2, still, [lambda time: 100 * flicker * np.exp(-time / 120)
                             + 50 * flicker * np.exp(-time / 1800)]),
         'warm-up 100 B exp(-t/600 s) beside the weak K of case A': (
-            100, 2, _CONSUMER, [lambda time: 100 * flicker * np.exp(-time / 600)]),
+            100, 2, CONSUMER, [lambda time: 100 * flicker * np.exp(-time / 600)]),
         'sine of 20 min, 2 B, 1 h': (
             100, 1, still, [lambda time: 2 * flicker * np.sin(2 * np.pi * time / 1200)]),
         'sine of 20 min, 2 B, 2 h': (

@@ -3,8 +3,8 @@
 """
 What the thresholds are worth that a user's number rests on: each as it is, halved and doubled.
 
-Prints the table of docs/statistics.md. On one side stands what must not be found because it is not
-there, on the other what should be found because it is.
+Prints the table of docs/statistics.md, each share with its standard error. On one side stands what
+must not be found because it is not there, on the other what should be found because it is.
 
     python bench/bench_constants.py --runs 100
     python bench/bench_constants.py --only OBSERVABLE _SIGMAS
@@ -15,25 +15,32 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 import sys
-from typing import Any
 
-from bench_accuracy import CASES, drawn_cases, TERMS_OF_DRAWN
+from bench_accuracy import CONSUMER, drawn_cases, TERMS_OF_DRAWN, WALKING
 from drawn_spectra import draw, shape_of
 from imu_allan.block import ImuBlock
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.bias_step import bias_step
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
+from imu_allan.noise.signal_over_time import Signal
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.timeline import TimelineOptions, TimelineStage
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter
 
 Array = NDArray[np.float64]
-Measure = Callable[[int], float]
-"""A share, or a ratio, from so many records."""
+Measure = Callable[[int], Sequence[float]]
+"""Answers of so many records: yes or no, or a ratio."""
+
+Filter = tuple[Sequence[float], Sequence[float]]
 
 N, B, K, R = 'noise_density', 'bias_instability', 'rate_random_walk', 'rate_ramp'
+
+_LOW_PASS: Filter = butter(2, 20, fs=100)
+_WEAK: Filter = ([0.99, 0.01], [1.0])
 
 
 @contextmanager
@@ -62,10 +69,10 @@ def _spectra(case: str, runs: int) -> tuple[float, list[RecordSpectrum]]:
 
 
 def _said(case: str, says: Callable[[Fit], bool]) -> Measure:
-    """Share of drawn spectra of which a fit says something."""
-    def measure(runs: int) -> float:
+    """Whether a fit says something of drawn spectra."""
+    def measure(runs: int) -> Sequence[float]:
         dt, spectra = _spectra(case, runs)
-        return float(np.mean([says(fit(one.groups(), dt, None, one)) for one in spectra]))
+        return [says(fit(one.groups(), dt, None, one)) for one in spectra]
     return measure
 
 
@@ -75,8 +82,8 @@ def _seen(key: str) -> Callable[[Fit], bool]:
 
 def _fitted(draw_one: Callable[[int], Array], rate_hz: float,
             asked: Callable[[AxisFit], float]) -> Measure:
-    """Mean of an answer over records."""
-    def measure(runs: int) -> float:
+    """Answers of records that are fitted from their samples on."""
+    def measure(runs: int) -> Sequence[float]:
         answers = []
         for seed in range(runs):
             estimator = Estimator()
@@ -84,7 +91,7 @@ def _fitted(draw_one: Callable[[int], Array], rate_hz: float,
             [found] = fit_axes(estimator.finished(), 1 / rate_hz)
             assert found is not None
             answers.append(asked(found))
-        return float(np.mean(answers))
+        return answers
     return measure
 
 
@@ -108,22 +115,59 @@ def _markov(seed: int) -> Array:
                     72_000, 20.0, seed)
 
 
-def _low_passed(seed: int) -> Array:
-    return CASES['2nd order 20 Hz'].record(seed)[:360_000]
+def _bent(asked: Callable[[Fit], float], *, low_pass: Filter | None = None,
+          flicker_up_to_hz: float = 0.0, exponent: float = 1.0,
+          process: tuple[float, float] | None = None) -> Measure:
+    """Answers of an hour at 100 Hz: white noise with slow noise or a process, behind a filter."""
+    @lru_cache(maxsize=1)
+    def spectra(runs: int) -> list[RecordSpectrum]:
+        density = CONSUMER[N]
+        law = density * (2 * np.pi * flicker_up_to_hz)**(exponent / 2), exponent
+        return draw(shape_of(360_000), [0.0, density**2, 0.0, 0.0], 0.01, runs,
+                    np.random.default_rng(0), process=process,
+                    power_law=law if flicker_up_to_hz else None, low_pass=low_pass)
+
+    return lambda runs: [asked(fit(one.groups(), 0.01, None, one)) for one in spectra(runs)]
+
+
+def _stepped(size: float, walk: float = 0.0) -> Measure:
+    """Whether a step of so many B in the middle of two hours of flicker, or a walk, is told."""
+    @lru_cache(maxsize=1)
+    def signals(runs: int) -> list[Signal]:
+        found = []
+        for seed in range(runs):
+            samples = simulate({**CONSUMER, K: walk}, 72_000, 10.0, seed)
+            samples[36_000:] += size * CONSUMER[B]
+            found.append(Signal(1))
+            found[-1].absorb(samples[None, :])
+        return found
+
+    return lambda runs: [bias_step(one.columns(), 0) is not None for one in signals(runs)]
 
 
 def _unsteady(found: AxisFit) -> bool:
     return found.steadiness is not None and not found.steadiness.steady
 
 
-def _off(found: AxisFit) -> float:
-    truth = CASES['2nd order 20 Hz'].truth(N)
-    return abs(found.fit.estimates[N].value / truth - 1)
+def _off(found: Fit) -> float:
+    return abs(found.estimates[N].value / CONSUMER[N] - 1)
+
+
+def _widened(found: Fit) -> bool:
+    return found.trial is not None and found.trial.dispersion > 1
+
+
+def _is_power_law(found: Fit) -> bool:
+    return found.power_law is not None
+
+
+def _levels_out(found: Fit) -> bool:
+    return found.plateau is not None
 
 
 def _cut(disturbance: Callable[[Array], Array]) -> Measure:
     """Share of ten minutes at 100 Hz that is left out as motion."""
-    def measure(runs: int) -> float:
+    def measure(runs: int) -> Sequence[float]:
         cut = []
         for seed in range(max(runs // 5, 1)):
             time = np.arange(60_000) / 100.0
@@ -135,7 +179,7 @@ def _cut(disturbance: Callable[[Array], Array]) -> Measure:
             block = ImuBlock(stamps, stamps, samples, np.zeros((60_000, 2), bool), 'imu')
             kept = sum(map(len, [*stage.push(block), *stage.flush()]))
             cut.append(1 - kept / 60_000)
-        return float(np.mean(cut))
+        return cut
     return measure
 
 
@@ -144,8 +188,10 @@ def _shaken(sigmas: float) -> Callable[[Array], Array]:
     return lambda time: np.where(time % 10 < 2, sigmas * 0.01 * np.sin(20 * np.pi * time), 0.0)
 
 
-def _share(value: float) -> str:
-    return f'{100 * value:.3g} %'
+def _cell(answers: Sequence[float]) -> str:
+    """Write a mean in per cent with its standard error."""
+    mean, error = 100 * np.mean(answers), 100 * np.std(answers) / np.sqrt(len(answers))
+    return f'{mean:.2g} ± {error:.1g} %' if error else f'{mean:.3g} %'
 
 
 CONSTANTS: dict[str, Sequence[tuple[str, Measure]]] = {
@@ -167,16 +213,34 @@ CONSTANTS: dict[str, Sequence[tuple[str, Measure]]] = {
         ('process of a minute, an hour',
          _fitted(_markov, 20.0, lambda found: found.fit.gauss_markov is not None))),
     '_LEAST_SPREAD': tuple(
-        (f'told of noise louder by {_share(share)} in one half',
+        (f'told of noise louder by {100 * share:g} % in one half',
          _fitted(_louder(share), 100.0, _unsteady)) for share in (0.025, 0.05, 0.1)),
     'BENT_P': (
-        ('band cut of white noise',
-         _fitted(_white, 100.0, lambda found: found.fit.edge_hz is not None)),
-        ('N off behind a low-pass of 20 Hz', _fitted(_low_passed, 100.0, _off))),
+        ('band cut of flicker', _said('N + B', lambda found: found.edge_hz is not None)),
+        ('N off behind a low-pass of 20 Hz', _bent(_off, low_pass=_LOW_PASS)),
+        ('N off behind a mean that takes 4 % at the edge', _bent(_off, low_pass=_WEAK))),
     'SMALLEST_P': (
-        ('band cut of white noise',
-         _fitted(_white, 100.0, lambda found: found.fit.edge_hz is not None)),
-        ('N off behind a low-pass of 20 Hz', _fitted(_low_passed, 100.0, _off))),
+        ('interval widened of flicker', _said('N + B', _widened)),
+        ('N off behind a low-pass of 20 Hz', _bent(_off, low_pass=_LOW_PASS)),
+        ('N off behind a mean that takes 4 % at the edge', _bent(_off, low_pass=_WEAK))),
+    '_OBSERVABLE_EXPONENT': (
+        ('exponent of flicker behind a recursive mean',
+         _bent(_is_power_law, flicker_up_to_hz=5.0, low_pass=([0.88], [1.0, -0.12]))),
+        ('exponent 0.7 that crosses N at 0.1 Hz',
+         _bent(_is_power_law, flicker_up_to_hz=0.1, exponent=0.7)),
+        ('exponent 0.85 that crosses N at 0.1 Hz',
+         _bent(_is_power_law, flicker_up_to_hz=0.1, exponent=0.85))),
+    '_LEVEL_ERROR': (
+        ('plateau behind a low-pass of 5 Hz', _bent(_levels_out, low_pass=butter(2, 5, fs=100))),
+        ('plateau behind a mean of 8 samples', _bent(_levels_out, low_pass=([1 / 8] * 8, [1.0]))),
+        *((f'white noise over noise of {time:g} s',
+           _bent(_levels_out, process=(CONSUMER[N] / np.sqrt(2 * time), time)))
+          for time in (0.02, 0.05, 0.1))),
+    '_OUTSTANDING': (
+        ('step in a walk, 2 h', _stepped(0.0, WALKING[K])),
+        ('step in flicker', _stepped(0.0)),
+        *((f'step of {size:g} B in flicker', _stepped(size)) for size in (3.0, 5.0, 10.0)),
+        ('step of 10 B in a walk', _stepped(10.0, WALKING[K]))),
     '_FALSE_ALARM': (
         ('lines of white noise', _fitted(_white, 100.0, lambda found: bool(found.lines))),
         ('line of 0.03 sigma',
@@ -197,10 +261,10 @@ def main() -> int:
     print('| constant | what is found | halved | as it is | doubled |\n|' + ' --- |' * 5)
     for name in options.only:
         for question, measure in CONSTANTS[name]:
-            cells: list[Any] = []
+            cells = []
             for factor in (0.5, 1.0, 2.0):
                 with scaled(name, factor):
-                    cells.append(_share(measure(options.runs)))
+                    cells.append(_cell(measure(options.runs)))
             print(f'| `{name}` | {question} | {" | ".join(cells)} |', flush=True)
     return 0
 

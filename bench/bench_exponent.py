@@ -15,7 +15,7 @@ import argparse
 from collections.abc import Sequence
 import sys
 
-from bench_accuracy import _CONSUMER, B, K, N
+from bench_accuracy import B, CONSUMER, K, N
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.trends import RecordSpectrum
@@ -55,7 +55,7 @@ def show(name: str, found: Sequence[Fit]) -> None:
 
 def squares(*keys: str) -> list[float]:
     """Squared coefficients of a sensor that has these terms."""
-    return [0.0, *(_CONSUMER[key]**2 if key in keys else 0.0 for key in (N, B, K))]
+    return [0.0, *(CONSUMER[key]**2 if key in keys else 0.0 for key in (N, B, K))]
 
 
 def main() -> int:
@@ -66,7 +66,7 @@ def main() -> int:
     parser.add_argument('--exponents', type=float, nargs='*', default=EXPONENTS)
     options = parser.parse_args()
     runs = options.runs
-    pieces, density = shape_of(HOUR), _CONSUMER[N]
+    pieces, density = shape_of(HOUR), CONSUMER[N]
     print('| exponent | crosses N at | told | its interval holds | N off, rms | N holds | K |\n|'
           + ' --- |' * 7)
     for exponent in options.exponents:
@@ -96,7 +96,7 @@ def main() -> int:
             pieces, strong, DT, runs, rng, low_pass=([1 - share], [1.0, -share]))))
     for name, (size, time) in PROCESSES.items():
         show(f'process of {name}', fitted(draw(
-            pieces, squares(N, B), DT, runs, rng, process=(size * _CONSUMER[B], time))))
+            pieces, squares(N, B), DT, runs, rng, process=(size * CONSUMER[B], time))))
     for time in (0.05, 0.1):
         # At the slow end it is as strong as the white noise.
         show(f'white noise, and as much over {time:g} s', fitted(draw(

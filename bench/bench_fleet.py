@@ -17,6 +17,7 @@ one worker is killed after a third of the recordings and another comes in its pl
 are of an hour at 200 Hz; 25 are simulated, the others are the same files under other names.
 """
 
+import argparse
 from contextlib import ExitStack
 from dataclasses import replace
 import os
@@ -335,6 +336,20 @@ def watched(model: dict[str, float], key: str, limit: float, margin: float, rate
     return decision, done / rate
 
 
+PARTS = {'joint': joint, 'moving': moving, 'jumping': jumping, 'units': units,
+         'sequential': sequential, 'dask': dask}
+
+
+def main() -> int:
+    """Run one part."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('part', choices=list(PARTS))
+    parser.add_argument('runs', type=int, nargs='?', default=100)
+    options = parser.parse_args()
+    PARTS[options.part](options.runs)
+    return 0
+
+
 if __name__ == '__main__':
-    {'joint': joint, 'moving': moving, 'jumping': jumping, 'units': units,
-     'sequential': sequential, 'dask': dask}[sys.argv[1]](int(sys.argv[2]))
+    sys.exit(main())
