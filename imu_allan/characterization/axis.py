@@ -268,6 +268,17 @@ def unsteady(axis: AxisResult) -> AxisResult:
     return replace(axis, stationarity=replace(axis.stationarity, steady=False))
 
 
+def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
+    """Return an axis whose noise density may be off by such shares, too, beside chance."""
+    found = axis.coefficients['noise_density']
+    if found.ci95 is None or not (too_low or too_high):
+        return axis
+    low, high = found.ci95
+    interval = low / (1 + too_high), high * (1 + too_low)
+    return replace(axis, coefficients=dict(axis.coefficients) | {
+        'noise_density': replace(found, ci95=interval)})
+
+
 def _upper_bound(found: Coefficient) -> Coefficient:
     """Return what was found as the most that it may be."""
     if not found.observable or found.ci95 is None:

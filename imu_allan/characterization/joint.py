@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
-from imu_allan.characterization.axis import axis_results
+from imu_allan.characterization.axis import axis_results, widened
 from imu_allan.characterization.findings import length_remarks, warm_up_remarks
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.stream import Characterization, FinishedGroup, FinishedRecord
@@ -95,8 +95,9 @@ def joint_result(recordings: Sequence[Characterization],
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
-    axes = {name: replace(_with_faults(_with_spread(axis, name, parts), name, parts),
-                          stationarity=_stationarity(name, parts))
+    error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
+    axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
+                                  stationarity=_stationarity(name, parts)), *error)
             for name, (axis, _) in fitted.items()}
     found = [Remark(remark.code, f'{name}: {remark.message}')
              for name, (_, own) in fitted.items() for remark in own]

@@ -15,7 +15,7 @@ import json
 from typing import Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
-from imu_allan.characterization.axis import axis_results, bounded, unsteady
+from imu_allan.characterization.axis import axis_results, bounded, unsteady, widened
 from imu_allan.characterization.findings import (
     copy_remark,
     halves_remarks,
@@ -301,10 +301,13 @@ class Characterization:
             raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error
         summary = twin.summary()
         if summary.mostly_motion and self._kind == 'recording':
+            # Two sensors on one topic shake as much as one that moves.
+            mixed = ''.join(f'; {remark.message}' for remark in summary.remarks
+                            if remark.code == 'several_publishers')
             raise ImuAllanError(
                 f'{self._path}, topic {self._topic}: the IMU moves during most of the recording; '
                 'record it at rest, choose a still part with --start and --duration, or keep '
-                'everything with --motion keep')
+                f'everything with --motion keep{mixed}')
         axes, found, fits = twin._axes(summary, tested)
         source = Source(self._kind, self._path, self._topic, summary.frame_id,
                         summary.start_time, summary.clock)
@@ -336,6 +339,7 @@ class Characterization:
             axes |= self._fit_group(group, rate, remarks, unclear, tested, fits)
         axes = {name: bounded(axes[name]) if name in summary.turned else axes[name]
                 for name in AXES if name in axes}
+        axes = {name: widened(axis, *summary.density_error) for name, axis in axes.items()}
         unclear.update(summary.turned)
         remarks += warm_up_remarks(axes, summary.timeline.duration_s)
         return axes, remarks + length_remarks(axes, summary, unclear), fits

@@ -111,6 +111,44 @@ def several_publishers() -> dict[str, str]:
         'the publishers')}
 
 
+def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
+    """
+    Bound what faults of the stamps, as the remarks tell, may have done to noise densities.
+
+    Returns
+    -------
+    float, float
+        Largest shares by which they may be too low, and too high; none of it is chance.
+
+    """
+    either = ((_uneven_error(counts) + _short_error(counts, decision)) / 2
+              + _bridged_error(counts))
+    return either, either + _hidden_error(decision)
+
+
+def _hidden_error(decision: Decision) -> float:
+    hidden = decision.hidden if decision.counting else 0.0
+    return hidden / 2 / (1 - hidden) if hidden >= _LITTLE_HIDDEN else 0.0
+
+
+def _short_error(counts: Counts, decision: Decision) -> float:
+    error = decision.rate_error(counts.paced_steps) if decision.counting else 0.0
+    return error if error > _LITTLE_HIDDEN else 0.0
+
+
+def _bridged_error(counts: Counts) -> float:
+    many = counts.bridged >= _TOO_MANY_MISSING * (counts.samples + counts.bridged)
+    return _OFF_BEYOND if counts.bridged and many else 0.0
+
+
+def _uneven_error(counts: Counts) -> float:
+    if not (counts.lowest_rate_hz and counts.paced_ns and counts.paced_steps):
+        return 0.0
+    rate = counts.paced_steps / counts.paced_ns * SECOND
+    off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
+    return off if off >= _UNEVEN_RATE else 0.0
+
+
 def mostly_motion(motion: MotionSummary) -> bool:
     """Tell whether a recording moves, without a stop to rest that is worth the name."""
     return _moves(motion) and (motion.longest_rest_s < _SHORTEST_REST_S
@@ -134,12 +172,11 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             f'the {decision.clock} clock jumped {_times(counts.clock_jumps)}: no difference is '
             'taken across a jump')
     if decision.counting:
-        hidden = decision.hidden
-        bound = ('' if hidden < _LITTLE_HIDDEN else
-                 f'; up to {hidden:.1%} of the samples may be missing unseen, and the noise '
-                 f'density then be up to {hidden / 2 / (1 - hidden):.1%} too high')
-        error = decision.rate_error(counts.paced_steps)
-        if error > _LITTLE_HIDDEN:
+        hidden, error = _hidden_error(decision), _short_error(counts, decision)
+        bound = ('' if not hidden else
+                 f'; up to {decision.hidden:.1%} of the samples may be missing unseen, and the '
+                 f'noise density then be up to {hidden:.1%} too high')
+        if error:
             bound += f'; the record is short, its rate may be up to {error:.1%} off'
         seen = ('what was lost on the way is known by the numbers that the publisher gave them, '
                 'and of the rest only gaps that last are seen' if decision.numbered else
@@ -153,12 +190,11 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
             f'{len(counts.listed_gaps)} are listed')
     places = counts.samples + counts.bridged
     if counts.bridged > _MANY_MISSING * places:
-        share = counts.bridged / places
-        bound = ('' if share < _TOO_MANY_MISSING else
-                 f'; the noise density may be up to {_OFF_BEYOND:.0%} off')
+        off = _bridged_error(counts)
+        bound = f'; the noise density may be up to {off:.0%} off' if off else ''
         remarks['many_missing'] = (
-            f'{share:.1%} of the samples are missing and bridged by the local mean: record with a '
-            f'deeper queue or with reliable delivery{bound}')
+            f'{counts.bridged / places:.1%} of the samples are missing and bridged by the local '
+            f'mean: record with a deeper queue or with reliable delivery{bound}')
     if counts.at_other_rate:
         stay = counts.at_other_rate < counts.samples
         used, other = SECOND / (decision.interval_ns or 1.0), counts.changed_rate_hz
@@ -191,12 +227,10 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
 
 def _rate_remarks(counts: Counts) -> dict[str, str]:
     """Bound the error of a rate that changes too little, or for too short, to be cut out."""
-    if not (counts.lowest_rate_hz and counts.paced_ns and counts.paced_steps):
+    off = _uneven_error(counts)
+    if not off:
         return {}
     rate = counts.paced_steps / counts.paced_ns * SECOND
-    off = max(rate / counts.lowest_rate_hz, counts.highest_rate_hz / rate) - 1
-    if off < _UNEVEN_RATE:
-        return {}
     low, high = min(counts.lowest_rate_hz, rate), max(counts.highest_rate_hz, rate)
     return {'uneven_rate': (
         f'the sample rate varies between {low:.5g} and {high:.5g} Hz: {rate:.5g} Hz, its mean, is '

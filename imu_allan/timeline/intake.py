@@ -34,7 +34,7 @@ from imu_allan.timeline.findings import (
     receive_clock,
     several_publishers,
 )
-from imu_allan.timeline.foreign_samples import alternates, is_spiky, spikes
+from imu_allan.timeline.foreign_samples import alternates, is_spiky, spikes, takes_turns
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import (
     longest_at_one_rate,
@@ -71,7 +71,8 @@ _CLOSE, _HARDLY = 0.05, 0.01
 _OTHER_GRID, _OTHER_RATE = 0.01, 0.6
 """Shares by which two grids differ that are no speeds of two clocks. A judgment."""
 _FITS_BADLY = 0.1
-"""Of an interval: a tick four times as wide hides a sample. A judgment."""
+"""Of an interval, and three times the spread about the clock's own grid: where one of three is
+dropped, stamps lie .17 off a grid of one and a half intervals. Judgments."""
 _MUCH_HIDDEN = 0.3
 """Share of the samples: ticks hide less, and the other clock would not show the loss either."""
 _RESTARTS = 1
@@ -334,10 +335,18 @@ class Intake:
         """Look for a second publisher, and for wild values that come all the time."""
         decision = self.decision
         left = [rows for rows in (repeats.held, repeats.frozen) if rows is not None]
-        samples = window.samples[~np.any(left, axis=0)] if left else window.samples
-        if alternates(samples):
+        rows = ~np.any(left, axis=0) if left else slice(None)
+        samples = window.samples[rows]
+        clocks = [stamps[rows] for stamps in self.stamps(window)]
+        if alternates(samples) or (not self._is_alone(clocks[0]) and any(
+                takes_turns(stamps, samples) for stamps in clocks)):
             decision.remarks |= several_publishers()
         decision.spiky = len(samples) >= _FEWEST_FOR_SPIKES and is_spiky(spikes(samples, None))
+
+    def _is_alone(self, stamps: Stamps) -> bool:
+        """Tell whether stamps are so even that those of two sensors would be one's in turn."""
+        return self.decision.interval_ns is not None and _is_beyond_doubt(
+            self.decision.pace, stamps)
 
     def _choose_clock(self, window: Window) -> None:
         decision, options = self.decision, self._options
@@ -421,7 +430,7 @@ class Intake:
                 return pace, count
         elif not (_OTHER_GRID < abs(ratio - 1) < _OTHER_RATE
                   and spread_about(other, pace.interval_ns)
-                  > max(_FITS_BADLY, 4 * second.spread)):
+                  > max(_FITS_BADLY, 3 * second.spread)):
             # A tick is an exact grid, too, but not one on which the other clock's stamps lie.
             return pace, count
         decision.clock, decision.ticks, decision.overlaps = 'receive', False, False

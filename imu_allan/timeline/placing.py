@@ -295,12 +295,18 @@ class Placing:
                                           or self._rate_doubtful(messages, steps)):
             changes = rate_changes(self._places(messages)[:c], decision.counting,
                                    cursor.other_rate, decision.spread)
-            if len(changes) > 1 or changes[0][1]:
+            if len(changes) > 1 or (changes[0][1] and not self._as_before(messages)):
                 yield from self._split_by_rate(messages, changes)
                 return
             cursor.other_rate = False
             self._note_uneven(messages, steps)
         yield from self._put(messages, steps)
+
+    def _as_before(self, messages: Messages) -> bool:
+        """Tell whether messages have the rate so far: batches with outages hide it in parts."""
+        pace = measure_pace(messages.stamps[:messages.consumed])
+        return pace is not None and abs(
+            pace.interval_ns / self._decision.pace.interval_ns - 1) < _FOLLOWED
 
     def _split_by_rate(self, messages: Messages,
                        changes: list[tuple[int, bool]]) -> Iterator[EvenPiece]:

@@ -134,8 +134,12 @@ class RestLevel:
         size = self._windows.size
         full = [stretch for stretch in held if stretch.held >= size]
         quiet = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
-        # Between frequent gaps no stretch may last a window: then each is one.
-        full = full or [stretch for stretch in held if len(stretch.loudness) == 1]
+        if not full:
+            # Between frequent gaps no stretch may last a window: then each is one, but for the
+            # shorter ones. One sample has no noise, and two may be alike by chance.
+            full = [stretch for stretch in held if len(stretch.loudness) == 1]
+            usual = np.median([stretch.held for stretch in full]) if full else 0
+            full = [stretch for stretch in full if stretch.held >= usual]
         if not full:
             self.baseline = quiet
             return

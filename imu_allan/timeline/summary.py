@@ -16,7 +16,7 @@ from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Clock, Decision
 from imu_allan.timeline.excluded import MotionSummary
-from imu_allan.timeline.findings import mostly_motion, remarks_of
+from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Cursor
 from imu_allan.timeline.presence import Presence
@@ -81,6 +81,8 @@ class TimelineSummary:
         Time and ratio of lasting changes of the noise, with motion excluded.
     turned : tuple of str
         Axes whose mean went away and came back, as in a slow turn.
+    density_error : tuple of (float, float)
+        Largest shares by which noise densities may be too low, and too high, beside chance.
 
     """
 
@@ -111,6 +113,7 @@ class TimelineSummary:
     mostly_motion: bool = False
     noise_changes: tuple[tuple[float, float], ...] = ()
     turned: tuple[str, ...] = ()
+    density_error: tuple[float, float] = (0.0, 0.0)
 
 
 def summarize(counts: Counts, decision: Decision, content: Content, presence: Presence,
@@ -180,7 +183,8 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         motions=motion.count, excluded_s=motion.excluded_s, moving=motion.moving,
         rests=tuple(Span(*span) for span in motion.rests) if motion.count else (),
         mostly_motion=mostly_motion(motion), noise_changes=motion.changes,
-        turned=tuple(AXIS_NAMES[axis] for axis in sorted({int(found[2]) for found in excursions})))
+        turned=tuple(AXIS_NAMES[axis] for axis in sorted({int(found[2]) for found in excursions})),
+        density_error=density_error(counts, decision))
 
 
 def _measured_rate(counts: Counts, decision: Decision) -> float | None:
