@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _APART = 1.06
 """Factor between the points of two axes: side by side, and still at one horizon."""
+_ROOM = 1.5
+"""Factor from the outer horizons to the ends of the axis, also where there is one horizon alone."""
 
 
 def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme = 'light'
@@ -38,8 +40,8 @@ def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme
     Returns
     -------
     matplotlib.figure.Figure
-        A panel for each sensor: points are observed, dotted lines predicted by the whole drift
-        model, and 95 % of the points should lie in the bands.
+        A panel for each sensor: points are observed, dotted lines and bars predicted by the whole
+        drift model, and 95 % of the points should lie in the bands.
 
     Raises
     ------
@@ -55,8 +57,8 @@ def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme
         figure = empty_figure(5.4 * len(sensors), 4.4)
         figure.text(0.02, 0.955, f'Drift observed in {shorten(other, 70)}', fontsize=12,
                     fontweight='bold', parse_math=False)
-        figure.text(0.02, 0.905, 'points: observed;  dotted: predicted;  shaded: where 95 % of '
-                    'the points should lie', fontsize=8.5, color=COLOURS[theme]['soft'])
+        figure.text(0.02, 0.905, 'points: observed;  dotted, bars: predicted;  shaded: where 95 % '
+                    'of the points should lie', fontsize=8.5, color=COLOURS[theme]['soft'])
         for column, sensor in enumerate(sensors):
             panel = figure.add_axes(((column + 0.135) / len(sensors), 0.13,
                                      0.84 / len(sensors), 0.68))
@@ -76,10 +78,13 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest], theme: The
         panel.fill_between(h, low, high, color=colour, alpha=0.08, linewidth=0)
         # A single horizon is no area: its band is a bar.
         panel.vlines(h, low, high, color=colour, alpha=0.35, linewidth=1.2)
-        panel.plot(h, [row.predicted_sigma * factor for row in outcome.coasts], ':', color=colour)
+        # The bar says what was predicted where a single horizon makes no line.
+        panel.plot(h, [row.predicted_sigma * factor for row in outcome.coasts], ':', marker='_',
+                   markersize=9, color=colour)
         panel.plot(h, [row.observed_rms * factor for row in outcome.coasts], MARKERS[name[-1]],
                    color=colour, markersize=6, label=f'{name[-1]} axis')
     panel.set(xscale='log', yscale='log', xlabel='time without correction',
+              xlim=(horizons[0] / _ROOM, horizons[-1] * _ROOM),
               ylabel=f'error of the mean {SAMPLES[sensor]} over it [{typeset(shown)}]')
     panel.set_xticks(horizons, [duration(h) for h in horizons])
     panel.set_xticks([], minor=True)
@@ -87,4 +92,6 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest], theme: The
         ticks(lambda value, _: f'{value:g}' if f'{value:.0e}'[0] in '125' else '')
     panel.set_title(SENSORS[sensor], loc='left')
     panel.grid(visible=True, which='both')
-    panel.legend(frameon=False)
+    # Above the panel: in it there is a point or a band anywhere.
+    panel.legend(frameon=False, ncols=len(found), loc='lower right', bbox_to_anchor=(1.01, 1.0),
+                 borderaxespad=0, handletextpad=0.1, columnspacing=1.0)
