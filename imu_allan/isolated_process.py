@@ -18,7 +18,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import traceback
+from types import FrameType
 from typing import Any
 
 _PROGRAM = """
@@ -95,10 +97,15 @@ def end_in_peace() -> None:
     Let SIGTERM end this process by SystemExit: what it unpacked is removed on the way out.
 
     Where the signal comes while the interpreter is in a callback of its own, during an import for
-    one, that exception would be printed and forgotten. The signal is then sent once more, a moment
-    later.
+    one, that exception would be printed and forgotten. The signal is then sent again, a moment
+    later, until it is heeded.
     """
-    def end(*_: object) -> None:
+    def end(_: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_code is once_more.__code__:
+                # What is raised in the hook is forgotten, too.
+                return
+            frame = frame.f_back
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         sys.exit()
 
@@ -107,7 +114,13 @@ def end_in_peace() -> None:
             sys.__unraisablehook__(what)
             return
         signal.signal(signal.SIGTERM, end)
-        threading.Timer(_MOMENT_S, os.kill, (os.getpid(), signal.SIGTERM)).start()
+        threading.Thread(target=ask, daemon=True).start()
+
+    def ask() -> None:
+        time.sleep(_MOMENT_S)
+        while signal.getsignal(signal.SIGTERM) is end:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(_MOMENT_S)
 
     sys.unraisablehook = once_more
     signal.signal(signal.SIGTERM, end)

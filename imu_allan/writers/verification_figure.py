@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _APART = 1.06
 """Factor between the points of two axes: side by side, and still at one horizon."""
 _ROOM = 1.5
-"""Factor from the outer horizons to the ends of the axis, also where there is one horizon alone."""
+"""Factor from the outer horizons to the ends of the axis, also where there is one alone."""
 
 
 def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme = 'light'

@@ -145,8 +145,10 @@ def test_a_picture_is_drawn_here_where_the_other_process_is_killed(recording, tm
 
 
 IN_A_CALLBACK = """
-import os, signal, time, weakref
+import os, signal, sys, threading, time, weakref
 from imu_allan.isolated_process import end_in_peace
+begin, slow_s = threading.Thread.start, float(sys.argv[1])
+threading.Thread.start = lambda thread: (begin(thread), time.sleep(slow_s))
 end_in_peace()
 class Thing: pass
 for _ in range(3):
@@ -160,7 +162,9 @@ finally:
 """
 
 
-def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word():
-    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK], capture_output=True, text=True,
-                          timeout=30, check=False)
+@pytest.mark.parametrize('slow_s', ['0', '0.1'])
+def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s):
+    """Also on a busy machine, where a thread takes its time to begin."""
+    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK, slow_s], capture_output=True,
+                          text=True, timeout=30, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')
