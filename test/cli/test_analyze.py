@@ -206,6 +206,24 @@ def test_of_all_topics_the_one_without_a_coefficient_is_named(
         'record for longer\n')
 
 
+def test_of_thousands_of_topics_without_a_message_some_are_named_and_the_rest_counted(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema('sensor_msgs/msg/Imu', 'ros2msg', b'')
+        for number in range(2000):
+            channel = writer.register_channel(f'/imu_{number}', 'cdr', schema)
+        writer.add_message(channel, START_NS, b'none', START_NS)
+        writer.finish()
+    assert main(['analyze', str(tmp_path / 'a.mcap'), '--all-topics']) == 1
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 102
+    assert '/imu_0 has no messages' in told[0]
+    assert told[-2] == 'imu_allan: 1899 more like these, the last of all is:'
+    assert '/imu_1999 holds no readable message' in told[-1]
+
+
 def test_all_topics_do_not_fit_into_one_json_file(
         two_topics: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['analyze', str(two_topics), '--all-topics',

@@ -6,9 +6,14 @@ import csv
 import json
 import os
 from pathlib import Path
+import pickle
 import shutil
 
+from imu_allan.analysis import analyze
+from imu_allan.cli.fleet import Gathering
 from imu_allan.cli.main import main
+from imu_allan.cli.workers import Task
+from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import load_result
@@ -209,3 +214,14 @@ def test_where_no_coefficient_comes_out_the_status_is_1(
     assert main(['analyze', str(path), '--json', str(tmp_path / 'r.json')]) == 1
     assert capsys.readouterr().err == f'imu_allan: {path}: {complaint}\n'
     assert load_result(tmp_path / 'r.json').timeline.samples == len(rows)
+
+
+def test_without_a_folder_for_a_page_no_results_are_kept(recording: Path, tmp_path: Path) -> None:
+    result = analyze(recording)
+    kept = []
+    for output in (None, tmp_path):
+        gathering = Gathering(output)
+        gathering.add(Task('a', None, {}, 0.0, None, 0, None, unit='a'), result)
+        gathering.fail('b', 'b', ImuAllanError('it is damaged'))
+        kept.append(len(pickle.dumps(gathering)))
+    assert kept[0] < 200 < kept[1]
