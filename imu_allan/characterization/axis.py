@@ -208,10 +208,12 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                          between=fitted.between.get(key))
             for key, estimate in fitted.estimates.items()}
         walk = coefficients['rate_random_walk']
-        step = bias_step(columns, axis) if of_one_record and walk.observable else None
+        asked = walk.observable or (fitted.walk_unclear and not fitted.mean_is_told)
+        step = bias_step(columns, axis) if of_one_record and asked else None
         if step is not None:
             coefficients['rate_random_walk'] = _upper_bound(walk)
-            remarks.append(bias_step_remark(step, dt, quantity))
+            remarks = [*(remark for remark in remarks if remark.code != 'trend_or_walk'),
+                       bias_step_remark(step, dt, quantity)]
         curve = _curve(points, axis, dt, _described(fitted_axis, drift), values,
                        _law_of(fitted))
         leaves_at = None if fitted.mean_moves else _leaves_at(

@@ -316,11 +316,12 @@ def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
             'slow_cycle',
             f'the mean follows a slow cycle of about {about(fitted.cycle_s)}{such}; the '
             'coefficients are given without it, the numbers for a filter with it'))
-    elif fitted.walk_unclear:
+    if fitted.walk_unclear:
         remarks.append(Remark(
             'trend_or_walk',
-            'the slowest part of the signal may be a random walk or a bent trend: the rate random '
-            'walk is given as an upper bound. A longer recording of the warm sensor at one '
+            'the slowest part of the signal may be a random walk, or a mean that bends, settles '
+            'or follows the temperature in another way than was told: the rate random walk is '
+            'given as an upper bound. A longer recording of the warm sensor at one '
             'temperature tells them apart'))
     return remarks
 

@@ -187,6 +187,13 @@ def _same_band(first: _Part, part: _Part, name: str) -> None:
         return
     (a, error_a), (b, error_b) = one, other
     if abs(log(b / a)) > _SAME_BAND + 4 * sqrt(error_a**2 + error_b**2):
+        laws = first.result.axes[name].power_law, part.result.axes[name].power_law
+        if laws != (None, None):
+            said = [f'1/f to the power of {law.exponent:.2f}' if law is not None
+                    else 'flicker or none' for law in laws]
+            raise ImuAllanError(
+                f'{part.path}: the slow noise of {name} is {said[1]}, that in {first.path} is '
+                f'{said[0]}; analyze different settings apart')
         raise ImuAllanError(
             f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
             f'fast end {100 * (b / a - 1):+.0f} %); analyze different settings apart')

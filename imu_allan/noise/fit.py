@@ -36,11 +36,18 @@ from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.moving_mean import moving_mean, MovingMean
 from imu_allan.noise.power_law import free_exponent, PowerLaw
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.temperature import Dependence, dependence, Following, follows
+from imu_allan.noise.temperature import (
+    beside_any_lag,
+    Dependence,
+    dependence,
+    Following,
+    follows,
+)
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import banded, BENT_P, fit_band, Trial
 from imu_allan.noise.unevenness import uneven_by
+from imu_allan.noise.walk_in_parts import either, in_parts, is_walk, without_walk
 from imu_allan.noise.warm_up import Warming
 import numpy as np
 
@@ -120,9 +127,13 @@ class Fit:
     @property
     def mean_moves(self) -> bool:
         """Whether the mean moves in a way that the noise terms leave out."""
-        return (self.walk_unclear or self.temperature is not None
-                or bool(self.warmings) or self.cycle_s is not None
+        return (self.walk_unclear or self.mean_is_told
                 or self.estimates['rate_ramp'].observable)
+
+    @property
+    def mean_is_told(self) -> bool:
+        """Whether it is known what moves the mean, beside a ramp."""
+        return self.temperature is not None or bool(self.warmings) or self.cycle_s is not None
 
 
 def fit(groups: Groups, dt: float, start: Solution | None = None,
@@ -193,6 +204,14 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         assert found.trial is not None
         found = replace(found, temperature=dependence(found.trial, temperature, following,
                                                       before))
+    walk = found.estimates['rate_random_walk']
+    if temperature is not None and walk.observable:
+        assert found.trial is not None
+        assert found.record is not None
+        walk, flicker = beside_any_lag(found.trial, found.record, temperature, walk,
+                                       found.estimates['bias_instability'])
+        found = replace(found, walk_unclear=not walk.observable, estimates={
+            **found.estimates, 'rate_random_walk': walk, 'bias_instability': flicker})
     return _judged_above(found, groups)
 
 
@@ -258,20 +277,28 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         if (mean.warmings or mean.cycle is not None) and calmed is not None:
             steady, parts = calmed(mean.course)
     said: dict[str, Agreement] = {}
-    if steady is not None and not steady.steady:
+    own: list[Groups] = []
+    changes = steady is not None and not steady.steady
+    if steady is not None and changes:
         trial = _capped(trial, steady)
-        if parts is not None:
-            said = _said_by_parts(trial, [steady.capped(part) for part in parts()], dt, process)
-        walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
-    elif steady is not None and parts is not None and walk.observable:
+    if steady is not None and parts is not None and (changes or walk.observable):
+        own = _in_band(trial, [steady.capped(part) if changes else part for part in parts()], dt,
+                       process)
+    if own:
         # The level of the slow noise changes on real sensors while that above stays the same.
-        every = _said_by_parts(trial, parts(), dt, process, _SLOW)
-        said = {key: one for key, one in every.items() if one.disagrees}
+        keys = ('noise_density', *_SLOW) if changes else _SLOW
+        found = agreements(trial, own, [COLUMNS[key] for key in keys])
+        said = {key: one for key, one in zip(keys, found, strict=True)
+                if changes or one.disagrees}
+    if changes or _widening(said, 'rate_random_walk') > 1:
         walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
+    ramp = estimate_ramp(trial)
     if mean is not None and walk.observable:
         uneven = uneven_by(trial, mean.record, process.correlation_time_s if process else None)
         if uneven > _widening(said, 'rate_random_walk'):
             walk = estimate(trial, WALK, uneven)
+        walks = walks and is_walk(trial, mean.record, own, even=uneven == 1,
+                                  moves=ramp.observable or mean.moves)
     unclear = walk.observable and not walks
     if unclear:
         walk = replace(walk, observable=False)
@@ -279,12 +306,17 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
                  for key, column in COLUMNS.items()}
     estimates['noise_density'] = bent_density(
         trial, dt, estimates['noise_density'], _widening(said, 'noise_density'))
+    if unclear and own:
+        # What seems a walk takes from the flicker, wherever it comes from.
+        still = estimate(without_walk(in_parts(trial, own)), FLICKER,
+                         _widening(said, 'bias_instability'))
+        estimates['bias_instability'] = either(estimates['bias_instability'], still)
     window = None
     if trial.bent:
         # At the edge of the band the first column no longer is quantization noise.
         window = effective_window(trial)
         estimates['quantization_noise'] = Estimate(False, 0.0, 0.0, 0.0, np.nan)
-    estimates['rate_ramp'] = estimate_ramp(trial)
+    estimates['rate_ramp'] = ramp
     return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, process,
                walk_unclear=unclear,
                warmings=mean.warmings if mean else (),
@@ -300,17 +332,15 @@ def _capped(trial: Trial, steady: Steadiness) -> Trial:
         groups, trial.solution, fixed=trial.fixed, trend='restricted'))
 
 
-def _said_by_parts(trial: Trial, parts: Sequence[Groups], dt: float, process: Process | None,
-                   keys: Sequence[str] = ('noise_density', *_SLOW)) -> dict[str, Agreement]:
-    """Ask the parts of a record for each coefficient, in the band and with the columns of all."""
+def _in_band(trial: Trial, parts: Sequence[Groups], dt: float, process: Process | None
+             ) -> list[Groups]:
+    """Give parts of a record the band and the columns of all; none where one is too short."""
     groups = [banded(part, trial.edge_hz, trial.rolling) for part in parts]
     if process is not None:
         groups = [with_process_column(part, trial.rolling, dt, process.correlation_time_s)
                   for part in groups]
-    if min((len(part.frequency) for part in groups), default=0) < FEWEST_GROUPS:
-        return {}
-    found = agreements(trial, groups, [COLUMNS[key] for key in keys])
-    return dict(zip(keys, found, strict=True))
+    fewest = min((len(part.frequency) for part in groups), default=0)
+    return groups if fewest >= FEWEST_GROUPS else []
 
 
 def _widening(said: dict[str, Agreement], key: str) -> float:

@@ -71,6 +71,11 @@ class MovingMean:
     cycle: SlowCycle | None = None
 
     @property
+    def moves(self) -> bool:
+        """Whether it is known to move, beside a ramp."""
+        return self.cycle is not None or any(one.courses for one in self.record.records)
+
+    @property
     def course(self) -> Course:
         """Return the mean of the first record, with the ramp."""
         assert self.trial.solution.trend is not None

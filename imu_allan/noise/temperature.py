@@ -20,6 +20,7 @@ D. M. Bates and D. G. Watts, "Nonlinear Regression Analysis and Its Applications
 
 from dataclasses import dataclass, replace
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.courses import (
     best_course,
@@ -29,11 +30,13 @@ from imu_allan.noise.courses import (
     Spectrum,
     with_courses,
 )
-from imu_allan.noise.intervals import amplitude_of, errors_of_courses
+from imu_allan.noise.groups import FLICKER, WALK
+from imu_allan.noise.intervals import amplitude_of, errors_of_courses, Estimate, estimate
 from imu_allan.noise.leaks import Course
 from imu_allan.noise.temperature_course import AnyTemperature
 from imu_allan.noise.trends import EachCourse
 from imu_allan.noise.trial import Trial
+from imu_allan.noise.walk_in_parts import either, without_walk
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +51,11 @@ _LAGS = 12.0
 """The same of a lag, which is searched, against none, ..."""
 _INSTEAD = 6.0
 """... and where a walk shows without it alone."""
+_BY_CHANCE = 0.01
+"""
+Probability of the likelihood ratio of several lags from which on a walk may be theirs: of walking
+temperatures 400 s behind, from which a walk was made, they had 69 to 89, unrelated ones up to 14.
+"""
 _LAGS_TRIED_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Behind or ahead: below, both are one; beyond, the whole building is between them."""
 _LONGEST_LAG = 1 / 8
@@ -185,6 +193,47 @@ def _off(trial: Trial, slope: int, slower: int) -> tuple[float, float]:
     weight = np.maximum(errors_of_courses(trial)[:, slower], 1e-300)**-2.0
     known = max(float(np.sum(weight * trend[:, slope]**2)), 1e-300)
     return float(np.sum(weight * trend[:, slope] * trend[:, slower])) / known, known**-0.5
+
+
+def beside_any_lag(trial: Trial, record: Spectrum, temperature: AnyTemperature, walk: Estimate,
+                   flicker: Estimate) -> tuple[Estimate, Estimate]:
+    """
+    Hold a random walk against the temperature with lags of all lengths at once.
+
+    Their sum stands for what no single lag describes: a case of several bodies, readings too
+    coarse to tell the lag, or a dependence that was not named as the walk hides it.
+
+    Parameters
+    ----------
+    trial : Trial
+        A fit with a walk.
+    record : RecordSpectrum or JointSpectrum
+        That it was fitted to.
+    temperature : TemperatureCourse or JointTemperature
+        Over the same record or records.
+    walk, flicker : Estimate
+        As the trial has them.
+
+    Returns
+    -------
+    walk, flicker : Estimate
+        With what is true of them either way, and where no walk is left an upper bound; as they
+        were where these lags explain no more than chance does.
+
+    """
+    longest = _LONGEST_LAG * temperature.duration_s
+    courses = [temperature.of_sensor(sign * lag).courses[0]
+               for lag in _LAGS_TRIED_S[::2] if lag < longest for sign in (1, -1)]
+    if not courses:
+        return walk, flicker
+    beside = with_courses(trial, record, courses)
+    amplitudes = len(courses) * len(record.records)
+    if likelihood_ratio(trial, beside) < chi_square.upper(_BY_CHANCE, amplitudes):
+        return walk, flicker
+    left = estimate(beside, WALK)
+    if not left.observable:
+        flicker = either(flicker, estimate(without_walk(beside), FLICKER))
+    return either(walk, left), flicker
 
 
 def dependence(trial: Trial, temperature: AnyTemperature, following: Following,

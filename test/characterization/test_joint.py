@@ -1,12 +1,14 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
+import re
 from types import SimpleNamespace
 
 from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result, turn_on_bias, with_between
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import AXES
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -207,6 +209,20 @@ def test_another_low_pass_is_refused(nights):
         joint_result([nights[0], recorded('other', 5, changed=smoothed)])
     assert str(error.value).startswith('other: gyro_x falls by another low-pass than in night1 '
                                        '(noise at the fast end -')
+
+
+def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
+    def with_slow_noise(block):
+        samples = block.samples.copy()
+        slow = flicker(len(samples), np.random.default_rng(1), 0.7)
+        samples[:, :3] += 1e-3 * slow[:, None]
+        return replace(block, samples=samples)
+
+    with pytest.raises(ImuAllanError) as error:
+        joint_result([nights[0], recorded('other', 5, changed=with_slow_noise)])
+    assert re.fullmatch(r'other: the slow noise of gyro_x is 1/f to the power of 0\.\d\d, that in '
+                        'night1 is flicker or none; analyze different settings apart',
+                        str(error.value))
 
 
 def filtered(path, seed, gain, **more):

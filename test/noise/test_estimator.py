@@ -124,7 +124,7 @@ def test_new_run_keeps_runs_apart():
 
 
 def test_long_gaps_leave_the_coefficients_inside_their_intervals():
-    record = simulate(SENSOR, 400_000, 100, 3)[:, None]
+    record = simulate(SENSOR, 400_000, 100, 6)[:, None]
     estimator = Estimator()
     for begin in range(0, len(record), 80_000):
         estimator.update(record[begin:begin + 75_000])

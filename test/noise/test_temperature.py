@@ -91,6 +91,16 @@ def test_an_unrelated_temperature_changes_nothing(model):
         assert one.estimates == plain.estimates
 
 
+def test_a_walk_is_not_made_of_a_temperature_whose_lag_is_unknown():
+    def walking(seed):
+        steps = np.random.default_rng(seed).standard_normal(len(TIME))
+        return 20 + 3 * np.cumsum(steps) / np.sqrt(len(TIME))
+
+    for one in fits(NOISE, lambda seed: lagging(walking(seed), 400.0),
+                    lambda seed: 1e-3 * walking(seed)):
+        assert not one.estimates['rate_random_walk'].observable
+
+
 @pytest.mark.parametrize(('lag', 'shown', 'felt'), [
     (180.0, partial(lagging, seconds=180.0), np.array), (-180.0, np.array, partial(
         lagging, seconds=180.0))])

@@ -18,7 +18,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.result import DriftModel, GaussMarkov, Result, Source, Timeline
+from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
@@ -753,6 +753,15 @@ def test_the_comment_says_what_was_tuned_for_and_what_is_expected(drifting):
                      r'correction \S+ to \S+ times what is claimed', text)
     assert '# Coefficients as measured (IEEE Std 952), not tuned.' in export(drifting,
                                                                              'kalibr').text
+
+
+def test_slow_noise_that_the_measured_numbers_leave_out_is_named(drifting):
+    axis = replace(drifting.axes['gyro_x'], power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
+    result = replace(drifting, axes={**drifting.axes, 'gyro_x': axis})
+    left_out = '# LEFT OUT: slow noise that is no flicker (gyro_x 1/f to the power of 0.70)'
+    assert f'{left_out}; tuned numbers have it in them.' in export(result, 'kalibr').text
+    assert 'LEFT OUT' not in export_as_wished(result, 'kalibr').text
+    assert 'LEFT OUT' not in export(drifting, 'kalibr').text
 
 
 def test_wishes_are_followed_and_written_down(drifting):

@@ -352,11 +352,23 @@ class Numbers:
                 lines.append(f'This recording knows {duration(shortest)} at most; beyond it the '
                              'numbers are widened.')
             lines += included({name: self.result.axes[name] for name in self.tunings})
+        lines += self._left_out()
         if self.wishes.inflate:
             factors = ', '.join(f'{key} times {factor:g}' for key, factor
                                 in sorted(self.wishes.inflate.items()))
             lines.append(f'INFLATED on request: {factors}.')
         return lines
+
+    def _left_out(self) -> list[str]:
+        """Say which axes have noise that the coefficients leave out."""
+        laws = {name: axis.power_law.exponent for name, axis in self.result.axes.items()
+                if axis.power_law is not None and name not in self.tunings}
+        if not laws or self.share == 'model':
+            return []
+        each = ', '.join(f'{name} 1/f to the power of {exponent:.2f}'
+                         for name, exponent in laws.items())
+        instead = '; tuned numbers have it in them' if self.wishes.as_measured else ''
+        return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
 
     def _consistency(self) -> list[str]:
         """Say what filters with the numbers of the file reach on each sensor."""
