@@ -305,7 +305,10 @@ def _remarks(result: Result, width: int | None) -> 'Iterator[Text]':
     for group in grouped(result, tones=1):
         # The stretches of motion stand in the heading.
         if group.code != 'motion' or not result.timeline.motion:
-            for sentence in group.sentences:
+            # Which sensors are not steady stands above: on a page one sentence of it is enough.
+            few = 1 if width is not None and group.code == 'not_steady' else None
+            cut |= len(group.sentences) > (few or len(group.sentences))
+            for sentence in group.sentences[:few]:
                 text = Text(f'{group.title}: ', style='yellow')
                 short = sentence if width is None else _cut(sentence, width - len(text))
                 cut |= short != sentence
