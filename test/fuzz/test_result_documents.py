@@ -141,6 +141,13 @@ def test_an_absurd_gauss_markov_process_is_drawn_or_refused(
     Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
 
 
+def test_the_name_of_the_axis_that_another_copies_steers_no_terminal(tmp_path):
+    # Found by mutation: check named it as it stood in the file.
+    document = RESULT.to_dict()
+    document['axes']['accel_x']['copy_of'] = '\x1b]0;title\x07'
+    Judge(tmp_path, 0.0)(json.dumps(document).encode(), Random(1))
+
+
 @pytest.mark.parametrize('rate', [5e-324, 1e-200, 2e-60])
 def test_an_absurd_sample_rate_is_drawn_or_refused(tmp_path, rate):
     # Found by mutation: a quarter of the smallest number there is, is zero.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known, recorded_s
+from imu_allan.errors import printable, shorten
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
@@ -78,7 +79,8 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
         return (f'the axis has a deadband: {100 * axis.deadband.share:.0f} % of the samples are '
                 'exactly 0, noise is higher than it seems')
     if axis.copy_of is not None:
-        return f'the axis is a copy: every sample is that of {axis.copy_of}'
+        return ('the axis is a copy: every sample is that of '
+                f'{printable(shorten(axis.copy_of))}')
     if (still := nearly_constant(axis)) is not None:
         return still
     density = axis.coefficients['noise_density']
