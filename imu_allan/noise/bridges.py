@@ -23,6 +23,8 @@ NEIGHBOURS = 8
 LAGS = 256
 """Places apart: with two of three lost, what two stand-ins share ends after some hundred."""
 
+_DRAWN = 1 << 16
+"""Samples with losses drawn at random: what they share on average is known to a hundredth."""
 _LEAST = 1e-3
 """Of full power: where the covariances cut off at the last lag leave less, the fit would divide by
 nothing."""
@@ -130,6 +132,14 @@ class BridgeSums:
         return BridgeSums(self.shared.copy(), self.pairs.copy())
 
     @classmethod
+    def at_random(cls, share: float, samples: int) -> 'BridgeSums':
+        """Give what `samples` of which a `share` is lost at random would have summed up."""
+        sums = cls()
+        stand_ins = np.flatnonzero(np.random.default_rng(0).random(_DRAWN) < share)
+        sums.add(stand_ins.tolist(), _DRAWN)
+        return cls(*(sums.to_state() * (samples / _DRAWN)))
+
+    @classmethod
     def from_state(cls, state: NDArray[np.generic]) -> 'BridgeSums':
         """
         Read what `to_state` gave.
@@ -142,7 +152,8 @@ class BridgeSums:
         """
         sums = np.array(state, dtype=np.float64)
         # Written so that NaN fails.
-        if sums.shape != (2, LAGS) or not np.all(np.abs(sums[0]) <= sums[1]):
+        if sums.shape != (2, LAGS) or not np.all((np.abs(sums[0]) <= sums[1])
+                                                 & (sums[1] < np.inf)):
             raise ValueError('sums over pairs of samples are out of range')
         return cls(*sums)
 
@@ -152,6 +163,8 @@ class BridgeSums:
 
     def bridges(self, share: float) -> Bridges:
         """Give the mean over all pairs, of samples of which a `share` stand in for others."""
+        if not share:
+            return NO_BRIDGES
         if not self.shared.any():
             return Bridges(share)
         covariance = self.shared / np.maximum(self.pairs, 1)
@@ -196,7 +209,7 @@ def shared_noise(stand_ins: NDArray[np.int64], samples: int) -> Array:
         there = (first <= row) & (row < last)
         enter(np.abs(stand_ins - received[np.where(there, row, 0)]), share * there)
     enter(np.zeros_like(stand_ins), share - 1)
-    for later in range(1, len(stand_ins)):
+    for later in range(1, min(len(stand_ins), LAGS)):
         alike = last[:-later] - first[later:]
         if alike.max() <= 0:
             break

@@ -400,6 +400,9 @@ class Estimator:
             self.reference = np.array(state['reference'], dtype=np.float64)
         if 'bridges' in state:
             self._bridges = BridgeSums.from_state(state['bridges'])
+        elif self.bridged:
+            # ... nor in which pattern: most losses are random.
+            self._bridges = BridgeSums.at_random(self.bridged / self.samples, self.samples)
         self.pyramid = Pyramid.from_state(part('pyramid'))
         self.periodogram = Periodogram.from_state(part('periodogram'))
         self.signal = Signal.from_state(part('signal'))

@@ -22,3 +22,10 @@ def test_equal_variances_are_asked_for_as_bartlett_does():
     variances = np.array([group.var(ddof=1) for group in groups])
     found = chi_square.equal_variances(variances[:, None], dof[:, None])
     assert found == pytest.approx(bartlett(*groups).pvalue)
+
+
+def test_bands_without_any_power_look_the_same_everywhere():
+    dof = np.full((2, 2), 20.0)
+    one = chi_square.equal_variances(np.array([[1.0], [3.0]]), dof[:, :1])
+    assert chi_square.equal_variances(np.array([[1.0, 0.0], [3.0, 0.0]]), dof) == one
+    assert chi_square.equal_variances(np.zeros((2, 2)), dof) == 1.0
