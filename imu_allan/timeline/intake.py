@@ -68,7 +68,7 @@ _SAME_RATE = 0.12
 """Clocks that disagree by more do not tell of the same samples."""
 _CLOSE, _HARDLY = 0.05, 0.01
 """Spread and share of empty places up to which the other clock need not be asked."""
-_OTHER_GRID, _OTHER_RATE = 0.01, 0.6
+_OTHER_GRID, _OTHER_RATE = 0.01, 0.9
 """Shares by which two grids differ that are no speeds of two clocks. A judgment."""
 _FITS_BADLY = 0.1
 """Of an interval, and three times the spread about the clock's own grid: where one of three is

@@ -160,6 +160,15 @@ def test_a_tick_as_long_as_the_interval_is_not_taken_for_it(rate_hz, tick, other
     assert_right(result, truth, 0.04)
 
 
+@pytest.mark.parametrize(('rate_hz', 'tick', 'one_of'), [(62.5, 1e-2, 12), (119.0, 5e-3, 18)])
+def test_a_tick_shorter_than_the_interval_is_none_where_messages_get_lost(rate_hz, tick, one_of):
+    # A grid of the tick has its empty places, too: the receive stamps do not lie on it.
+    messages, truth, _ = rest(rate_hz, 60)
+    messages.header = np.floor(messages.header / tick) * tick
+    result = characterized(keep(messages, messages.place % one_of > 0))
+    assert_right(result, truth, 0.06)
+
+
 @pytest.mark.parametrize(('rate_hz', 'tick'), [(104.0, 1e-2), (1040.0, 1e-3)])
 @pytest.mark.parametrize('other_clock', [True, False])
 def test_different_messages_within_one_tick_are_no_duplicates(rate_hz, tick, other_clock):
