@@ -45,6 +45,7 @@ _FEWEST_STEPS = 10      # of a filter in one half
 _FEWEST_COASTS = 3
 """In each half: of fewer the observed deviation says little of the predicted one."""
 MOST_STEPS = 4096       # in one half: a filter step costs time
+_ROUNDING = 1e-9        # of a quotient of times that are multiples of one
 _BRIDGED = 4            # means from one to the next that is there: more is an interruption
 
 
@@ -136,7 +137,7 @@ def bands_of(axis: AxisResult) -> tuple[Interval, ...]:
     if found is None:
         return ()
     # One after the other in both halves, but for the first stretch, in which the filter learns.
-    outages = [2 * max(round(found.tested_s / coast.horizon_s - 0.5) - 1, 1)
+    outages = [2 * max(int(found.tested_s / coast.horizon_s + _ROUNDING) - 1, 1)
                for coast in found.coast]
     return coast_bands(axis, found.coast, outages)
 

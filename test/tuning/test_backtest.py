@@ -59,6 +59,16 @@ def test_the_band_of_the_observed_drift_is_that_of_its_outages():
     assert bands_of(axis_of(1e-3)) == ()
 
 
+@pytest.mark.parametrize('horizons', [10, 11, 12, 13])
+def test_a_part_of_some_horizons_holds_an_outage_less_than_it_has_of_them(horizons):
+    tested_s = horizons * 60.8
+    axis = axis_of(1e-3, backtest=Backtest(tested_s, tested_s, (), (Coast(60.8, 2.0, 2.0),)))
+    [(_, high)] = bands_of(axis)
+    spread = np.hypot(spread_of_forecast(axis, np.array([60.8]))[0],
+                      np.sqrt(0.5 / (2 * (horizons - 1))))
+    assert np.log(high / 2) == pytest.approx(1.96 * spread, rel=1e-4)
+
+
 def test_every_axis_is_tested_on_its_own(hours):
     both = halves_of(hours, 100 * hours)
     for one, other in zip(both[0].coast, both[1].coast, strict=True):
