@@ -159,9 +159,12 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
                 _hand_out(task, result, args, first=not shown, brief=len(tasks) > FEW)
             if unsaved is not None:
                 complaints.append(unsaved)
-            elif len(tasks) == 1 and task.folder is not None:
-                print(_written(task))
-            _tell_of_earlier(task)
+            else:
+                if len(tasks) == 1 and task.folder is not None:
+                    print(_written(task))
+                if args.dask is None:
+                    # A cluster may have written to another disk.
+                    _tell_of_earlier(task)
             source = task.path if not args.all_topics or task.topic is None else (
                 f'{task.path}, topic {shorten(task.topic)}')
             if (nothing := without_coefficient(result, source)) is not None:

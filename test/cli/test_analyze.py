@@ -15,13 +15,16 @@ import threading
 import time
 
 import imu_allan
+from imu_allan.analysis import analyze as analyze_recording
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
-from imu_allan.cli import workers
+from imu_allan.cli import analyze, workers
 from imu_allan.cli.main import main
+from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.filters import export
 from mcap.writer import Writer
 import numpy as np
 import pytest
@@ -450,6 +453,26 @@ def test_a_result_that_cannot_be_saved_is_shown_all_the_same(
     assert 'angle random walk' in shown.out
     assert shown.err.count('\n') == 1
     assert 'result.json: cannot be written' in shown.err
+
+
+def test_an_earlier_configuration_is_named_beside_what_was_saved_on_this_disk_alone(
+        recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    result = analyze_recording(recording)
+    (tmp_path / 'imu.yaml').write_text(export(result, 'kalibr').text)
+    command = ['analyze', str(recording), '--output', str(tmp_path)]
+    monkeypatch.setattr(workers, 'characterize', lambda *_: (result, None))
+    assert main(command) == 0
+    assert 'imu.yaml is of an earlier result' in capsys.readouterr().err
+    with monkeypatch.context() as patched:
+        # What a cluster saves may lie on another disk; here it is this process.
+        patched.setattr(analyze, 'executor', lambda *_: workers.executor(1, None))
+        assert main([*command, '--dask', 'tcp://elsewhere:8786']) == 0
+        assert capsys.readouterr().err == ''
+    monkeypatch.setattr(workers, 'characterize',
+                        lambda *_: (result, ImuAllanError('the disk is full')))
+    assert main(command) == 1
+    assert capsys.readouterr().err == 'imu_allan: the disk is full\n'
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
