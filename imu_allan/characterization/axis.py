@@ -264,7 +264,12 @@ def bounded(axis: AxisResult) -> AxisResult:
 
 
 def unsteady(axis: AxisResult) -> AxisResult:
-    """Return an axis whose noise is known not to stay the same, whatever its segments say."""
+    """
+    Return an axis whose noise is known not to stay the same, whatever its segments say.
+
+    Its intervals stay as they are: it is drift over a filter's horizon that differs, of which no
+    coefficient alone speaks.
+    """
     if axis.stationarity is None:
         return axis
     return replace(axis, stationarity=replace(axis.stationarity, steady=False))

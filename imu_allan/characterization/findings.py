@@ -18,6 +18,7 @@ from imu_allan.result import AxisResult, Deadband, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import about, duration, listed, named, SENSORS
 import numpy as np
+from scipy.special import fdtri
 
 MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
@@ -29,8 +30,12 @@ _FACTOR = 2.0
 """From which on an error is no percentage."""
 _HEATED_S = 30.0
 """Period from which on a slow cycle may be one of temperature."""
-_HALVES_SIGMAS = 3.0
-"""A difference of the halves that is told: false in 1 of 720 steady gyroscopes of three axes."""
+_HALVES_CHANCE = 1.35e-3
+"""Of a difference of the halves as large by chance, either way: 3 standard errors. A judgment."""
+_HALVES_STEPS = 25
+"""Innovations of a half: of fewer their model knows less than they do, and alarms are false."""
+_AGREES = 2.0
+"""Standard errors from what its sensor's axes say together, within which it holds for an axis."""
 _LEAST_CHANGE = log(1.3)
 """Of a variance: 14 % in deviation, of which no user of a filter needs to know."""
 _STEP_SHARE = 0.7
@@ -195,30 +200,47 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Remark]:
         own = {name: change for name, change in changes.items() if name.startswith(sensor)}
         if not own:
             continue
-        ratio, error, interval = np.mean(list(own.values()), axis=0)
-        error /= len(own)**0.5
+        ratio, steps, interval = np.mean(list(own.values()), axis=0)
         for name, change in own.items():
-            for log_ratio, uncertain in (change[:2], (ratio, error)):
-                if abs(log_ratio) > max(_HALVES_SIGMAS * uncertain, _LEAST_CHANGE):
-                    more, less = ('first', 'second') if log_ratio > 0 else ('second', 'first')
-                    told[name] = Remark('not_steady', f'over {duration(interval)} the {more} half '
-                                        f'drifts {exp(abs(log_ratio) / 2):.1f} times as much as '
-                                        f'the {less}; numbers for a filter are between the two')
+            claims = [change]
+            if abs(change[0] - ratio) <= _AGREES * 2 / change[1]**0.5:
+                claims.append((ratio, steps * len(own), interval))
+            for log_ratio, known, over in claims:
+                if abs(log_ratio) > max(_by_chance(known), _LEAST_CHANGE):
+                    told[name] = _halves_remark(log_ratio, over, axes[name])
                     break
     return told
 
 
+def _halves_remark(log_ratio: float, interval_s: float, axis: AxisResult) -> Remark:
+    more, less = ('first', 'second') if log_ratio > 0 else ('second', 'first')
+    each = duration(axis.backtest.tested_s) if axis.backtest is not None else ''
+    return Remark('not_steady', f'over {duration(interval_s)} the {more} half drifts '
+                  f'{exp(abs(log_ratio) / 2):.1f} times as much as the {less} ({each} each, of '
+                  'the longest stretch without a break); numbers for a filter are between the '
+                  'two, and no interval is widened for it')
+
+
 def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
-    """Logarithm of the ratio of the halves' drift in variance, its error, and over what time."""
+    """Logarithm of the ratio of the halves' drift in variance, innovations of each, their time."""
     if axis.backtest is None:
         return None
-    longest = axis.backtest.innovations[-1]
-    if longest.of_halves is None or not min(longest.of_halves) > 0:
-        return None
-    first, second = longest.of_halves
-    # Each half is the measure of the other: the ratio is there twice. Of n innovations their mean
-    # square has a variance of 2/n, and the model that predicts them has about as much.
-    return log(first / second) / 2, 2 / (longest.steps / 2)**0.5, longest.interval_s
+    for row in reversed(axis.backtest.innovations):
+        if row.steps >= 2 * _HALVES_STEPS and row.of_halves is not None and min(row.of_halves) > 0:
+            first, second = row.of_halves
+            # Each half is the measure of the other: the ratio is there twice.
+            return log(first / second) / 2, row.steps / 2, row.interval_s
+    return None
+
+
+def _by_chance(steps: float) -> float:
+    """
+    Logarithm of the ratio that equal halves of so many innovations hardly ever reach.
+
+    A mean square of n innovations has n degrees of freedom, and what the model of the other half
+    predicts for it is known about as well: their ratio follows F.
+    """
+    return log(fdtri(steps, steps, 1 - _HALVES_CHANCE))
 
 
 def steady_after_s(axis: AxisResult) -> float:
