@@ -125,7 +125,7 @@ def test_a_backtest_of_an_older_file_says_nothing() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('hours', [1 / 3, 1.0, 3.0])
+@pytest.mark.parametrize('hours', [1 / 6, 1 / 3, 1.0, 3.0])
 def test_steady_sensors_are_hardly_ever_told_to_change(hours: float) -> None:
     """Sixty gyroscopes of three axes of each kind; the intervals of N are no matter here."""
     kinds: dict[str, Mapping[str, Any]] = {
