@@ -50,7 +50,7 @@ _LONGEST_FOLDER_NAME = 200
 ANSWER_S = 10.0
 """How long a scheduler may take to answer; one in the same building takes milliseconds."""
 _MOST_PARTS = 16
-"""Readings of a recording by several workers: enough for each to have a share, however uneven."""
+"""Readings of a recording by a cluster: enough for each worker to have a share, however uneven."""
 _PATIENCE_S = 15.0
 """How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
@@ -287,8 +287,9 @@ def in_order(workers: Executor, tasks: Sequence[Task],
     if isinstance(workers, _ThisProcess):
         yield from _here(workers, groups, progress)
         return
+    most = workers.jobs if isinstance(workers, _WorkerProcesses) else _MOST_PARTS
     waiting = deque((part, workers.submit(characterize_each, part))
-                    for group in groups for part in _parts(group))
+                    for group in groups for part in _parts(group, most))
     done_bytes = 0
     while waiting:
         part, futures = waiting.popleft()
@@ -354,9 +355,9 @@ def _opening(topics: 'ManyTopics', task: Task) -> 'Callable[[], Recording] | Non
     return None if len(topics) < 2 or task.topic is None else partial(topics.opening, task.topic)
 
 
-def _parts(group: Sequence[Task]) -> Iterator[Sequence[Task]]:
+def _parts(group: Sequence[Task], most: int) -> Iterator[Sequence[Task]]:
     """Part the topics of a recording: each part is one reading, and several can work on them."""
-    size = -(-len(group) // _MOST_PARTS)
+    size = -(-len(group) // most)
     for first in range(0, len(group), size):
         yield group[first:first + size]
 
@@ -399,6 +400,7 @@ class _WorkerProcesses(Executor):
     """Works in processes of this machine, each served by a thread of this one."""
 
     def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
         self._threads = ThreadPoolExecutor(jobs)
         self._of_thread = threading.local()
         self._started: list[subprocess.Popen[bytes]] = []

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes that work on several recordings, and the folders that results go to."""
 
+from concurrent.futures import Future
 import contextlib
 import os
 from pathlib import Path
@@ -11,7 +12,15 @@ import sys
 import time
 
 from imu_allan.cli.main import main
-from imu_allan.cli.workers import characterize, drawing_process, executor, folder_names, Task
+from imu_allan.cli.workers import (
+    _WorkerProcesses,
+    characterize,
+    drawing_process,
+    executor,
+    folder_names,
+    in_order,
+    Task,
+)
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
@@ -70,6 +79,24 @@ def test_a_worker_that_is_killed_costs_its_own_recording_only():
     assert str(error.value) == (
         '--jobs: the process that worked on it was ended from outside, perhaps for want of '
         'memory; try fewer jobs')
+
+
+@pytest.mark.parametrize(('jobs', 'topics', 'parts'), [
+    (2, 16, [8, 8]), (3, 7, [3, 3, 1]), (16, 2, [1, 1])])
+def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, parts):
+    given = []
+
+    class Workers(_WorkerProcesses):
+        def submit(self, _, tasks):
+            given.append(len(tasks))
+            future = Future()
+            future.set_result([(None, (ImuAllanError('nothing'), ''))] * len(tasks))
+            return future
+
+    tasks = [Task('a.mcap', f'/imu_{number}', {}, 0.0, None, 0, None) for number in range(topics)]
+    with Workers(jobs) as workers:
+        assert [task for task, _ in in_order(workers, tasks, print)] == tasks
+    assert given == parts
 
 
 def test_a_defect_in_a_worker_shows_where_it_is():
