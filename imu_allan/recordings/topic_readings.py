@@ -8,6 +8,7 @@ from itertools import groupby, islice
 from operator import itemgetter
 
 from imu_allan.block import ImuBlock
+from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.result import Remark
@@ -23,6 +24,11 @@ _MOST_COMMON = 1000
 """Remarks on all topics that are kept: of a thousand files, each of which may be damaged."""
 _LARGE = 4
 """A topic with this part of the memory for all is read by itself; of smaller ones more fit."""
+
+
+def is_large(size: int, most_bytes: int) -> bool:
+    """Whether a topic of a size is read by itself where not all fit into the memory."""
+    return _LARGE * size >= most_bytes
 
 
 class TopicReading:
@@ -43,10 +49,10 @@ class TopicReading:
         Damaged chunks of the file that hold messages of it; place and reason of the first.
     remarks : list of (int, Remark)
         What the user should know of this topic alone, with the number of the file.
-    failure : Exception or None
-        What was raised behind the last of `blocks`.
+    failure : ImuAllanError or None
+        Why nothing can be read behind the last of `blocks`.
     dropped : bool
-        Whether there was no memory for it.
+        Whether it is to be read by itself: there was no memory for it, or it failed otherwise.
     held_bytes : int
         Of `blocks`.
 
@@ -55,7 +61,7 @@ class TopicReading:
     def __init__(self, imu: ImuTopic, memory: 'TopicReadings') -> None:
         self.blocks: list[ImuBlock] = []
         self.remarks: list[tuple[int, Remark]] = []
-        self.failure: Exception | None = None
+        self.failure: ImuAllanError | None = None
         self.dropped = False
         self.held_bytes = 0
         self._memory = memory
@@ -97,15 +103,20 @@ class TopicReading:
     def drop(self) -> None:
         """Give its memory back."""
         self.dropped = True
+        self._memory.release(self.held_bytes)
         self.held_bytes = 0
         self.blocks, self._undecoded = [], []
 
     def _decode(self, pieces: Sequence[Piece]) -> None:
         try:
             blocks = self._decoder(pieces, self.malformed)
-        except Exception as error:
+        except ImuAllanError as error:
             # It is raised to whoever asks for the messages of this topic; the others go on.
             self.failure = error
+            return
+        except Exception:
+            # By itself it meets it again, or has memory enough.
+            self.drop()
             return
         self.blocks += blocks
         self.messages += sum(map(len, blocks))
@@ -185,12 +196,6 @@ class TopicReadings:
             reading.drop()
         self.given_up = True
 
-    def fail(self, error: Exception) -> None:
-        """Let all end with an exception."""
-        self.decode()
-        for reading in self.by_name.values():
-            reading.failure = reading.failure or error
-
     def wait(self, reading: TopicReading, size: int) -> None:
         """Let messages wait until it is worth while to decode them."""
         self._waiting[reading.imu.name] = reading
@@ -211,21 +216,22 @@ class TopicReadings:
         if self._held > self._most:
             self._make_room()
 
+    def release(self, size: int) -> None:
+        """Count decoded messages that are held no longer."""
+        self._held -= size
+
     def _make_room(self) -> None:
         """Give up a topic that takes a large part of the memory, or a quarter of it at the end."""
-        held = [reading for reading in self.by_name.values() if reading.held_bytes]
-        largest = max(held, key=lambda reading: reading.held_bytes)
-        if _LARGE * largest.held_bytes >= self._most:
+        largest = max(self.by_name.values(), key=lambda reading: reading.held_bytes)
+        if is_large(largest.held_bytes, self._most):
             largest.drop()
         else:
             left = self._held - self._most // _LARGE
             for name, reading in reversed(self.by_name.items()):
                 if self._held <= left:
                     break
-                self._held -= reading.held_bytes
                 self.crowded.add(name)
                 reading.drop()
-        self._held = sum(reading.held_bytes for reading in held)
         self.given_up = all(reading.dropped for reading in self.by_name.values())
 
 

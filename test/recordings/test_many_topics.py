@@ -9,12 +9,14 @@ from pathlib import Path
 from random import Random
 import sqlite3
 import sys
+import tempfile
 
 from bags import block, COMPRESSIONS, IMU, joined, ROS1_STORE, START_NS
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
+from imu_allan.recordings.formats import compressed_file, effort, mcap_file
 from imu_allan.recordings.formats.mcap_file import McapRecording
 from imu_allan.recordings.many_topics import HELD_BYTES, ManyTopics
 from imu_allan.recordings.recording import Recording
@@ -22,6 +24,7 @@ from imu_allan.result import Remark
 from mcap.writer import Writer
 import pytest
 from rosbags.rosbag1 import Writer as Ros1Writer
+import zstandard
 
 Message = tuple[str, int, bytes]
 """Topic, stamp, and what is in it."""
@@ -143,8 +146,21 @@ def write_split(path: Path, recorded: Sequence[Message]) -> Path:
     return folder
 
 
+def write_packed_mcap(path: Path, recorded: Sequence[Message]) -> Path:
+    path.write_bytes(zstandard.compress(
+        write_mcap(path.with_suffix('.plain'), recorded).read_bytes()))
+    return path
+
+
+def write_packed_db3(path: Path, recorded: Sequence[Message]) -> Path:
+    path.write_bytes(zstandard.compress(
+        write_db3(path.with_suffix('.plain'), recorded).read_bytes()))
+    return path
+
+
 WRITERS = {'a.mcap': write_mcap, 'b.mcap': write_mcap_without_index, 'c.mcap': write_damaged_mcap,
-           'd.db3': write_db3, 'e.bag': write_bag, 'f.split': write_split}
+           'd.db3': write_db3, 'e.bag': write_bag, 'f.split': write_split,
+           'g.mcap.zstd': write_packed_mcap, 'h.db3.zstd': write_packed_db3}
 
 
 def read(opening: Callable[[], Recording], topic: str
@@ -263,3 +279,93 @@ def test_messages_in_memory_serve_the_options_of_the_reading(tmp_path: Path) -> 
         one, *_ = read(partial(many.opening, '/imu_1'), '/imu_1')
     other, *_ = read(partial(open_recording, path, options=options), '/imu_1')
     assert one.samples.tobytes() == other.samples.tobytes()
+
+
+@pytest.mark.parametrize('small', [0, 1, 20])
+@pytest.mark.parametrize('large', [2, 3])
+def test_large_topics_cost_no_more_readings_than_one_by_one(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: int, small: int) -> None:
+    chunks = 0
+    decoded = mcap_file._decoded
+
+    def counted(*args: object) -> object:
+        nonlocal chunks
+        chunks += 1
+        return decoded(*args)
+
+    monkeypatch.setattr(mcap_file, '_decoded', counted)
+    path = write_mcap(tmp_path / 'a.mcap', sorted(
+        [*messages(large, 1600),
+         *((f'/small{topic}', stamp, data) for topic, stamp, data in messages(small, 20))],
+        key=lambda message: message[1]))
+    topics = [*(f'/imu_{number}' for number in range(large)),
+              *(f'/small/imu_{number}' for number in range(small))]
+
+    def read_all(openings: Sequence[Callable[[], Recording]]) -> tuple[int, int]:
+        nonlocal chunks
+        chunks = 0
+        with opened(path.name) as found:
+            for topic, opening in zip(topics, openings, strict=True):
+                read(opening, topic)
+        return chunks, len(found)
+
+    one_by_one = read_all([partial(open_recording, path)] * len(topics))
+    with closing(ManyTopics(partial(open_recording, path), topics, 100_000)) as many:
+        together = read_all([partial(many.opening, topic) for topic in topics])
+    assert together <= one_by_one
+    assert small < 2 or together[0] < one_by_one[0]
+
+
+@pytest.mark.parametrize('name', ['g.mcap.zstd', 'h.db3.zstd'])
+def test_one_copy_at_a_time_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                        name: str) -> None:
+    unpacked = tmp_path / 'unpacked'
+    unpacked.mkdir()
+    monkeypatch.setattr(tempfile, 'tempdir', str(unpacked))
+    copies = []
+    make = compressed_file.make_folder
+
+    def made() -> Path:
+        folder = make()
+        copies.append(len(list(unpacked.iterdir())))
+        return folder
+
+    path = WRITERS[name](tmp_path / name, [
+        *messages(4, 20), *(('/large', stamp, data) for _, stamp, data in messages(1, 2000))])
+    topics = ['/imu_1', '/large', '/imu_2', '/imu_3']
+    with closing(ManyTopics(partial(open_recording, path), topics, 100_000)) as many:
+        monkeypatch.setattr(compressed_file, 'make_folder', made)
+        for topic in topics:
+            read(partial(many.opening, topic), topic)
+    assert copies == [1, 1]
+    assert list(unpacked.iterdir()) == []
+
+
+def test_want_of_memory_for_all_is_none_for_each(tmp_path: Path,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_mcap(tmp_path / 'a.mcap', messages(3, 20))
+    topics = ['/imu_0', '/imu_1', '/imu_2']
+    once = McapRecording.read_each
+
+    def exhausted(self: McapRecording, readings: object) -> None:
+        once(self, readings)
+        raise MemoryError
+
+    monkeypatch.setattr(McapRecording, 'read_each', exhausted)
+    with closing(ManyTopics(partial(open_recording, path), topics)) as many:
+        assert_read_alike(path, topics, many)
+
+
+def test_a_budget_that_does_not_do_for_all_does_for_each(tmp_path: Path,
+                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = sorted(messages(3, 200), key=lambda message: message[0])
+    path = write_mcap(tmp_path / 'a.mcap', recorded)
+    # The bytes of a topic are some 70,000, in chunks of 20,000.
+    monkeypatch.setattr(effort, 'MOST_RATIO', 0)
+    monkeypatch.setattr(effort, 'PLAIN_BYTES', 130_000)
+    topics = ['/imu_0', '/imu_1', '/imu_2']
+    with open_recording(path) as alone:
+        assert sum(map(len, read_blocks(alone, '/imu_2'))) == 200
+        assert alone.remarks == []
+    with closing(ManyTopics(partial(open_recording, path), topics)) as many:
+        assert_read_alike(path, topics, many)

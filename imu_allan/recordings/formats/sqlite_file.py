@@ -151,6 +151,10 @@ class SqliteRecording(Recording):
             # What can be saved of it is another way for each topic.
             readings.drop()
             return
+        if effort.spent:
+            # Of the same for itself alone each topic may have enough.
+            readings.drop()
+            return
         readings.decode()
         for reading in readings.present:
             with self.remarks_apart() as own:
