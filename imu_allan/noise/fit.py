@@ -24,6 +24,7 @@ from imu_allan.noise.correlated import (
     with_process_column,
 )
 from imu_allan.noise.courses import Calmed, with_courses
+from imu_allan.noise.doubt_of_flicker import with_doubt_of_flicker
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
     bent_density,
@@ -304,8 +305,9 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         walk = replace(walk, observable=False)
     estimates = {key: walk if column == WALK else estimate(trial, column, _widening(said, key))
                  for key, column in COLUMNS.items()}
-    estimates['noise_density'] = bent_density(
-        trial, dt, estimates['noise_density'], _widening(said, 'noise_density'))
+    wider = _widening(said, 'noise_density')
+    estimates['noise_density'] = with_doubt_of_flicker(
+        trial, dt, bent_density(trial, dt, estimates['noise_density'], wider), wider)
     if unclear and own:
         # What seems a walk takes from the flicker, wherever it comes from.
         still = estimate(without_walk(in_parts(trial, own)), FLICKER,

@@ -42,7 +42,7 @@ import numpy as np
 
 Columns = TypeVar('Columns', Groups, Bins)
 
-_TRIED = (0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
+TRIED = (0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
 """Exponents; beyond, the noise is hardly told from white noise, or from a random walk."""
 _AT_END = 0.01
 """As near to the ends the likeliest exponent lies beyond."""
@@ -85,11 +85,11 @@ class PowerLaw:
 
     def of(self, groups: Groups) -> Groups:
         """Return the groups with the law in the place of flicker."""
-        return _with_exponent(groups, self.dt, self.exponent)
+        return with_exponent(groups, self.dt, self.exponent)
 
     def of_record(self, record: Spectrum) -> Spectrum:
         """Return a spectrum of which all fits have the law in the place of flicker."""
-        own = tuple(replace(one, bins=_with_exponent(one.bins, self.dt, self.exponent))
+        own = tuple(replace(one, bins=with_exponent(one.bins, self.dt, self.exponent))
                     for one in record.records)
         return JointSpectrum(own) if isinstance(record, JointSpectrum) else own[0]
 
@@ -139,7 +139,7 @@ class PowerLaw:
             False, 0.0, 0.0, 0.0, float(np.sqrt(lowest)) / FLICKER_FLOOR)}
 
 
-def _with_exponent(spectrum: Columns, dt: float, exponent: float) -> Columns:
+def with_exponent(spectrum: Columns, dt: float, exponent: float) -> Columns:
     """
     Put f^-exponent of unit amplitude in the place of flicker.
 
@@ -176,9 +176,9 @@ def free_exponent(groups: Groups, dt: float, other: Trial) -> PowerLaw | None:
     plain = fit_band(groups, None)
     search = _Search(groups, dt, plain.solution)
     best = search.likeliest()
-    if not _TRIED[0] + _AT_END < best < _TRIED[-1] - _AT_END:
+    if not TRIED[0] + _AT_END < best < TRIED[-1] - _AT_END:
         return None
-    trial = fit_columns(_with_exponent(groups, dt, best), None, False, search.near)
+    trial = fit_columns(with_exponent(groups, dt, best), None, False, search.near)
     rolling = fit_band(groups, None, rolling=True)
     gain = 2 * (rolling.solution.loss - trial.solution.loss)
     if trial.p_value < BENT_P or gain < _OBSERVABLE_EXPONENT:
@@ -201,7 +201,7 @@ class _Search:
 
     def at(self, exponent: float) -> Solution:
         """Fit the other terms beside an exponent."""
-        self.near = maximise(_with_exponent(self._groups, self._dt, exponent), self.near,
+        self.near = maximise(with_exponent(self._groups, self._dt, exponent), self.near,
                              fixed=self._fixed, trend='restricted', tolerance=1e-3)
         return self.near
 
@@ -220,7 +220,7 @@ class _Search:
         def loss(exponent: float) -> float:
             return self.at(float(exponent)).loss
 
-        return lowest_near(loss, _TRIED, int(np.argmin([loss(one) for one in _TRIED])), 1e-3)
+        return lowest_near(loss, TRIED, int(np.argmin([loss(one) for one in TRIED])), 1e-3)
 
     def interval(self, best: float, dispersion: float) -> PowerLaw:
         """Return the law with the intervals of the exponent, and of the density beside it."""
@@ -240,7 +240,7 @@ class _Search:
             # What the ratio leaves to the density at this exponent.
             left = float(np.sqrt(max(CI95 - rise(float(exponent) - best), 0.0)))
             value = float(np.sqrt(self.near.theta[WHITE]))
-            beside = Trial(_with_exponent(self._groups, self._dt, float(exponent)), self.near,
+            beside = Trial(with_exponent(self._groups, self._dt, float(exponent)), self.near,
                            self._fixed, None, False, 1.0, 0.0, dispersion)
             error = left * spread(beside, self.near, WHITE)
             ends += [value - error, value + error]
