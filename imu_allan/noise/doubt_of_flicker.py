@@ -4,9 +4,9 @@
 What the doubt about the exponent of flicker leaves of the noise density.
 
 Noise of an exponent near 1, or weak, passes for flicker. White noise then stands in for what
-flicker leaves of it, by several of its own errors. The exponent is a parameter like any other: beside the
-terms stands the derivative of the spectrum by it, whose size says how far it is off (Gauss and
-Newton), and whose error is one of the density, too.
+flicker leaves of it, by several of its own errors. The exponent is a parameter like any other:
+beside the terms stands the derivative of the spectrum by it, whose size says how far it is off
+(Gauss and Newton), and whose error is one of the density, too.
 
 References
 ----------
@@ -48,6 +48,7 @@ def with_doubt_of_flicker(trial: Trial, dt: float, plain: Estimate, widening: fl
     Parameters
     ----------
     trial : Trial
+        Whose terms and band are those of the fit.
     dt : float
         Sample interval in seconds.
     plain : Estimate

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise import intervals
+from imu_allan.noise import fit, intervals
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.intervals import estimate
@@ -79,6 +79,11 @@ def test_interval_of_the_density_is_that_with_a_bend_alone(records, monkeypatch)
         asked.append(estimate(trial, column, widening))
         return asked[-1]
 
+    # Doubt about the exponent of flicker only widens it.
+    monkeypatch.setattr(fit, 'with_doubt_of_flicker', lambda *given: given[2])
+    without = estimates(records)['noise_density']
+    assert found.low <= without.low < without.high <= found.high
+    found = without
     monkeypatch.setattr(intervals, 'estimate', spy)
     assert estimates(records)['noise_density'] == found
     # The last that is asked for is the density beside a bend.
