@@ -189,7 +189,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
 
 def _measured_rate(counts: Counts, decision: Decision) -> float | None:
     """Tell samples per second of all unbroken stretches."""
-    if counts.paced_ns <= 0:
+    if counts.paced_ns <= 0 or not counts.paced_steps:
         return None
     rate = counts.paced_steps / counts.paced_ns * SECOND
     if decision.counting and decision.first_interval_ns:

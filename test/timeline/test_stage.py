@@ -538,6 +538,19 @@ def test_state_stays_small_once_the_baseline_is_settled():
     assert small < 700_000 < large
 
 
+def test_bursts_without_two_samples_at_the_interval_have_no_rate():
+    # Values beyond reason in two of three: what is left lies apart.
+    rng, count = np.random.default_rng(1316), 658
+    samples = rng.normal(size=(count, 6)) * 10.0 ** rng.integers(-300, 300)
+    spoilt = rng.random((count, 6)) < 0.3
+    samples[spoilt] = rng.choice([np.nan, np.inf, -np.inf, 0.0], np.count_nonzero(spoilt))
+    stamps = START_NS + np.arange(count) // 30 * 300_000_000
+    block = ImuBlock(stamps, stamps, samples, np.zeros((count, 2), dtype=bool), 'imu_link')
+    summary, _ = run([block], clock='receive')
+    assert summary.timeline.samples == 2
+    assert summary.timeline.sample_rate_hz is None
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_garbage_is_refused_or_survived_and_never_yields_nan(data):
