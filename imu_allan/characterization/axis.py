@@ -77,6 +77,8 @@ _SLIGHT = 0.05
 """Relative distance from that interval that a user does not care about."""
 _FEW = 64.0
 """Degrees of freedom up to which a point of the curve belongs to the slow end."""
+_MOST_TOO_LOW = 0.9
+"""Share: beyond, the interval has no upper end that says anything. A judgment."""
 _DIGITS_OF_RANGE = 5
 """Decimal digits of the signal over time, counted from those of its range."""
 
@@ -281,7 +283,7 @@ def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
     if found.ci95 is None or not (too_low or too_high):
         return axis
     low, high = found.ci95
-    interval = low / (1 + too_high), high * (1 + too_low)
+    interval = low / (1 + too_high), high / (1 - min(too_low, _MOST_TOO_LOW))
     return replace(axis, coefficients=dict(axis.coefficients) | {
         'noise_density': replace(found, ci95=interval)})
 

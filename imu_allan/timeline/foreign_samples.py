@@ -136,8 +136,29 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> bool:
     time = (stamps[:_MOST_IN_TURN] - stamps[0]).astype(np.float64)
     if len(time) < _FEWEST_IN_TURN:
         return False
+    samples = samples[:len(time)]
+    known = np.clip(samples[:, np.isfinite(samples).all(axis=0)], -_LARGEST, _LARGEST)
+    known = known - np.median(known, axis=0)
+    known = known[:, known.std(axis=0) > 0]
+    if not known.shape[1]:
+        return False
+    known /= known.std(axis=0)
+    # Hum near half of the rate takes turns as well, and shows in one axis or two.
+    for _ in range(min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)):
+        side = _side_in_time(time, known)
+        if side is None:
+            return False
+        part = np.maximum(np.abs(side @ known), np.abs(side @ (known**2 - 1)))
+        known = np.delete(known, int(np.argmax(part)), axis=1)
+    return True
+
+
+def _side_in_time(time: Floats, known: Floats) -> Floats | None:
+    """Give the sides on which messages fall by their values, where these tell the time."""
+    if not known.shape[1]:
+        return None
     steps = np.diff(time)
-    for along in _apart(samples[:len(time)]):
+    for along in _apart(known):
         side = np.where(along > np.quantile(along, (0.1, 0.9)).mean(), 1.0, -1.0)
         one = steps[side[1:] == side[:-1]]
         periods = [float(np.median(time[2:] - time[:-2]))]
@@ -150,8 +171,8 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> bool:
         for period in periods:
             if period > 0 and any(_tells_turn(time, period * (1 + off), alike)
                                   for off in _PERIODS.tolist()):
-                return True
-    return False
+                return side
+    return None
 
 
 def _tells_turn(time: Floats, period: float, alike: Floats) -> bool:
@@ -163,14 +184,8 @@ def _tells_turn(time: Floats, period: float, alike: Floats) -> bool:
     return spread > 1e-6 and float(np.mean(whole * alike)) > _IN_TIME * spread**0.5
 
 
-def _apart(samples: Floats) -> Iterator[Floats]:
+def _apart(known: Floats) -> Iterator[Floats]:
     """Give what may part two sensors: directions in which neighbours differ, and loudness."""
-    known = np.clip(samples[:, np.isfinite(samples).all(axis=0)], -_LARGEST, _LARGEST)
-    known = known - np.median(known, axis=0)
-    known = known[:, known.std(axis=0) > 0]
-    if not known.shape[1]:
-        return
-    known /= known.std(axis=0)
     level, axes = np.linalg.eigh(known.T @ known / len(known))
     noisy = level > 1e-9 * level[-1]
     white = known @ (axes[:, noisy] / np.sqrt(level[noisy]))

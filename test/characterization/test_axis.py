@@ -5,7 +5,7 @@
 import re
 import tracemalloc
 
-from imu_allan.characterization.axis import axis_results, characterize
+from imu_allan.characterization.axis import axis_results, characterize, widened
 from imu_allan.noise.axis_fault import sample_noise
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.estimator import Estimator
@@ -229,3 +229,12 @@ def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk():
     # Several recordings begin anew each: there it says nothing.
     [(_, remarks)] = axis_results(estimator, 10.0, [quantity], of_one_record=False)
     assert 'bias_step' not in {remark.code for remark in remarks}
+
+
+def test_an_error_that_is_no_chance_widens_the_interval_of_the_density():
+    axis = characterize(simulate({'noise_density': 1e-3}, 2000, 100.0, 1), 100.0)
+    low, high = axis.coefficients['noise_density'].ci95
+    # What is a quarter too low is three quarters of the truth.
+    wide = widened(axis, too_low=0.25, too_high=0.6).coefficients['noise_density'].ci95
+    assert wide == pytest.approx((low / 1.6, high / 0.75))
+    assert widened(axis, 0.0, 0.0) is axis

@@ -728,6 +728,19 @@ def test_no_vibration_with_losses_passes_for_two_sensors_by_its_time():
         assert not takes_turns(stamps, (5 * swing + rng.normal(size=(6000, 6)))[there])
 
 
+@pytest.mark.parametrize('cycles', [0.45, 0.498, 0.5])
+@pytest.mark.parametrize('lost', [0.0, 0.02])
+@pytest.mark.parametrize('humming', [[0], [1, 5]])
+def test_no_hum_near_half_of_the_rate_passes_for_two_sensors_by_its_time(cycles, lost, humming):
+    rng = np.random.default_rng(0)
+    samples = rng.normal(size=(2048, 6))
+    samples[:, humming] += 3 * np.cos(2 * np.pi * cycles * np.arange(2048) + 1)[:, None]
+    late = rng.exponential(0.1, 2048)
+    there = rng.random(2048) >= lost
+    stamps = np.maximum.accumulate(np.arange(2048) + late)[there] * 1e7
+    assert not takes_turns(stamps.astype(np.int64), samples[there])
+
+
 @pytest.mark.parametrize('cycles', [0.31, 0.35, 0.4])
 @pytest.mark.parametrize('noise', [0.01, 0.3])
 @pytest.mark.parametrize('wander', [0.0, 0.03, 0.3])
