@@ -65,7 +65,7 @@ def equal_variances(ratio: Array, dof: Array, least: float = 1e-300) -> float:
     """
     total = dof.sum(axis=0)
     pooled = np.sum(dof * ratio, axis=0) / total
-    there = pooled > 0  # a band without any power looks the same everywhere
+    there = pooled != 0  # a band without any power looks the same everywhere
     if not np.all(there):
         return (equal_variances(ratio[:, there], dof[:, there], least) if np.any(there)
                 else 1.0)

@@ -66,25 +66,25 @@ def with_doubt_of_flicker(trial: Trial, dt: float, plain: Estimate, widening: fl
     if not plain.observable or trial.solution.theta[FLICKER] <= 0:
         return plain
     exponent, beside = 1.0, trial
-    step = _step(beside, dt)
+    step = _step(beside, dt, exponent)
     for _ in range(_STEPS):
-        if abs(step.exponent) < step.error:
+        if abs(step.exponent) < step.error or not step.exponent:
             break
-        exponent = float(np.clip(exponent + step.exponent, TRIED[0], TRIED[-1]))
+        exponent += step.exponent
         groups = with_exponent(trial.groups, dt, exponent)
         solution = maximise(groups, beside.solution, fixed=trial.fixed, trend='restricted',
                             tolerance=1e-3)
         if min(solution.theta[FLICKER], solution.theta[WHITE]) <= 0:
             break
         beside = replace(trial, groups=groups, solution=solution)
-        step = _step(beside, dt)
+        step = _step(beside, dt, exponent)
     half = NORMAL95 * step.density_error * float(np.sqrt(widening))
     low, high = min(plain.low, step.density - half), max(plain.high, step.density + half)
     return replace(plain, low=max(low, 0.0), high=high, upper=high)
 
 
-def _step(trial: Trial, dt: float) -> _Step:
-    """Regress what the fit leaves on its terms and on the derivative by the exponent."""
+def _step(trial: Trial, dt: float, exponent: float) -> _Step:
+    """Regress what the fit leaves on its terms and on the derivative by the exponent, in range."""
     groups, theta = trial.groups, trial.solution.theta
     expected = np.maximum(groups.design @ theta, 1e-300)
     terms = [column for column in range(len(theta))
@@ -101,6 +101,11 @@ def _step(trial: Trial, dt: float) -> _Step:
     errors = np.sqrt(np.diagonal(covariance) * trial.dispersion)
     steps, errors = steps / size, errors / size
     white = terms.index(WHITE)
+    # At an end of what is tried the exponent is that, and the others are as they are beside it.
+    inside = float(np.clip(steps[-1], TRIED[0] - exponent, TRIED[-1] - exponent))
+    slope = covariance[white, -1] / covariance[-1, -1] * size[-1] / size[white]
+    steps[white] += slope * (inside - steps[-1])
+    steps[-1] = inside
     density = float(np.sqrt(max(theta[WHITE] + steps[white], 0.0)))
     return _Step(float(steps[-1]), float(errors[-1]), density,
                  float(errors[white]) / (2 * float(np.sqrt(theta[WHITE]))))

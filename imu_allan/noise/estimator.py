@@ -389,7 +389,8 @@ class Estimator:
                 or np.any(np.diff(stand_ins, prepend=-1, append=counters.held) <= 0)
                 or any(np.any((counts < 0) | (counts > counters.samples))
                        for counts in (at_ends, at_zero, near_zero))
-                or not 0 <= counters.runs < MOST_RUNS):
+                or not 0 <= counters.runs < MOST_RUNS
+                or not 0 <= counters.bridged <= counters.samples):
             raise ValueError('arrays of the estimator do not fit together')
         self = cls(len(chunk))
         self._n = counters

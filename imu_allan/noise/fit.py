@@ -199,7 +199,8 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
     law = _power_law(found, groups, dt)
     if law is not None:
         beside = _fit(law.of(groups), dt, None, record and law.of_record(record), steady,
-                      parts and law.of_parts(parts), calmed and law.of_calmed(calmed), known_hz)
+                      parts and law.of_parts(parts), calmed and law.of_calmed(calmed), known_hz,
+                      doubt=False)
         found = replace(beside, estimates=law.bound(beside.estimates, groups), power_law=law)
     if following is not None and temperature is not None:
         assert found.trial is not None
@@ -262,8 +263,9 @@ def _power_law(found: Fit, groups: Groups, dt: float) -> PowerLaw | None:
 
 def _fit(groups: Groups, dt: float, start: Solution | None,
          record: RecordSpectrum | JointSpectrum | None, steady: Steadiness | None,
-         parts: Spectra | None, calmed: Calmed | None, known_hz: Sequence[float]) -> Fit:
-    """Fit one axis with the regressors that its record has."""
+         parts: Spectra | None, calmed: Calmed | None, known_hz: Sequence[float],
+         doubt: bool = True) -> Fit:
+    """Fit one axis with the regressors that its record has, `doubt` about flicker's exponent."""
     plain, process = _chosen(groups, start, dt)
     trial = plain
     walk = estimate(trial, WALK)
@@ -306,8 +308,9 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     estimates = {key: walk if column == WALK else estimate(trial, column, _widening(said, key))
                  for key, column in COLUMNS.items()}
     wider = _widening(said, 'noise_density')
-    estimates['noise_density'] = with_doubt_of_flicker(
-        trial, dt, bent_density(trial, dt, estimates['noise_density'], wider), wider)
+    density = bent_density(trial, dt, estimates['noise_density'], wider)
+    estimates['noise_density'] = (with_doubt_of_flicker(trial, dt, density, wider) if doubt
+                                  else density)
     if unclear and own:
         # What seems a walk takes from the flicker, wherever it comes from.
         still = estimate(without_walk(in_parts(trial, own)), FLICKER,

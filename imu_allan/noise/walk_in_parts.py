@@ -28,8 +28,8 @@ _BENDS = range(2, 8)
 """Orders of the polynomials beside which a walk has to show where the mean is known to move."""
 _BENT_BY_CHANCE = 0.025
 """
-Probability of what these explain beside a walk from which on the mean is known to move: of 26
-records of a walk 3 had a ratio above 14.4, of 6 means that passed for one all.
+Of what these explain beside a walk, as if by chance alone: below, the mean is known to move. A
+judgment: of 26 records of a walk 3 had a ratio above 14.4, of 6 means that passed for one all.
 """
 
 

@@ -123,16 +123,23 @@ def test_new_run_keeps_runs_apart():
     assert not octaves(estimator.finished()).avar.any()
 
 
-def test_long_gaps_leave_the_coefficients_inside_their_intervals():
-    record = simulate(SENSOR, 400_000, 100, 6)[:, None]
+@pytest.mark.parametrize('seed', [3, 6])
+def test_long_gaps_leave_the_coefficients_inside_their_intervals(seed):
+    record = simulate(SENSOR, 400_000, 100, seed)[:, None]
     estimator = Estimator()
     for begin in range(0, len(record), 80_000):
         estimator.update(record[begin:begin + 75_000])
         estimator.skip(5_000)
     axis = axis_results(estimator, 100, GYRO)[0][0]
     for key, truth in SENSOR.items():
-        low, high = axis.coefficients[key].ci95
-        assert low <= truth <= high, key
+        found = axis.coefficients[key]
+        if seed == 3 and key == 'rate_random_walk':
+            # Of the walk of this record it cannot be told that it is one: at most it is this.
+            assert not found.observable
+            assert truth <= found.upper95
+        else:
+            low, high = found.ci95
+            assert low <= truth <= high, key
 
 
 def test_merging_two_records_adds_their_information():
