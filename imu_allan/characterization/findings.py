@@ -16,7 +16,7 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import AxisResult, Deadband, Remark, Segment, Span
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import about, duration, listed, named, SENSORS
+from imu_allan.wording import about, duration, listed, named
 import numpy as np
 from scipy.special import fdtri
 
@@ -196,19 +196,18 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Remark]:
     changes = {name: change for name, axis in axes.items()
                if (change := _change_of_halves(axis)) is not None}
     told = {}
-    for sensor in SENSORS:
-        own = {name: change for name, change in changes.items() if name.startswith(sensor)}
-        if not own:
-            continue
-        ratio, steps, interval = np.mean(list(own.values()), axis=0)
-        for name, change in own.items():
-            claims = [change]
-            if abs(change[0] - ratio) <= _AGREES * 2 / change[1]**0.5:
-                claims.append((ratio, steps * len(own), interval))
-            for log_ratio, known, over in claims:
-                if abs(log_ratio) > max(_by_chance(known), _LEAST_CHANGE):
-                    told[name] = _halves_remark(log_ratio, over, axes[name])
-                    break
+    for name, change in changes.items():
+        claims = [change]
+        # Only what was asked over the same time tells of one another.
+        sensor = [other for beside, other in changes.items()
+                  if beside.split('_')[0] == name.split('_')[0] and other[2] == change[2]]
+        ratio, steps, interval = np.mean(sensor, axis=0)
+        if abs(change[0] - ratio) <= _AGREES * 2 / change[1]**0.5:
+            claims.append((ratio, steps * len(sensor), interval))
+        for log_ratio, known, over in claims:
+            if abs(log_ratio) > max(_by_chance(known), _LEAST_CHANGE):
+                told[name] = _halves_remark(log_ratio, over, axes[name])
+                break
     return told
 
 

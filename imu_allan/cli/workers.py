@@ -24,6 +24,7 @@ from functools import partial
 from importlib import import_module
 from itertools import count as naturals, groupby
 import logging
+from math import ceil
 import os
 from pathlib import Path
 import pickle
@@ -287,7 +288,9 @@ def in_order(workers: Executor, tasks: Sequence[Task],
     if isinstance(workers, _ThisProcess):
         yield from _here(workers, groups, progress)
         return
-    most = workers.jobs if isinstance(workers, _WorkerProcesses) else _MOST_PARTS
+    # Of many recordings there is one for every worker without parting any.
+    most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, _WorkerProcesses)
+            else _MOST_PARTS)
     waiting = deque((part, workers.submit(characterize_each, part))
                     for group in groups for part in _parts(group, most))
     done_bytes = 0

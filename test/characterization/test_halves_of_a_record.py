@@ -97,6 +97,16 @@ def test_what_its_sensor_does_is_not_said_of_an_axis_that_does_not() -> None:
         'gyro_x', 'gyro_y'}
 
 
+def test_axes_are_held_together_over_the_same_time_alone() -> None:
+    loud, other = axis_of(4.0, 0.25, steps=10_000), axis_of(4.0, 0.25, steps=10_000)
+    rows = other.backtest.innovations
+    shorter = replace(other, backtest=replace(other.backtest, innovations=(
+        replace(rows[0], of_halves=(4.0, 0.25)), replace(rows[1], of_halves=None))))
+    found = halves_remarks({'gyro_x': loud, 'gyro_y': loud, 'gyro_z': shorter})
+    assert [found[f'gyro_{letter}'].message.split(' the ')[0] for letter in 'xyz'] == [
+        'over 60 s', 'over 60 s', 'over 10 s']
+
+
 def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
     axis = axis_of(9.0, 1 / 9, steps=18)
     assert halves_remarks({'gyro_x': axis}) == {}

@@ -4,6 +4,7 @@
 
 from concurrent.futures import Future
 import contextlib
+from dataclasses import replace
 import os
 from pathlib import Path
 import signal
@@ -97,6 +98,12 @@ def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, p
     with Workers(jobs) as workers:
         assert [task for task, _ in in_order(workers, tasks, print)] == tasks
     assert given == parts
+    given.clear()
+    many = [replace(tasks[0], path=f'{letter}.mcap') for letter in 'abcdefgh' for _ in 'xy']
+    with Workers(jobs) as workers:
+        assert len(list(in_order(workers, many, print))) == 16
+    # With a recording for every worker none is read twice.
+    assert given == [2] * 8 if jobs <= 8 else [1] * 16
 
 
 def test_a_defect_in_a_worker_shows_where_it_is():
