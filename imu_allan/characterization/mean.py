@@ -6,6 +6,7 @@ from math import inf, sqrt
 
 from imu_allan.noise.terms import allan_variance, LASTING_TERMS
 from imu_allan.result import AxisResult, Result
+import numpy as np
 
 
 def recorded_s(result: Result) -> float:
@@ -44,4 +45,6 @@ def error_of_mean(axis: AxisResult, duration_s: float, *, at_most: bool = False)
     if at_most:
         values |= {key: bound for key in LASTING_TERMS if key not in values
                    and (bound := axis.coefficients[key].upper95) is not None}
-    return sqrt(float(allan_variance(values, duration_s))) if duration_s > 0 else 0.0
+    # A file may hold a time of 5e-324 s, over which a mean is not known at all.
+    with np.errstate(over='ignore'):
+        return sqrt(float(allan_variance(values, duration_s))) if duration_s > 0 else 0.0
