@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The account of what could not be read of a file made of chunks."""
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from imu_allan.errors import printable
 from imu_allan.recordings.recording import Recording
 from imu_allan.recordings.topic_readings import NO_CHUNK, TopicReading, TopicReadings
 
+Carried = Mapping[int, Sequence[TopicReading]]
+"""Those that want the messages of a channel, by its number."""
 _UNWRITTEN = 'what was not yet written is missing'
 
 
@@ -54,16 +57,15 @@ class Damage:
         self.broken_chunks += 1
         self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
 
-    def chunk_of(self, readings: Iterable[TopicReading] | None, at: int, reason: str) -> None:
-        """Note it of the topics that it holds messages of; None where it may be any."""
-        if readings is None:
-            self.chunk(at, reason)
-            self.first_place = min(self.first_place, at)
-            return
-        for reading in readings:
+    def chunk_for(self, carried: Carried, part: Part, reason: str) -> None:
+        """Note it for the topics of which it holds messages; for all where it may be any."""
+        if not part.counts:
+            self.chunk(part.start, reason)
+            self.first_place = min(self.first_place, part.start)
+        for reading in {reading for number in part.counts for reading in carried.get(number, ())}:
             reading.broken_chunks += 1
-            reading.first_broken = min(
-                reading.first_broken, (at, f'at byte {at}: {printable(reason)}'))
+            reading.first_broken = min(reading.first_broken, (
+                part.start, f'at byte {part.start}: {printable(reason)}'))
 
     def hole(self, at: int, length: int) -> None:
         """Note bytes between chunks that are no records."""
@@ -108,9 +110,13 @@ class Damage:
         elif messages and not self.end:
             recording.remark('damaged_recording', f'not all of it could be read{messages}')
 
-    def report_each(self, recording: Recording, readings: TopicReadings,
-                    expected: Mapping[str, int]) -> None:
-        """Tell each of several topics what its own reading would have; `expected` by name."""
+    def report_each(self, recording: Recording, readings: TopicReadings, carried: Carried,
+                    counts: Mapping[int, int]) -> None:
+        """Tell each of several topics what its own reading would have; `counts` by channel."""
+        expected: Counter[str] = Counter()
+        for number, found in carried.items():
+            for reading in found:
+                expected[reading.imu.name] += counts.get(number, 0)
         readings.decode()
         for reading in readings.present:
             name = reading.imu.name
@@ -119,6 +125,6 @@ class Damage:
                 _, first = min((self.first_place, self.first_broken), reading.first_broken)
                 replace(self, broken_chunks=self.broken_chunks + reading.broken_chunks,
                         first_broken=first).report(
-                    recording, name, expected.get(name, 0) - reading.messages
-                    - reading.malformed.count, expected.get(name, 0))
+                    recording, name, expected[name] - reading.messages
+                    - reading.malformed.count, expected[name])
             readings.tell(own, reading)

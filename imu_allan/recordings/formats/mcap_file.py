@@ -190,18 +190,12 @@ class McapRecording(FileRecording):
                             for reading in carried[number]:
                                 reading.take(in_batches(unpacked(pieces, effort)))
                 except DamagedData as error:
-                    damage.chunk_of({reading for number in part.counts
-                                     for reading in carried.get(number, ())}
-                                    if part.counts else None, part.start, str(error))
+                    damage.chunk_for(carried, part, str(error))
         if effort.spent:
             # Of the same for itself alone each topic may have enough.
             readings.drop()
             return
-        expected: Counter[str] = Counter()
-        for number, found in carried.items():
-            for reading in found:
-                expected[reading.imu.name] += self._counts.get(number, 0)
-        damage.report_each(self, readings, expected)
+        damage.report_each(self, readings, carried, self._counts)
 
     # ---------------------------------------------------------------------------- what is there
 

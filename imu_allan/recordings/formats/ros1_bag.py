@@ -150,9 +150,7 @@ class Ros1Recording(FileRecording):
                         parts.setdefault(self._connections[number].topic, []).append(
                             replace(piece, rows=piece.rows.copy()))
                 except DamagedData as error:
-                    damage.chunk_of({reading for number in part.counts
-                                     for reading in carried.get(number, ())}
-                                    if part.counts else None, part.start, str(error))
+                    damage.chunk_for(carried, part, str(error))
                 for topic, pieces in parts.items():
                     for reading in readings.by_source[topic]:
                         reading.take(in_batches(pieces))
@@ -160,11 +158,7 @@ class Ros1Recording(FileRecording):
             # Of the same for itself alone each topic may have enough.
             readings.drop()
             return
-        expected: Counter[str] = Counter()
-        for number, found in carried.items():
-            for reading in found:
-                expected[reading.imu.name] += self._counts.get(number, 0)
-        damage.report_each(self, readings, expected)
+        damage.report_each(self, readings, carried, self._counts)
 
     # ---------------------------------------------------------------------------- what is there
 
