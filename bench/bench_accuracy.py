@@ -24,6 +24,7 @@ from typing import Any
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.fit import Fit
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import FLICKER_FLOOR
 import numpy as np
@@ -284,6 +285,12 @@ def drawn_cases() -> dict[str, tuple[float, float, dict[str, float], list[Callab
     }
 
 
+def coverage(fits: Sequence[Fit], key: str, truth: float) -> float:
+    """Share of the intervals of a coefficient, and of its upper bounds, that hold."""
+    return float(np.mean([one.low <= truth <= one.high if one.observable else truth <= one.upper
+                          for one in (fit.estimates[key] for fit in fits)]))
+
+
 def show_drawn(name: str, records: int) -> None:
     """Draw spectra of a case, fit them, and print the figures with their standard errors."""
     from drawn_spectra import draw, shape_of
@@ -306,8 +313,7 @@ def show_drawn(name: str, records: int) -> None:
         squares = np.array([(one.value / truth - 1)**2 for one in estimates])
         rmse = float(np.sqrt(squares.mean()))
         error = float(squares.std() / np.sqrt(records) / (2 * rmse))
-        inside = np.mean([one.low <= truth <= one.high if one.observable else truth <= one.upper
-                          for one in estimates])
+        inside = coverage(found, key, truth)
         print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {share}  coverage '
               f'{inside:.3f} +- {np.sqrt(inside * (1 - inside) / records):.3f}')
     words = {'two exponentials': [len(one.warmings) > 1 for one in found],

@@ -15,7 +15,7 @@ import argparse
 from collections.abc import Sequence
 import sys
 
-from bench_accuracy import B, CONSUMER, K, N
+from bench_accuracy import B, CONSUMER, coverage, K, N
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.trends import RecordSpectrum
@@ -76,14 +76,12 @@ def main() -> int:
             found = fitted(draw(pieces, squares(N), DT, runs, rng, power_law=law))
             whites = [one.estimates[N] for one in found]
             off = np.sqrt(np.mean([(one.value / density - 1)**2 for one in whites]))
-            holds = np.mean([one.low <= density <= one.high if one.observable
-                             else density <= one.upper for one in whites])
             laws = [one.power_law.ci95 for one in found if one.power_law is not None]
             inside = [low <= exponent <= high for low, high in laws]
             walks = np.mean([one.estimates[K].observable for one in found])
             print(f'| {exponent} | {crossing_hz:g} Hz | {told(found):.2f} '
                   f'| {np.mean(inside) if inside else np.nan:.2f} | {100 * off:.2f} % '
-                  f'| {holds:.2f} | {walks:.2f} |', flush=True)
+                  f'| {coverage(found, N, density):.2f} | {walks:.2f} |', flush=True)
     print('\n| something else | an exponent told | a plateau told |\n| --- | --- | --- |')
     rng = np.random.default_rng(1)
     for name, keys in TERMS.items():

@@ -16,10 +16,10 @@ from concurrent.futures import ProcessPoolExecutor
 import os
 import sys
 
+from bench_accuracy import coverage
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
-from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.simulate import simulate
 import numpy as np
 from numpy.typing import NDArray
@@ -97,12 +97,8 @@ def row(sensor: str, shape: str, size: float, runs: int) -> str:
     """Return a line of the table."""
     found = [fitted(sensor, shape, size, seed) for seed in range(runs)]
 
-    def holds(one: Estimate, truth: float) -> bool:
-        return one.low <= truth <= one.high if one.observable else truth <= one.upper
-
     def covered(key: str) -> str:
-        truth = SENSORS[sensor].get(key, 0.0)
-        return f'{np.mean([holds(one.estimates[key], truth) for one in found]):.2f}'
+        return f'{coverage(found, key, SENSORS[sensor].get(key, 0.0)):.2f}'
 
     walks = sum(one.estimates[K].observable for one in found)
     return (f'{sensor:15} {shape:12} {size:4g} B   K {walks}'

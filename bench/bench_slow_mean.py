@@ -18,6 +18,7 @@ from concurrent.futures import ProcessPoolExecutor
 import os
 import sys
 
+from bench_accuracy import coverage
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
@@ -78,9 +79,7 @@ def row(sensor: str, shape: Callable[[Array], Array], size: float, runs: int) ->
     found = [fitted(terms, shape, size, seed) for seed in range(runs)]
 
     def inside(key: str) -> float:
-        estimates, truth = [one.estimates[key] for one in found], terms.get(key, 0.0)
-        return float(np.mean([one.low <= truth <= one.high if one.observable
-                              else truth <= one.upper for one in estimates]))
+        return coverage(found, key, terms.get(key, 0.0))
 
     seen = {'K': [one.estimates[K].observable for one in found],
             'process': [one.gauss_markov is not None for one in found],

@@ -17,10 +17,10 @@ from concurrent.futures import ProcessPoolExecutor
 import os
 import sys
 
+from bench_accuracy import coverage
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
-from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.temperature_course import between_steps, TemperatureCourse
 import numpy as np
@@ -97,12 +97,7 @@ def row(sensor: str, kind: str, per_kelvin: float, lag_s: float, step: float, ru
     late = [one.lag_ci95 for one in named if one.lag_ci95 is not None]
 
     def inside(key: str) -> float:
-        truth = SENSORS[sensor].get(key, 0.0)
-
-        def holds(one: Estimate) -> bool:
-            return one.low <= truth <= one.high if one.observable else truth <= one.upper
-
-        return float(np.mean([holds(one.estimates[key]) for one in found]))
+        return coverage(found, key, SENSORS[sensor].get(key, 0.0))
 
     slope = np.mean([one.low <= per_kelvin <= one.high for one in named]) if named else np.nan
     lag = np.mean([low <= lag_s <= high for low, high in late]) if late else np.nan
