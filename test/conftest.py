@@ -9,6 +9,8 @@ from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
 
+# A line that is not the one expected is shown beside it.
+pytest.register_assert_rewrite('whole_lines')
 # As the command and the node do.
 use_one_thread()
 # A suite that a script starts in the background inherits that Ctrl-C is ignored, and so would
