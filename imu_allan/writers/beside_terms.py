@@ -41,3 +41,9 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
         found.append((np.sqrt(power_law_avar(*law, tau)), len(tau) // 2, [
             f'1/f to the power of {axis.power_law.exponent:.2f}', 'no flicker']))
     return found
+
+
+def law_instead(axis: AxisResult, key: str) -> str:
+    """Return in brief the slow noise that an axis has instead of a term, '' where it has none."""
+    law = axis.power_law
+    return f'no flicker, 1/f^{law.exponent:.2f}' if law and key == 'bias_instability' else ''

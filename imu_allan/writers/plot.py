@@ -24,6 +24,7 @@ from imu_allan.wording import (
     origin_of,
     SENSORS,
 )
+from imu_allan.writers.beside_terms import law_instead
 from imu_allan.writers.curves import axes_of, beyond, density_limits, limits_of, sensors_of
 from imu_allan.writers.figure_style import (
     COLOURS,
@@ -245,7 +246,8 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
     panel.set_ylim(0, 4.3)
     panel.text(0, 4.1, SENSORS[sensor], fontsize=11, fontweight='bold', color=ink, va='center')
     terms = [term for key, term in TERMS.items()
-             if any(axis.coefficients[key].observable for axis in axes.values())]
+             if any(axis.coefficients[key].observable or law_instead(axis, key)
+                    for axis in axes.values())]
     # Where nothing shows, the bounds of what is asked for first.
     terms = terms or [TERMS[key] for key in LASTING_TERMS]
     for column, term in enumerate(terms):
@@ -267,13 +269,12 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                            color=ink)
                 panel.text(right, height, f'{bounds[0]} – {bounds[1]}', ha='right', va='center',
                            fontsize=6.5, color=soft)
-            elif coefficient.upper95 is not None:
-                bound = bounded(engineering(coefficient.upper95, coefficient.unit)[0], term.symbol)
-                panel.text(right, height, f'not observable, {bound}', ha='right', va='center',
-                           fontsize=7, color=soft)
             else:
-                panel.text(right, height, 'not observable', ha='right', va='center', fontsize=7,
-                           color=soft)
+                said = law_instead(axis, term.key) or 'not observable'
+                if coefficient.upper95 is not None:
+                    bound = engineering(coefficient.upper95, coefficient.unit)[0]
+                    said += f', {bounded(bound, term.symbol)}'
+                panel.text(right, height, said, ha='right', va='center', fontsize=7, color=soft)
     for row, name in enumerate(axes):
         colour = COLOURS[theme][name[-1]]
         panel.plot([0.012], [2.3 - 0.9 * row], MARKERS[name[-1]], color=colour, markersize=5)

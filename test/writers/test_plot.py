@@ -14,6 +14,7 @@ from imu_allan.result import (
     Curve,
     DriftModel,
     GaussMarkov,
+    PowerLaw,
     Remark,
     Signal,
     Source,
@@ -166,6 +167,23 @@ def test_a_sensor_without_any_coefficient_shows_the_bounds(result, make_axis):
         'gyro_x': make_axis('gyro_x', {}, {'noise_density': 2e-3},
                             curve=result.axes['gyro_x'].curve)}))
     assert 'not observable, < 6.88' in texts_of(figure)
+
+
+def test_the_overview_says_in_the_place_of_b_which_axis_has_another_exponent(result, make_axis):
+    axes = {name: make_axis(name, {'noise_density': 1e-3}, {'bias_instability': 1e-4})
+            for name in ('gyro_x', 'gyro_y')}
+    axes['gyro_x'] = replace(axes['gyro_x'], power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
+    figure = plot.overview_figure(replace(result, axes=axes))
+    texts = texts_of(figure)
+    assert 'B  [°/h]' in texts
+    assert 'no flicker, 1/f^0.70, < 20.6' in texts
+    assert 'not observable, < 20.6' in texts
+    figure.draw_without_rendering()
+    # With four columns, too, it stays clear of the one before it.
+    [cell] = [text for panel in figure.axes for text in panel.texts
+              if text.get_text().startswith('no flicker')]
+    quarter = cell.axes.get_window_extent().width * 0.95 / 4
+    assert cell.get_window_extent().width < quarter
 
 
 def test_the_model_spectrum_is_two_sided_and_flat_at_n_squared(make_axis):
