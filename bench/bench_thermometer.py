@@ -9,6 +9,7 @@ how many records name a dependence on temperature, of them with a lag, the cover
 lag, how many report a random walk, and the coverage of K and B.
 
     python bench/bench_thermometer.py --runs 60         # 20 minutes
+    python bench/bench_thermometer.py --runs 60 --only 'walking   follows it, lag  400'
 """
 
 import argparse
@@ -58,8 +59,21 @@ def _swinging(rng: np.random.Generator) -> Array:
                                  + rng.uniform(0, 6)))
 
 
+def _creeping(rng: np.random.Generator) -> Array:
+    return np.asarray(rng.uniform() + rng.choice([-1, 1]) * rng.uniform(0.5, 1) * TIME / TIME[-1])
+
+
 KINDS: dict[str, Callable[[np.random.Generator], Array]] = {
     'settling': _settling, 'heated': _heated, 'walking': _walking, 'swinging': _swinging}
+Case = tuple[str, str, float, float, float]
+"""Sensor, temperature, change per kelvin, lag and step of the thermometer."""
+CASES: list[Case] = [(sensor, kind, *rest) for kind in KINDS for sensor, *rest in [
+    *(('N + B', PER_KELVIN, lag, 0.0) for lag in (0.0, 60.0, 180.0, 400.0, -180.0)),
+    ('N + B + K', PER_KELVIN, 180.0, 0.0), ('N + B', PER_KELVIN, 0.0, 0.5),
+    ('N + B', PER_KELVIN, 180.0, 0.5), ('N + B', 0.0, 0.0, 0.0), ('N + B + K', 0.0, 0.0, 0.0),
+    ('N + B + K', 0.0, 180.0, 0.5)]]
+KINDS['creeping'] = _creeping  # a step or two, if the thermometer has steps
+CASES += [(sensor, 'creeping', 0.0, 0.0, 0.5) for sensor in SENSORS]
 
 
 def behind(celsius: Array, lag_s: float) -> Array:
@@ -90,8 +104,16 @@ def fitted(sensor: str, kind: str, per_kelvin: float, lag_s: float, step: float,
     return found.fit
 
 
-def row(sensor: str, kind: str, per_kelvin: float, lag_s: float, step: float, runs: int) -> str:
+def what(case: Case) -> str:
+    """Name a line of the table."""
+    sensor, kind, per_kelvin, lag_s, step = case
+    follows = f'follows it, lag {lag_s:4.0f} s' if per_kelvin else 'unrelated           '
+    return f'{sensor:9} {kind:9} {follows} steps of {step:3g} K'
+
+
+def row(case: Case, runs: int) -> str:
     """Return a line of the table."""
+    sensor, kind, per_kelvin, lag_s, step = case
     found = [fitted(sensor, kind, per_kelvin, lag_s, step, seed) for seed in range(runs)]
     named = [one.temperature for one in found if one.temperature is not None]
     late = [one.lag_ci95 for one in named if one.lag_ci95 is not None]
@@ -101,8 +123,7 @@ def row(sensor: str, kind: str, per_kelvin: float, lag_s: float, step: float, ru
 
     slope = np.mean([one.low <= per_kelvin <= one.high for one in named]) if named else np.nan
     lag = np.mean([low <= lag_s <= high for low, high in late]) if late else np.nan
-    what = f'follows it, lag {lag_s:4.0f} s' if per_kelvin else 'unrelated           '
-    return (f'{sensor:9} {kind:9} {what} steps of {step:3g} K   named {len(named)} of {runs} '
+    return (f'{what(case)}   named {len(named)} of {runs} '
             f'({slope:.2f} covered), lag {len(late)} ({lag:.2f})   '
             f'K {sum(one.estimates[K].observable for one in found)} '
             f'covered K {inside(K):.2f} B {inside(B):.2f}')
@@ -113,15 +134,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--runs', type=int, default=20)
+    parser.add_argument('--only', nargs='+', default=[''], metavar='PART',
+                        help='lines whose name has one of these in it')
     parser.add_argument('--workers', type=int, default=os.cpu_count())
     options = parser.parse_args()
-    cases = [('N + B', PER_KELVIN, lag, 0.0) for lag in (0.0, 60.0, 180.0, 400.0, -180.0)]
-    cases += [('N + B + K', PER_KELVIN, 180.0, 0.0), ('N + B', PER_KELVIN, 0.0, 0.5),
-              ('N + B', PER_KELVIN, 180.0, 0.5), ('N + B', 0.0, 0.0, 0.0),
-              ('N + B + K', 0.0, 0.0, 0.0), ('N + B + K', 0.0, 180.0, 0.5)]
     with ProcessPoolExecutor(options.workers) as pool:
-        lines = [pool.submit(row, sensor, kind, per_kelvin, lag, step, options.runs)
-                 for kind in KINDS for sensor, per_kelvin, lag, step in cases]
+        lines = [pool.submit(row, case, options.runs) for case in CASES
+                 if any(part in what(case) for part in options.only)]
         for line in lines:
             print(line.result(), flush=True)
     return 0
