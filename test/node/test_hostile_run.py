@@ -208,8 +208,8 @@ def survive(ros: Ros, seconds: float, seed: int) -> None:
     assert world.node.stop() == 0, world.node.log
 
 
-def test_a_hostile_minute_leaves_a_node_with_the_true_noise_density(ros: Ros) -> None:
-    survive(ros, 60.0, 12)
+def test_a_hostile_half_minute_leaves_a_node_with_the_true_noise_density(ros: Ros) -> None:
+    survive(ros, 30.0, 12)
 
 
 @pytest.mark.slow
