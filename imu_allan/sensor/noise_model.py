@@ -49,6 +49,7 @@ one power-on to the next.
 """
 _OF_THE_SENSOR = 'gravity_error'
 _SENSORS = ('gyro', 'accel')
+_WANTED = 'give a noise model or datasheet YAML file'
 _LONGEST_FILE = 1_000_000
 """Bytes: a model has one KB, and a YAML parser takes seconds for a thousand."""
 
@@ -97,15 +98,14 @@ def load_model(path: str | os.PathLike[str]) -> NoiseModel:
         with Path(path).open('rb') as file:
             data = file.read(_LONGEST_FILE + 1)
     except OSError as error:
-        raise ImuAllanError(f'{path}: cannot be read ({error.strerror or error}); '
-                            'give the path of a noise model or datasheet YAML file') from error
+        raise ImuAllanError(f'{path}: cannot be read ({error.strerror or error}); {_WANTED}'
+                            ) from error
     if len(data) > _LONGEST_FILE:
-        raise ImuAllanError(f'{path}: too large for a noise model or datasheet YAML file')
+        raise ImuAllanError(f'{path}: too large; {_WANTED}')
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
-        raise ImuAllanError(f'{path}: not a text file; give a noise model or datasheet '
-                            'YAML file') from error
+        raise ImuAllanError(f'{path}: not a text file; {_WANTED}') from error
     return parse_model(text, str(path))
 
 
@@ -135,7 +135,7 @@ def parse_model(text: str, name: str = 'model') -> NoiseModel:
     for key, value in document.items():
         if key == 'name':
             if not isinstance(value, str):
-                raise ImuAllanError(f'{name}: name: expected a text')
+                raise ImuAllanError(f'{name}: name: expected a text, such as My IMU')
             title = value
         elif key in _SENSORS:
             axes.update(_axes_of_sensor(key, value, f'{name}: {key}'))
@@ -160,11 +160,11 @@ def _yaml(text: str, name: str) -> Any:
         return yaml.load(text, Loader=yaml.BaseLoader)
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
-        line = f' line {mark.line + 1}' if mark is not None else ''
+        line = f'line {mark.line + 1} is ' if mark is not None else ''
         problem = getattr(error, 'problem', None) or 'unreadable'
-        raise ImuAllanError(f'{name}:{line} not YAML ({_one_line(problem)})') from error
+        raise ImuAllanError(f'{name}: {line}not YAML ({_one_line(problem)})') from error
     except (RecursionError, ValueError) as error:
-        raise ImuAllanError(f'{name}: not YAML of a noise model or datasheet') from error
+        raise ImuAllanError(f'{name}: cannot be read as YAML; {_WANTED}') from error
 
 
 @dataclass

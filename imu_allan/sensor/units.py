@@ -101,7 +101,8 @@ def parse(text: str, to: str) -> float:
 
     """
     known = dict.fromkeys((ENGINEERING_UNITS.get(to, to), to))
-    examples = f"write it with a unit, such as {' or '.join(repr(f'1 {unit}') for unit in known)}"
+    right = ' or '.join(repr(f'1 {unit}') for unit in known)
+    examples = f'write a number with its unit, such as {right}'
     shown = repr(text if len(text) <= _LONGEST else text[:_LONGEST] + '...')
     match = _NUMBER.match(text)
     if match is None:
@@ -112,13 +113,13 @@ def parse(text: str, to: str) -> float:
     if not unit:
         raise ImuAllanError(f'{shown} has no unit; {examples}')
     if not isfinite(number):
-        raise ImuAllanError(f'{shown} is not a finite number; {examples}')
+        raise ImuAllanError(f'{shown} is too large; {examples}')
     factor = _factor(unit, to)
     if factor is None:
         raise ImuAllanError(f'{shown} is not in a unit that can be turned into {to}; {examples}')
     value = number * factor
     if not isfinite(value):
-        raise ImuAllanError(f'{shown} is not a finite number; {examples}')
+        raise ImuAllanError(f'{shown} is too large; {examples}')
     return value
 
 
