@@ -3,10 +3,10 @@
 """Predicted drift against integrals of the covariance on a fine grid."""
 
 from drifting_axes import axis_of
-from imu_allan.errors import ImuAllanError
 from imu_allan.tuning.forecast import predicted_drift
 import numpy as np
 import pytest
+from whole_lines import refused
 
 BEFORE, AFTER, POINTS = 7.0, 20.0, 2700
 
@@ -91,7 +91,7 @@ def test_a_bias_averaged_for_longer_than_the_recording_knows_widens_the_drift():
 
 @pytest.mark.parametrize('bad', [0.0, -3.0, float('nan'), float('inf')])
 def test_times_that_make_no_sense_are_refused(bad):
-    with pytest.raises(ImuAllanError, match=r'^horizons_s must be a positive time, not .* s$'):
+    with refused(f'horizons_s must be a positive time, not {bad:g} s'):
         predicted_drift(axis_of(1e-3), [1.0, bad])
-    with pytest.raises(ImuAllanError, match=r'^calibration_s must be a positive time, not .* s$'):
+    with refused(f'calibration_s must be a positive time, not {bad:g} s'):
         predicted_drift(axis_of(1e-3), [1.0], bad)

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state space against numerical integrals of the processes, and in a Kalman filter."""
 
+from dataclasses import replace
+
 from drifting_axes import axis_of
-from imu_allan.errors import ImuAllanError
 from imu_allan.tuning.coasting import steady_covariance
 from imu_allan.tuning.state_space import state_space
 import numpy as np
 import pytest
+from whole_lines import refused
 
 
 def integrated(kernel, step, points=2000):
@@ -60,35 +62,22 @@ def test_a_bias_that_does_not_move_is_known_in_the_end():
     assert steady_covariance(space)[1, 1] == pytest.approx(0, abs=1e-20)
 
 
-@pytest.mark.parametrize('step', [0.0, -1.0, float('nan'), float('inf')])
-def test_a_step_that_is_no_time_is_refused(step):
-    with pytest.raises(ImuAllanError, match=r'^step_s must be a positive time, not .* s$'):
-        state_space(axis_of(1.0), step)
-
-
-def test_a_step_below_the_band_edge_is_refused():
-    with pytest.raises(ImuAllanError) as error:
-        state_space(axis_of(1.0, known=(0.4, 100.0)), 0.1)
-    assert str(error.value) == (
-        'step_s 0.1 s is below 0.4 s, the band edge: this recording does not know how the sensor '
-        'drifts faster; choose a longer step')
-
-
-def test_a_step_beyond_what_the_recording_knows_is_refused():
+@pytest.mark.parametrize(('step', 'line'), [
+    *((step, f'step_s must be a positive time, not {step:g} s')
+      for step in (0.0, -1.0, float('nan'), float('inf'))),
+    (0.1, 'step_s 0.1 s is below 0.4 s, the band edge: this recording does not know how the '
+     'sensor drifts faster; choose a longer step'),
+    (3600.0, 'step_s 3600 s is beyond 100 s, a third of the recording: it does not know how the '
+     'sensor drifts over longer; choose a shorter step')])
+def test_a_step_that_is_no_time_or_not_known_is_refused(step, line):
     axis = axis_of(1.0, known=(0.4, 100.0))
     assert state_space(axis, 100.0).step_s == 100.0
-    with pytest.raises(ImuAllanError) as error:
-        state_space(axis, 3600.0)
-    assert str(error.value) == (
-        'step_s 3600 s is beyond 100 s, a third of the recording: it does not know how the sensor '
-        'drifts over longer; choose a shorter step')
+    with refused(line):
+        state_space(axis, step)
 
 
 def test_an_axis_without_a_drift_model_is_told():
-    from dataclasses import replace
     axis = replace(axis_of(1.0), drift_model=None)
-    with pytest.raises(ImuAllanError) as error:
+    with refused('this axis has no drift model (it is constant, too short, or from a result of '
+                 'an older version): analyze the recording again'):
         state_space(axis, 1.0)
-    assert str(error.value) == (
-        'this axis has no drift model (it is constant, too short, or from a result of an older '
-        'version): analyze the recording again')

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
-from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity
 from imu_allan.tuning.coasting import coasting_variance
@@ -14,6 +13,7 @@ from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune, tunings
 from imu_allan.tuning.uncertainty import unsteadiness
 import numpy as np
 import pytest
+from whole_lines import refused
 
 HORIZONS = np.array([1.0, 3.0, 20.0, 90.0])
 
@@ -100,7 +100,7 @@ def test_a_drift_that_no_walk_describes_is_not_claimed_to_be_known():
     walk = process.sigma * (2 / process.correlation_time_s)**0.5
     again = assess(axis, process.noise_density, walk, 1.0, 60.0, process.correlation_time_s)
     np.testing.assert_allclose(again.consistency, process.consistency, rtol=1e-9)
-    with pytest.raises(ImuAllanError, match='correlation_time_s must be a positive time, not -1'):
+    with refused('correlation_time_s must be a positive time, not -1 s'):
         assess(axis, 1e-3, 1e-5, 1.0, 60.0, -1.0)
     measured = assess(axis, 1e-3, 1e-7, 1.0, 60.0)
     tuning = tune(axis, 1.0, 60.0)
@@ -233,33 +233,29 @@ def test_what_short_segments_vary_by_chance_is_no_unsteadiness():
                  'a filter coasts for at least one interval')])
 def test_times_that_make_no_sense_are_refused(times, message):
     for function in (tune, optimum, lambda axis, *t: assess(axis, 1e-3, 1e-5, *t)):
-        with pytest.raises(ImuAllanError) as error:
+        with refused(message):
             function(axis_of(1e-3, 1e-5), *times)
-        assert str(error.value) == message
 
 
 @pytest.mark.parametrize('time', [0.0, -1.0, float('nan'), float('inf')])
 def test_a_correlation_time_that_makes_no_sense_is_refused(time):
-    with pytest.raises(ImuAllanError, match='correlation_time_s must be a positive time, not'):
+    with refused(f'correlation_time_s must be a positive time, not {time:g} s'):
         tune(axis_of(1e-3, 1e-5), bias='gauss_markov', correlation_time_s=time)
 
 
 def test_an_unknown_bias_model_is_refused():
-    with pytest.raises(ImuAllanError) as error:
+    with refused("bias must be 'random_walk' or 'gauss_markov', not 'flicker'"):
         tune(axis_of(1e-3), bias='flicker')
-    assert str(error.value) == "bias must be 'random_walk' or 'gauss_markov', not 'flicker'"
 
 
 def test_an_axis_without_noise_is_refused():
-    with pytest.raises(ImuAllanError) as error:
+    with refused('this axis has no noise: there is nothing to tune a filter with'):
         tune(axis_of(0.0))
-    assert str(error.value) == 'this axis has no noise: there is nothing to tune a filter with'
 
 
 def test_numbers_that_are_not_positive_are_refused():
-    with pytest.raises(ImuAllanError) as error:
+    with refused('random_walk must be above zero, not 0'):
         assess(axis_of(1e-3), 1e-3, 0.0)
-    assert str(error.value) == 'random_walk must be above zero, not 0'
 
 
 @pytest.mark.slow
