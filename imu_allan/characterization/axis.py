@@ -123,6 +123,9 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
     """
     if not sample_rate_hz > 0 or not np.isfinite(sample_rate_hz):
         raise ValueError(f'sample_rate_hz must be positive, not {sample_rate_hz}')
+    if quantity not in list(Quantity):
+        known = ' or '.join(repr(one.value) for one in Quantity)
+        raise ValueError(f'quantity must be {known}, not {quantity!r}')
     array = np.asarray(samples, dtype=np.float64)
     if array.ndim != 1:
         raise ValueError(f'samples must have one dimension, not {array.ndim}')

@@ -150,7 +150,8 @@ class Estimator:
             raise ValueError('samples must be finite')
         stand_ins = [int(row) for row in bridged]
         if any(later <= one for one, later in pairwise([-1, *stand_ins, len(block)])):
-            raise ValueError(f'no rising rows of {len(block)} samples: {stand_ins}')
+            raise ValueError(f'bridged must be rising rows of the {len(block)} samples, not '
+                             f'{stand_ins}')
         if not len(block):
             return
         if self.reference is None:

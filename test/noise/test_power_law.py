@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.signal import butter, lfilter
+from whole_lines import Varying
 
 DT = 0.01
 DENSITY = 1e-3
@@ -124,7 +125,11 @@ def test_white_noise_above_the_band_that_is_level_again_is_no_low_pass(time, see
     assert axis.band_limit_s is None
     assert axis.band_edge_hz is not None
     [said] = [remark.message for remark in remarks if remark.code in ('poor_fit', 'band_limited')]
-    assert 'the noise levels out again' in said
+    assert said == Varying(
+        f'above {axis.band_edge_hz:.3g} Hz the noise levels out again, at <number> % of its '
+        'density below: that is no low-pass, and no sum of noise terms describes it (a short '
+        'correlation, or what strong vibration leaves around its lines); the noise density is '
+        'that below, its interval reaches to that above')
     density = axis.coefficients['noise_density']
     assert density.ci95[0] <= DENSITY <= density.ci95[1]
     assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)

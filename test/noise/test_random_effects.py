@@ -3,6 +3,7 @@
 from imu_allan.noise.random_effects import outliers, random_effects
 import numpy as np
 import pytest
+from whole_lines import refused
 
 
 def test_without_measurement_error_the_spread_is_the_sample_standard_deviation():
@@ -70,7 +71,7 @@ def test_the_interval_of_the_spread_is_that_of_a_variance_where_measuring_is_exa
 
 
 def test_fewer_than_two_units_are_refused():
-    with pytest.raises(ValueError, match='at least two units'):
+    with refused('at least two units are needed, each with its error', ValueError):
         random_effects([1.0], [0.1])
 
 

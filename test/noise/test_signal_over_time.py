@@ -8,6 +8,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.signal_over_time import COLUMNS, Signal
 import numpy as np
 import pytest
+from whole_lines import refused
 
 ROWS = np.random.default_rng(1).normal([[5.0], [-3.0]], 1.0, (2, 9000))
 
@@ -59,12 +60,12 @@ def test_a_saved_signal_goes_on_as_if_nothing_had_happened():
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize('damage', [
-    {'counts': np.zeros(3, dtype=np.int64)}, {'places': np.array([0, 5])},
-    {'counts': np.full(COLUMNS, 99)}, {'low': np.zeros((3, COLUMNS))}])
-def test_a_damaged_state_is_refused(damage):
+@pytest.mark.parametrize(('damage', 'what'), [
+    ({'counts': np.zeros(3, dtype=np.int64)}, 'arrays'), ({'places': np.array([0, 5])}, 'counts'),
+    ({'counts': np.full(COLUMNS, 99)}, 'counts'), ({'low': np.zeros((3, COLUMNS))}, 'arrays')])
+def test_a_damaged_state_is_refused(damage, what):
     state = taken(ROWS[:, :100]).to_state()
-    with pytest.raises(ValueError, match='of the signal do not fit together'):
+    with refused(f'{what} of the signal do not fit together', ValueError):
         Signal.from_state({**state, **damage})
 
 
