@@ -111,7 +111,7 @@ class Decision(Record):
             clock, self.clock = self.clock, None
             raise ImuAllanError(
                 f'the {clock} stamps advance by {pace.interval_ns / SECOND:.3g} s from message to '
-                'message, as those of no IMU do: choose the other clock')
+                'message, as those of no IMU do: choose the other clock (analyze --clock)')
         self.set_pace(pace)
 
     def set_pace(self, pace: Pace) -> None:

@@ -328,8 +328,8 @@ class Intake:
                 clock, decision.clock = decision.clock, None
                 raise ImuAllanError(
                     f'the stated rate is {options.rate_hz:g} Hz, but the {clock} stamps '
-                    f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock, '
-                    'or force the stated rate (analyze --force-rate)')
+                    f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock '
+                    '(analyze --clock), or force the stated rate (analyze --force-rate)')
 
     def _seek_impostors(self, window: Window, repeats: Repeats) -> None:
         """Look for a second publisher, and for wild values that come all the time."""
@@ -367,10 +367,11 @@ class Intake:
                     # A table or a log has one time for each sample, and no clock to choose.
                     raise ImuAllanError(f'the times of the samples are {quality[choice].flaw}: '
                                         'mend them, or state the sample rate (analyze --rate)')
-                what = (f'{choice} stamps are {quality[choice].flaw}' if options.clock != 'auto'
-                        else f'header stamps are {quality["header"].flaw} and receive stamps '
-                             f'{quality["receive"].flaw}')
-                raise ImuAllanError(f'{what}: choose another clock or state the sample rate')
+                what = (f'{choice} stamps are {quality[choice].flaw}: choose the other clock '
+                        '(analyze --clock) or' if options.clock != 'auto' else
+                        f'header stamps are {quality["header"].flaw} and receive stamps '
+                        f'{quality["receive"].flaw}:')
+                raise ImuAllanError(f'{what} state the sample rate (analyze --rate)')
             decision.counted_only = True
             decision.remarks |= counted_samples(options.rate_hz)
         decision.clock = choice
