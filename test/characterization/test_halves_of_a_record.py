@@ -13,13 +13,15 @@ from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import halves_remarks
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.result import AxisResult, Backtest, Innovations, Result
+from imu_allan.result import AxisResult, Backtest, Innovations, Remark, Result
 from imu_allan.tuning.backtest import backtest
 import numpy as np
 import pytest
 
 RATE = 10.0
 HALF_S = 3600.0
+STRETCH = ('of the longest stretch without a break); numbers for a filter are between the two, '
+           'and no interval is widened for it')
 
 
 @cache
@@ -63,7 +65,8 @@ def test_a_half_that_drifts_more_is_told_and_the_axis_is_not_steady() -> None:
     result = gyro(2.0, seed=1)
     # The segments alone do not see it.
     [told] = said(result)
-    assert told.startswith('gyro_x: over 61 s the second half drifts 2.0 times as much')
+    assert told == ('gyro_x: over 61 s the second half drifts 2.0 times as much as the first (60 '
+                    f'min each, {STRETCH}')
     assert not result.axes['gyro_x'].stationarity.steady
 
 
@@ -77,9 +80,8 @@ def test_halves_alike_are_not_told() -> None:
     (4.0, 0.25, 'over 60 s the first half drifts 2.0 times as much as the second'),
     (0.25, 4.0, 'over 60 s the second half drifts 2.0 times as much as the first')])
 def test_which_half_and_how_much(first: float, second: float, words: str) -> None:
-    found = halves_remarks({'gyro_x': axis_of(first, second)})
-    assert found['gyro_x'].code == 'not_steady'
-    assert found['gyro_x'].message.startswith(words)
+    assert halves_remarks({'gyro_x': axis_of(first, second)}) == {
+        'gyro_x': Remark('not_steady', f'{words} (60 min each, {STRETCH}')}
 
 
 def test_axes_that_say_the_same_together_are_believed_where_each_alone_is_not() -> None:
@@ -103,8 +105,9 @@ def test_axes_are_held_together_over_the_same_time_alone() -> None:
     shorter = replace(other, backtest=replace(other.backtest, innovations=(
         replace(rows[0], of_halves=(4.0, 0.25)), replace(rows[1], of_halves=None))))
     found = halves_remarks({'gyro_x': loud, 'gyro_y': loud, 'gyro_z': shorter})
-    assert [found[f'gyro_{letter}'].message.split(' the ')[0] for letter in 'xyz'] == [
-        'over 60 s', 'over 60 s', 'over 10 s']
+    assert [found[f'gyro_{letter}'].message for letter in 'xyz'] == [
+        f'over {time} the first half drifts 2.0 times as much as the second (60 min each, '
+        f'{STRETCH}' for time in ('60 s', '60 s', '10 s')]
 
 
 def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
@@ -114,7 +117,8 @@ def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
     changed = replace(test.innovations[0], steps=118, of_halves=(4.0, 0.25))
     told = halves_remarks({'gyro_x': replace(axis, backtest=replace(
         test, innovations=(changed, test.innovations[1])))})
-    assert told['gyro_x'].message.startswith('over 10 s the first half drifts 2.0 times')
+    assert told['gyro_x'].message == (
+        f'over 10 s the first half drifts 2.0 times as much as the second (60 min each, {STRETCH}')
 
 
 def test_the_bound_of_chance_is_that_of_the_ratio_of_two_mean_squares() -> None:
