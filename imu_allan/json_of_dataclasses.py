@@ -3,6 +3,7 @@
 """Frozen dataclasses as JSON and back, field by field, as their annotations say."""
 
 from collections.abc import Mapping
+from dataclasses import fields, MISSING
 import json
 import math
 import types
@@ -97,16 +98,13 @@ def typed(kind: Any, value: Any, where: str) -> Any:
     if hasattr(kind, '__dataclass_fields__'):
         if not isinstance(value, Mapping):
             raise ImuAllanError(f'{where}: expected an object')
-        hints = get_type_hints(kind)
-        fields = {}
-        for name in hints:
-            if name in value:
-                fields[name] = typed(hints[name], value[name], f'{where}.{name}')
-        try:
-            return kind(**fields)
-        except TypeError as error:
-            missing = ', '.join(sorted(set(hints) - set(fields)))
-            raise ImuAllanError(f'{where}: missing {missing}') from error
+        given = {name: typed(hint, value[name], f'{where}.{name}')
+                 for name, hint in get_type_hints(kind).items() if name in value}
+        missing = [field.name for field in fields(kind) if field.name not in given
+                   and field.default is MISSING and field.default_factory is MISSING]
+        if missing:
+            raise ImuAllanError(f'{where}: missing {", ".join(missing)}')
+        return kind(**given)
     if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
         if not math.isfinite(value):
             raise ImuAllanError(f'{where}: {value} is not a finite number')

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
-from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import allan_variance
 from imu_allan.result import (
     Curve,
@@ -31,6 +30,7 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 import numpy as np
 import pytest
+from whole_lines import refused
 
 
 @pytest.mark.parametrize(('kind', 'start'), [
@@ -287,7 +287,7 @@ def test_odd_results_are_drawn_too(result, make_axis):
             in texts_of(plot.overview_figure(odd)))
     assert 'constant signal:\nAllan deviation 0' in texts_of(plot.sensor_figure(odd, 'gyro'))
     assert plot.render(plot.overview_figure(replace(odd, axes={})), 'png', 40)
-    with pytest.raises(ImuAllanError, match="no axis of the sensor 'accel'"):
+    with refused("the result has no axis of the sensor 'accel'"):
         plot.sensor_figure(odd, 'accel')
 
 
@@ -395,7 +395,7 @@ def hidden_ticks(figure):
 def test_a_paper_s_figure_of_constant_axes_is_one_line(result, make_axis):
     flat = Curve((0.01, 0.02), (0.0, 0.0), (5.0, 2.0), ((0.0, 0.0),) * 2, ((0.0, 0.0),) * 2,
                  (0.0, 0.0))
-    with pytest.raises(ImuAllanError, match='no axis of the result has an Allan deviation'):
+    with refused('no axis of the result has an Allan deviation above zero to draw'):
         plot.paper_figure(replace(result, axes={'gyro_x': make_axis('gyro_x', {}, curve=flat)}),
                           8.5)
 
