@@ -14,7 +14,7 @@ from imu_allan.noise import spectrum
 from imu_allan.noise.correlated import process_column
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.groups import bins_of, FLICKER
-from imu_allan.noise.leaks import Course, leaks
+from imu_allan.noise.mean_in_blocks import Course, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.trends import duration, RecordSpectrum
 import numpy as np

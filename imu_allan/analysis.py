@@ -22,9 +22,9 @@ from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.recordings.part import between
 from imu_allan.recordings.same_recording import files_digest, Fingerprint
 from imu_allan.recordings.thermometers import temperatures
+from imu_allan.recordings.time_window import between
 from imu_allan.result import Remark, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage

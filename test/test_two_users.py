@@ -19,9 +19,9 @@ from imu_allan.node.run_folder import claimed, try_folder
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
-from imu_allan.writers import turn
+from imu_allan.writers import folder_lock
 from imu_allan.writers.atomic import write_atomically
-from imu_allan.writers.turn import turn_in
+from imu_allan.writers.folder_lock import turn_in
 import pytest
 
 MODEL = 'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}\n'
@@ -139,7 +139,7 @@ def test_what_is_tried_in_the_folder_of_a_node_does_not_stay(tmp_path):
 def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, monkeypatch):
     path = write_recording(tmp_path / 'a', simulated_blocks(
         parse_model(MODEL), 100.0, 3000, start_ns=10**18))
-    monkeypatch.setattr(turn, 'PATIENCE_S', 0.1)
+    monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
     with turn_in(tmp_path / 'out'):
         result, error = characterize(Task(
             str(path), None, {}, 0.0, None, size_bytes=1, folder=tmp_path / 'out'))
@@ -165,7 +165,7 @@ def test_a_folder_is_written_to_by_one_after_the_other(tmp_path):
 
 
 def test_a_folder_that_another_keeps_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(turn, 'PATIENCE_S', 0.1)
+    monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
     with turn_in(tmp_path / 'out'), pytest.raises(ImuAllanError) as error, \
             turn_in(tmp_path / 'out'):
         pass
@@ -175,7 +175,7 @@ def test_a_folder_that_another_keeps_is_told(tmp_path, monkeypatch):
 
 
 def test_the_folder_of_a_running_node_is_its_own(tmp_path, monkeypatch):
-    monkeypatch.setattr(turn, 'PATIENCE_S', 0.1)
+    monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
     pytest.importorskip('fcntl')
     assert claimed(tmp_path / 'run') == tmp_path / 'run'
     with pytest.raises(ImuAllanError, match='another process writes to it'), \

@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
         save_paper,
         save_report,
     )
+    from imu_allan.writers.folder_lock import turn_in
     from imu_allan.writers.result_file import load_result
-    from imu_allan.writers.turn import turn_in
 
     results = [load_result(path) for path in args.results]
     pictures = tuple(name for name in args.format if name != 'latex')

@@ -14,9 +14,9 @@ from imu_allan.noise.bridges import Bridges
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.groups import bins_of, grouped, Groups, Spectra
-from imu_allan.noise.leaks import Course, without_mean
 from imu_allan.noise.likelihood import maximise
-from imu_allan.noise.parts import Part
+from imu_allan.noise.mean_in_blocks import Course, without_mean
+from imu_allan.noise.part_of_record import Part
 from imu_allan.noise.periodogram import Periodogram
 from imu_allan.noise.slow_cycle import is_harmonic
 from imu_allan.noise.stationarity import (

@@ -13,8 +13,8 @@ from typing import TypeVar
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.groups import Spectra, WALK
-from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.trends import EachCourse, JointSpectrum, own_courses, RecordSpectrum
 from imu_allan.noise.trial import OBSERVABLE, residuals, Trial

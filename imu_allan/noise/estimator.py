@@ -10,7 +10,7 @@ from itertools import pairwise
 from imu_allan.noise.alike import narrow_down, undecided
 from imu_allan.noise.bridges import Bridges, BridgeSums
 from imu_allan.noise.cells import MOST_RUNS
-from imu_allan.noise.ends import count_ends, merge_ends
+from imu_allan.noise.extreme_values import count_ends, merge_ends
 from imu_allan.noise.near_zero import BINS, count_near_zero
 from imu_allan.noise.periodogram import BLOCK, Periodogram
 from imu_allan.noise.pyramid import Pyramid

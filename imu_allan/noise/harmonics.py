@@ -22,7 +22,7 @@ from functools import partial
 from math import pi
 
 from imu_allan.noise.courses import Spectrum
-from imu_allan.noise.leaks import Course, is_little, leaks
+from imu_allan.noise.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.regression import RIDGE
 from imu_allan.noise.shapes import cycle
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum, regressors

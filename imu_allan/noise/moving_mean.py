@@ -22,8 +22,8 @@ from imu_allan.noise.courses import (
 )
 from imu_allan.noise.groups import WALK
 from imu_allan.noise.harmonics import without
-from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.shapes import cycle, legendre
 from imu_allan.noise.slow_cycle import (
     likeliest_cycle,

@@ -29,9 +29,9 @@ from imu_allan.noise.groups import (
     WHITE,
 )
 from imu_allan.noise.intervals import CI95, crossing, Estimate, spread
-from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.low_passes import likeliest_low_passed
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.minimum import lowest_near
 from imu_allan.noise.spectrum import flicker, power_law
 from imu_allan.noise.stationarity import Steadiness

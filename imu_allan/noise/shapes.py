@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes that a mean may follow over time: bends, warm-ups, cycles."""
 
-from imu_allan.noise.leaks import Course
+from imu_allan.noise.mean_in_blocks import Course
 import numpy as np
 from numpy.typing import NDArray
 

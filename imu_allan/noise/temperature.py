@@ -32,7 +32,7 @@ from imu_allan.noise.courses import (
 )
 from imu_allan.noise.groups import FLICKER, WALK
 from imu_allan.noise.intervals import amplitude_of, errors_of_courses, Estimate, estimate
-from imu_allan.noise.leaks import Course
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.temperature_course import AnyTemperature
 from imu_allan.noise.trends import EachCourse
 from imu_allan.noise.trial import Trial

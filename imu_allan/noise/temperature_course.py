@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from imu_allan.noise.leaks import Course
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.trends import EachCourse
 import numpy as np
 from numpy.typing import NDArray

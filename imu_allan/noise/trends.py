@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups
-from imu_allan.noise.leaks import Course, is_little, leaks
+from imu_allan.noise.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray

@@ -33,8 +33,8 @@ from imu_allan.noise.courses import (
 )
 from imu_allan.noise.groups import Groups, WALK
 from imu_allan.noise.intervals import amplitude_of, errors_of_courses
-from imu_allan.noise.leaks import Course
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.shapes import warming, warming_slower
 from imu_allan.noise.trial import Trial
 import numpy as np

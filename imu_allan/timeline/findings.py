@@ -18,9 +18,9 @@ from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Decision
 from imu_allan.timeline.excluded import MotionSummary
+from imu_allan.timeline.late_axes import LateAxes
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.presence import Presence
-from imu_allan.timeline.sleepers import Sleepers
 import numpy as np
 
 _GRAVITY_TOLERANCE = 0.5
@@ -56,14 +56,14 @@ _LONGEST_LAG_S = 0.3
 
 
 def remarks_of(counts: Counts, decision: Decision, content: Content, presence: Presence,
-               sleepers: Sleepers, options: TimelineOptions, motion: MotionSummary,
+               late_axes: LateAxes, options: TimelineOptions, motion: MotionSummary,
                excursions: Sequence[Sequence[float]] = ()) -> tuple[Remark, ...]:
     """
     Word what the user should know about.
 
     Parameters
     ----------
-    counts, decision, content, presence, sleepers, options, motion, excursions
+    counts, decision, content, presence, late_axes, options, motion, excursions
         As `imu_allan.timeline.summary.summarize`.
 
     Returns
@@ -72,7 +72,7 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, presence: P
         Of the recording as a whole, each code once.
 
     """
-    told = (_presence_remarks(counts, decision, presence) | _late_axes(counts, content, sleepers)
+    told = (_presence_remarks(counts, decision, presence) | _late_axes(counts, content, late_axes)
             | _remarks(counts, decision, content, options, motion))
     return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
 
@@ -256,9 +256,9 @@ def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) ->
     return remarks
 
 
-def _late_axes(counts: Counts, content: Content, sleepers: Sleepers) -> dict[str, str]:
+def _late_axes(counts: Counts, content: Content, late_axes: LateAxes) -> dict[str, str]:
     late: dict[int, list[str]] = {}
-    for name, messages in zip(AXIS_NAMES, sleepers.late, strict=True):
+    for name, messages in zip(AXIS_NAMES, late_axes.late, strict=True):
         # Where the whole sensor was dead, that is told in one.
         if messages > content.head:
             late.setdefault(messages, []).append(name)

@@ -35,6 +35,7 @@ from imu_allan.timeline.findings import (
     several_publishers,
 )
 from imu_allan.timeline.foreign_samples import alternates, is_spiky, spikes, takes_turns
+from imu_allan.timeline.late_axes import LateAxes
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import (
     longest_at_one_rate,
@@ -46,7 +47,6 @@ from imu_allan.timeline.pace import (
 from imu_allan.timeline.pending import Window
 from imu_allan.timeline.pieces import Messages
 from imu_allan.timeline.presence import Presence
-from imu_allan.timeline.sleepers import Sleepers
 import numpy as np
 from numpy.typing import NDArray
 
@@ -104,20 +104,20 @@ class Intake:
         self.decision = Decision()
         self.content = Content()
         self.presence = Presence()
-        self.sleepers = Sleepers()
+        self.late_axes = LateAxes()
 
     def copy(self, counts: Counts) -> 'Intake':
         """Give an independent copy, which counts in `counts`."""
         twin = Intake(self._options, counts)
         twin.decision, twin.content = self.decision.copy(), self.content.copy()
-        twin.presence, twin.sleepers = self.presence.copy(), self.sleepers.copy()
+        twin.presence, twin.late_axes = self.presence.copy(), self.late_axes.copy()
         return twin
 
     def to_state(self) -> dict[str, NDArray[Any]]:
         """Everything needed to go on later, as a flat dict of arrays."""
         return {'decision': np.array(json.dumps(self.decision.to_plain())),
                 'presence': np.array(json.dumps(self.presence.to_plain())),
-                'sleepers': np.array(json.dumps(self.sleepers.to_plain())),
+                'sleepers': np.array(json.dumps(self.late_axes.to_plain())),
                 **self.content.to_state()}
 
     @classmethod
@@ -133,7 +133,7 @@ class Intake:
             else Presence(there=list(intake.decision.present or [True] * 6)))
         # One from before axes could come to life late calls them awake with their next change.
         if 'sleepers' in state:
-            intake.sleepers = Sleepers.from_plain(json.loads(str(state['sleepers'])))
+            intake.late_axes = LateAxes.from_plain(json.loads(str(state['sleepers'])))
         return intake
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
@@ -152,7 +152,7 @@ class Intake:
         """Tell whether every value of every axis is there and usable, as is usual."""
         return bool(all(self.presence.there) and not self.decision.spiky
                     and not window.absent.any()
-                    and self.sleepers.sleep_on(window.samples[:window.consumed])
+                    and self.late_axes.sleep_on(window.samples[:window.consumed])
                     and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST
                     and self.content.is_fresh(window.samples[:window.consumed]))
 
@@ -164,7 +164,7 @@ class Intake:
         else:
             counts.add_header_faults(window.header[:c])
         self.content.last = window.samples[c - 1].tolist()
-        self.sleepers.count(c)
+        self.late_axes.count(c)
         self._count(window)
 
     def look(self, window: Window) -> tuple[Window, Repeats, str]:
@@ -264,7 +264,7 @@ class Intake:
         if away is not None:
             unknown |= away
         samples = np.where(unknown, np.nan, window.samples)
-        not_yet = self.sleepers.look(samples, window.consumed)
+        not_yet = self.late_axes.look(samples, window.consumed)
         if not not_yet:
             return away
         away = np.zeros(samples.shape, dtype=bool) if away is None else away.copy()

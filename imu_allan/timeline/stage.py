@@ -201,7 +201,7 @@ class TimelineStage:
         motion = detector.summary if detector is not None else MotionSummary()
         intake = stage._intake
         return summarize(stage._counts, intake.decision, intake.content, intake.presence,
-                         intake.sleepers, stage._placing.cursor, self._options, motion,
+                         intake.late_axes, stage._placing.cursor, self._options, motion,
                          len(stage._pending),
                          [] if detector is None or self._keeps_motion else
                          detector.excursions)

@@ -17,10 +17,10 @@ from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Clock, Decision
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
+from imu_allan.timeline.late_axes import LateAxes
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.placing import Cursor
 from imu_allan.timeline.presence import Presence
-from imu_allan.timeline.sleepers import Sleepers
 
 _CLEAR_RATE = 1e-3
 """Less than this the ends of a record do not matter. A judgment."""
@@ -117,7 +117,7 @@ class TimelineSummary:
 
 
 def summarize(counts: Counts, decision: Decision, content: Content, presence: Presence,
-              sleepers: Sleepers, cursor: Cursor, options: TimelineOptions,
+              late_axes: LateAxes, cursor: Cursor, options: TimelineOptions,
               motion: MotionSummary, held_back: int,
               excursions: Sequence[Sequence[float]] = ()) -> TimelineSummary:
     """
@@ -125,7 +125,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
 
     Parameters
     ----------
-    counts, decision, content, presence, sleepers, cursor, options, motion
+    counts, decision, content, presence, late_axes, cursor, options, motion
         What the parts of a timeline remember, its options, and the spans of motion that were
         cut out, or only seen where it is kept.
     held_back : int
@@ -139,7 +139,7 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         Of all that is decided on.
 
     """
-    remarks = remarks_of(counts, decision, content, presence, sleepers, options, motion,
+    remarks = remarks_of(counts, decision, content, presence, late_axes, options, motion,
                          excursions)
     if options.motion == 'keep':
         # It was only looked for.

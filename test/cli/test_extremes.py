@@ -12,7 +12,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
-from imu_allan.recordings.part import between
+from imu_allan.recordings.time_window import between
 import numpy as np
 import pytest
 

@@ -8,7 +8,7 @@ JSON and JUnit, `table` the terminal's table, `certificate` the page that goes w
 """
 
 from imu_allan.writers.datasheet.certificate import certificate_html
-from imu_allan.writers.datasheet.documents import to_json, to_junit
+from imu_allan.writers.datasheet.json_and_junit import to_json, to_junit
 from imu_allan.writers.datasheet.table import verdict_table
 from imu_allan.writers.datasheet.verdicts import check, overall, summary, Verdict
 

@@ -9,7 +9,7 @@ from imu_allan.writers.atomic import write_atomically
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
 from imu_allan.writers.fleet.findings import Fleet
 from imu_allan.writers.fleet.page import fleet_html
-from imu_allan.writers.turn import turn_in
+from imu_allan.writers.folder_lock import turn_in
 
 
 def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:

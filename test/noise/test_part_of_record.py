@@ -4,7 +4,7 @@
 
 from imu_allan.noise.estimator import CHUNK, Estimator
 from imu_allan.noise.fit import fit
-from imu_allan.noise.parts import Part, part_cells
+from imu_allan.noise.part_of_record import Part, part_cells
 from imu_allan.noise.segments import SEGMENTS, Segments, SHORTEST_SEGMENT
 from imu_allan.noise.simulate import simulate
 import numpy as np

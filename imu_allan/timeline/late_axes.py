@@ -28,7 +28,7 @@ _LATE = 32
 
 
 @dataclass
-class Sleepers(Record):
+class LateAxes(Record):
     """
     What was seen of axes that have not changed yet.
 
