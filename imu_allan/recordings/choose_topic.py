@@ -4,6 +4,7 @@
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.recordings.recording import Recording
+from imu_allan.wording import counted
 
 
 def choose_topic(recording: Recording, topic: str | None = None) -> str:
@@ -77,7 +78,8 @@ def _reason(recording: Recording, topics: list[str]) -> str:
 
 def _list_topics(recording: Recording) -> str:
     shown = [
-        _shown(topic.name) + ('' if topic.count is None else f' ({topic.count} messages)')
+        _shown(topic.name)
+        + ('' if topic.count is None else f' ({counted(topic.count, "message")})')
         for topic in sorted(recording.topics, key=lambda topic: topic.name)[:10]]
     more = len(recording.topics) - len(shown)
     return ', '.join(shown) + (f' and {more} more' if more else '')

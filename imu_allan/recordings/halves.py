@@ -120,11 +120,13 @@ def choose_streams(recording: Recording, topic: str | None = None) -> list[Strea
     """
     gyro, accel = recording.options.gyro_topic, recording.options.accel_topic
     if (gyro is None) != (accel is None):
-        named = '--gyro-topic' if accel is None else '--accel-topic'
-        raise ImuAllanError(f'{named} needs the other one, too: an IMU on two topics has both')
+        given, needed = ('--gyro-topic', '--accel-topic') if accel is None else (
+            '--accel-topic', '--gyro-topic')
+        raise ImuAllanError(f'{given} needs {needed}, too: an IMU on two topics has both')
     if gyro is not None:
         if topic is not None:
-            raise ImuAllanError('--topic is one topic; --gyro-topic and --accel-topic are two')
+            raise ImuAllanError('--topic names one topic, --gyro-topic and --accel-topic two; '
+                                'give the one or the two')
         return [Stream(choose_topic(recording, gyro), 'gyro'),
                 Stream(choose_topic(recording, accel), 'accel')]
     if topic is None and recording.apart:

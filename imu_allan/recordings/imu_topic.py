@@ -9,6 +9,7 @@ from imu_allan.cdr import MalformedImu
 from imu_allan.errors import printable
 from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
+from imu_allan.wording import counted
 
 
 @dataclass(frozen=True)
@@ -58,5 +59,5 @@ class MalformedMessages:
             kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
             remark(
                 'malformed_messages',
-                f'{self.count} messages of {printable(imu.name)} are not valid {kind} and were '
-                f'left out; the first: {self.reason}')
+                f'left out {counted(self.count, "invalid message")} of {printable(imu.name)} '
+                f'({kind}); the first: {self.reason}')

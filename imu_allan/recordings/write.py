@@ -78,7 +78,7 @@ def write_recording(
     except OSError as error:
         raise ImuAllanError(
             f'{printable(path)}: cannot be created ({error.strerror}: '
-            f'{printable(error.filename)})') from error
+            f'{printable(error.filename)}); choose a folder that may be written to') from error
     try:
         file = unfinished / f'{path.name}_0.{_SUFFIXES[storage]}'
         extent = _WRITERS[storage](file, blocks, topic, compression)

@@ -163,3 +163,12 @@ class FailingRecording(Recording):
 
     def close(self) -> None:
         """Release nothing."""
+
+
+def no_axes(header: str) -> str:
+    """Return what is told of a first line without an axis."""
+    return (
+        'the first line names none of the axes gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z '
+        f'({header[:80]}); a CSV recording begins with a line such as '
+        'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z, and --columns '
+        'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')

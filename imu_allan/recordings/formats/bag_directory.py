@@ -207,8 +207,8 @@ class BagDirectory(Recording):
                     'is there; copy them beside it')
             self.remark(
                 'missing_file',
-                f'{len(missing)} of {len(names)} files that metadata.yaml lists are missing and '
-                f'were left out: {listed}')
+                f'{len(missing)} of {len(names)} files that metadata.yaml lists cannot be found: '
+                f'{listed}; the others were read')
         return found
 
 

@@ -38,7 +38,7 @@ from imu_allan.recordings.formats.csv_written_times import written_time, Written
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
-from imu_allan.wording import NO_TOPIC, SENSORS
+from imu_allan.wording import counted, NO_TOPIC, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -146,13 +146,13 @@ class CsvRecording(FileRecording):
                 samples += len(table)
         if rejected and not samples:
             raise ImuAllanError(
-                f'{printable(self.path)}: {first_rejected} is not a line of '
-                f'{len(columns.used)} numbers like the header says; a column that holds none can '
-                'be left out: --columns names the others, and --rate takes the place of the time')
+                f'{printable(self.path)}: {first_rejected} lacks a number in a column that is '
+                'read; a column that holds none can be left out: --columns names the others, and '
+                '--rate takes the place of the time')
         if rejected:
             self.remark(
                 'malformed_messages',
-                f'{rejected} lines are not numbers and were left out; the first: '
+                f'left out {counted(rejected, "line")} without readable numbers; the first: '
                 f'{first_rejected}')
 
     def _with_known_times(self, columns: Columns, samples: str) -> Columns:

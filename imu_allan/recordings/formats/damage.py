@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from imu_allan.errors import printable
 from imu_allan.recordings.recording import Recording
 from imu_allan.recordings.topic_readings import NO_CHUNK, TopicReading, TopicReadings
+from imu_allan.wording import counted
 
 Carried = Mapping[int, Sequence[TopicReading]]
 """Those that want the messages of a channel, by its number."""
@@ -84,28 +85,28 @@ class Damage:
     def summary(self) -> str:
         """Tell what is wrong, in short; nothing where nothing is."""
         if self.broken_chunks:
-            return (f'{self.broken_chunks} of {self.chunks} chunks are damaged '
-                    f'(the first {self.first_broken})')
+            return self._broken()
         return self.first_hole if self.holes else self.end if self.end != _UNWRITTEN else ''
+
+    def _broken(self) -> str:
+        return (f'{counted(self.broken_chunks, "damaged chunk")} of {self.chunks} '
+                f'(the first {self.first_broken})')
 
     def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
         """Add remarks to `recording`; `lost` of `expected` messages were not read."""
-        messages = (f'; {lost} of {expected} messages of {printable(topic)} are lost'
+        messages = (f'; lost {lost} of {expected} messages of {printable(topic)}'
                     if lost > 0 else '')
         if self.end:
             recording.remark(
                 'truncated_recording',
                 f'the recording breaks off (was the recorder killed?): {self.end}; '
-                f'{self.chunks} whole chunks were found')
+                f'found {counted(self.chunks, "whole chunk")}')
         if self.broken_chunks:
-            recording.remark(
-                'damaged_recording',
-                f'{self.broken_chunks} of {self.chunks} chunks are damaged and were left out '
-                f'(the first {self.first_broken}){messages}')
+            recording.remark('damaged_recording', f'left out {self._broken()}{messages}')
         elif self.holes:
             recording.remark(
                 'damaged_recording',
-                f'{self.holes} stretches are not records and were left out '
+                f'left out {counted(self.holes, "stretch", "stretches")} without records '
                 f'(the first: {self.first_hole}){messages}')
         elif messages and not self.end:
             recording.remark('damaged_recording', f'not all of it could be read{messages}')

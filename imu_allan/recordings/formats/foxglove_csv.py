@@ -20,6 +20,7 @@ from imu_allan.recordings.formats.csv_names import meaning_of
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
+from imu_allan.wording import counted
 import numpy as np
 
 HEADER = b'receive time,header.stamp,topic,value'
@@ -87,8 +88,9 @@ class FoxgloveCsv(FileRecording):
             absent[:, axis // 3] = False
         if merged:
             self.remark('merged_messages',
-                        f'{merged} messages share receive time and stamp with another, of which '
-                        'the last counts: nothing else in such a file tells them apart')
+                        f'merged {counted(merged, "message")} with another of the same receive '
+                        'time and stamp, of which the last counts: nothing else in such a file '
+                        'tells them apart')
         for start in range(0, len(receive), _BLOCK):
             part = slice(start, start + _BLOCK)
             yield (ImuBlock(header[part], receive[part], samples[part], absent[part], ''),
@@ -119,7 +121,7 @@ class FoxgloveCsv(FileRecording):
                     malformed += bool(line.strip())
         if malformed:
             self.remark('malformed_messages',
-                        f'{malformed} lines are not numbers and were left out')
+                        f'left out {counted(malformed, "line")} without readable numbers')
         return series
 
 

@@ -39,6 +39,7 @@ from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 from imu_allan.recordings.topic_readings import TopicReadings
+from imu_allan.wording import counted
 import numpy as np
 
 _FETCH = 64
@@ -435,8 +436,9 @@ class SqliteRecording(Recording):
                 left -= sum(len(row[1]) for row in rows if row[1])
         self.remark(
             'damaged_recording',
-            f'the database is damaged in {places} places ({printable(reason)}): {messages} '
-            f'messages of {printable(topic)} could be read, those in the damaged places are lost')
+            f'the database is damaged in {counted(places, "place")} ({printable(reason)}): '
+            f'{counted(messages, "message")} of {printable(topic)} could be read, those in the '
+            'damaged places are lost')
 
 
 def _marks(numbers: list[int]) -> str:

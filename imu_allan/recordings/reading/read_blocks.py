@@ -11,6 +11,7 @@ from imu_allan.recordings.choose_topic import choose_topic
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 from imu_allan.recordings.reading.reading_process import pays, ReadingProcess
 from imu_allan.recordings.recording import Recording
+from imu_allan.wording import NO_TOPIC
 
 
 def read_blocks(
@@ -81,7 +82,8 @@ def _taken(
             f'{printable(recording.path)}: reading failed '
             f'({printable(error.strerror or error)})') from error
     if empty:
-        raise ImuAllanError(
-            f'{printable(recording.path)}: topic {printable(topic)} holds no readable message')
+        what = ('no line of samples' if topic == NO_TOPIC else
+                f'topic {printable(topic)} holds no readable message')
+        raise ImuAllanError(f'{printable(recording.path)}: {what}')
     if progress is not None:
         progress(recording.size_bytes)

@@ -150,8 +150,9 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
         [remark] = recording.remarks
-    assert 'GYR and ACC are read, with the highest rate' in remark.message
-    assert remark.message.endswith('choose among IMU')
+    assert remark.message == (
+        f'{path}: of 3 IMU topics GYR and ACC are read, with the highest rate; --topic, or '
+        '--gyro-topic and --accel-topic, choose among IMU')
     axes = analyze(path).axes
     assert [axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')] == pytest.approx(
         [1000, 2000])
@@ -174,7 +175,10 @@ def test_batches_are_unrolled_and_show_n_alone(tmp_path):
     assert np.unique(np.diff(messages.header_ns)).tolist() == [10**6, 2 * 10**9 - 1023 * 10**6]
     assert messages.header_ns[0] == 10**9
     result = analyze(path)
-    assert 'batches' in {remark.code for remark in result.warnings}
+    assert [remark.message for remark in result.warnings if remark.code == 'batches'] == [
+        f'{path}: topic {topic} comes in batches with pauses: it shows N and no more; set '
+        'LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the full '
+        'rate' for topic in ('ISBD_GYR', 'ISBD_ACC')]
     for name, axis in result.axes.items():
         shown = {key for key, found in axis.coefficients.items() if found.observable}
         assert shown == {'noise_density'}
@@ -223,4 +227,4 @@ def test_damage_is_quiet(tmp_path):
     shown = subprocess.run([sys.executable, '-m', 'imu_allan', 'info', str(path)], check=True,
                            capture_output=True, text=True)
     assert shown.stderr == ''
-    assert 'ArduPilot IMU, as logged' in shown.stdout
+    assert '  read as     ArduPilot IMU, as logged' in shown.stdout.splitlines()

@@ -4,9 +4,9 @@
 
 import os
 from pathlib import Path
-import re
 import shutil
 import sqlite3
+from tempfile import gettempdir
 
 from bags import assert_same, block, IMU, joined, read, write_db3, write_mcap, write_metadata
 from imu_allan.cdr import encode_imu_rows
@@ -14,6 +14,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.formats.bag_directory import BagDirectory
 import pytest
+from whole_lines import refused, Varying
 import zstandard
 
 DATA = Path(os.environ.get('IMU_ALLAN_DATA', 'IMU_ALLAN_DATA is not set'))
@@ -65,21 +66,24 @@ def test_a_bag_without_metadata_is_read_in_the_order_of_its_numbers(split_bag):
 
 def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
     for text, reason in [
-            ('rosbag2_bagfile_information: {', None), ('[' * 100_000, None), ('', None),
+            # These three in the words of the YAML library, and of Python.
+            ('rosbag2_bagfile_information: {', '<words>'), ('[' * 100_000, '<words>'),
+            ('\0', '<words>'),
+            ('', 'no rosbag2_bagfile_information'),
             ('rosbag2_bagfile_information: 5', 'no rosbag2_bagfile_information'),
-            ('rosbag2_bagfile_information: {relative_file_paths: [1]}', None),
-            ('rosbag2_bagfile_information: {relative_file_paths: []}', None),
+            ('rosbag2_bagfile_information: {relative_file_paths: [1]}',
+             'relative_file_paths holds something else than file names'),
+            ('rosbag2_bagfile_information: {relative_file_paths: []}',
+             'relative_file_paths is empty'),
             ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap]}',
-             'no topics_with_message_count'), ('a: 2001-99-99', None), ('\0', None)]:
+             'no topics_with_message_count'),
+            ('a: 2001-99-99', 'no rosbag2_bagfile_information')]:
         (split_bag / 'metadata.yaml').write_text(text)
         after, [remark] = read(split_bag)
         assert_same(block(1500), after)
-        assert remark.code == 'no_metadata'
-        assert '\n' not in remark.message
-        assert remark.message.startswith(f'{split_bag}: metadata.yaml is damaged (')
-        if reason is not None:
-            assert remark.message == (
-                f'{split_bag}: metadata.yaml is damaged ({reason}); the files found were read')
+        assert (remark.code, remark.message) == (
+            'no_metadata', Varying(
+                f'{split_bag}: metadata.yaml is damaged ({reason}); the files found were read'))
 
 
 def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
@@ -88,8 +92,8 @@ def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     assert_same(joined([block(500), block(500, first=1000)]), after)
     assert (remark.code, remark.message) == (
         'missing_file',
-        f'{split_bag}: 1 of 3 files that metadata.yaml lists are missing and were left out: '
-        'bag_10.mcap')
+        f'{split_bag}: 1 of 3 files that metadata.yaml lists cannot be found: bag_10.mcap; the '
+        'others were read')
 
 
 def test_a_bag_without_any_of_its_files_is_refused(split_bag):
@@ -145,30 +149,35 @@ def test_nothing_is_left_in_the_temporary_folder(tmp_path, monkeypatch):
     assert_same(block(100), read(path)[0])
     assert list(temporary.iterdir()) == []
     path.write_bytes(zstandard.compress(b'not a recording'))
-    with pytest.raises(ImuAllanError, match='neither a rosbag2 directory'):
+    with refused(f'{path}: neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, PX4 .ulg, '
+                 'ArduPilot .bin or CSV file'):
         open_recording(path)
     assert list(temporary.iterdir()) == []
 
 
 def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', block(3000), compression='none')
+    size = path.stat().st_size
     packed = compress(path)
     packed.write_bytes(packed.read_bytes()[:-1000])
     after, remarks = read(packed)
     assert_same(block(len(after)), after)
     assert len(after) > 1000
-    assert [remark.code for remark in remarks] == ['truncated_recording', 'truncated_recording']
-    assert remarks[0].message.startswith(
-        f'{packed}: the compressed file is damaged or cut short (')
+    assert [(remark.code, remark.message) for remark in remarks] == [
+        ('truncated_recording', Varying(
+            f'{packed}: the compressed file is damaged or cut short (<number> of {size} bytes are '
+            'missing); what comes before was read')),
+        ('truncated_recording', Varying(
+            f'{packed}: the recording breaks off (was the recorder killed?): the chunk at byte '
+            '<number>, of which <number> bytes are there, is lost; found <number> whole chunks'))]
 
 
 def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr('imu_allan.recordings.formats.compressed_file._SPARED_DISK', 2**60)
     path = compress(write_db3(tmp_path / 'a.db3', block(10)))
-    with pytest.raises(ImuAllanError) as error:
+    with refused(f'{path}: no room to decompress it in {gettempdir()}; name a larger folder with '
+                 'TMPDIR'):
         open_recording(path)
-    assert str(error.value).startswith(f'{path}: no room to decompress it in ')
-    assert str(error.value).endswith('; name a larger folder with TMPDIR')
 
 
 @pytest.mark.parametrize('container', ['mcap', 'db3'])
@@ -198,7 +207,9 @@ def test_messages_compressed_one_by_one_are_read(tmp_path, container):
                    compression_format='zstd', compression_mode='MESSAGE')
     after, [remark] = read(tmp_path)
     assert remark.code == 'malformed_messages'
-    assert remark.message.startswith(f'{path}: 1 messages of /imu are not valid sensor_msgs/Imu')
+    assert remark.message == (
+        f'{path}: left out 1 invalid message of /imu (sensor_msgs/Imu); the first: '
+        '0 bytes are too few for a sensor_msgs/Imu message (312 at least)')
     assert_same(joined([block(7), block(292, first=8)]), after)
 
 
@@ -209,19 +220,18 @@ def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
     folder = tmp_path / 'bag' / 'inner'
     folder.mkdir(parents=True)
     write_metadata(folder, [listed], [('/imu', IMU, 5)])
-    with pytest.raises(ImuAllanError, match=r'missing outside\.mcap'):
+    with refused(f'{folder}: missing outside.mcap: no file that metadata.yaml lists is there; '
+                 'copy them beside it'):
         open_recording(folder)
 
 
 def test_what_is_no_bag_directory_is_refused(tmp_path):
-    with pytest.raises(ImuAllanError) as error:
+    line = f'{tmp_path}: not a rosbag2 directory: no metadata.yaml and no .mcap or .db3 file in it'
+    with refused(line):
         open_recording(tmp_path)
-    assert str(error.value) == (
-        f'{tmp_path}: not a rosbag2 directory: no metadata.yaml and no .mcap or .db3 file in it')
     (tmp_path / 'a.bag').touch()
-    with pytest.raises(ImuAllanError) as error:
+    with refused(f'{line}; name one of its .bag files'):
         open_recording(tmp_path)
-    assert str(error.value).endswith('in it; name one of its .bag files')
 
 
 def test_metadata_that_counts_no_messages_is_checked_against_the_files(split_bag):
@@ -251,11 +261,9 @@ def test_metadata_of_every_version_is_understood(tmp_path, path):
     {path.parent for path in (*DATA.glob('rosbag2_*/**/*.db3'), *DATA.glob('rosbag2_*/**/*.mcap'),
                               *DATA.glob('rosbag2_*/**/*.zstd'))}), ids=lambda path: path.name)
 def test_bags_of_rosbag2_itself_are_refused_for_what_they_are(path):
-    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+    line = Varying(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds <words>')
+    with open_recording(path) as recording, refused(line):
         choose_topic(recording)
-    assert re.match(
-        re.escape(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds ') + r'/?\w+',
-        str(error.value))
 
 
 @needs_data
@@ -272,8 +280,8 @@ def test_two_imu_topics_are_both_named():
     with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
         choose_topic(recording)
     assert str(error.value) == (
-        f'{path}: 2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13333 '
-        'messages), /xsens/imu_data (13334 messages)')
+        f'{path}: 2 Imu topics; choose one with --topic: /my_odometry2imu/imu_data (13,333 '
+        'messages), /xsens/imu_data (13,334 messages)')
 
 
 def test_another_remark_does_not_hide_a_loss(tmp_path):

@@ -72,8 +72,8 @@ def test_messages_that_nothing_tells_apart_are_counted(tmp_path):
     messages, [remark] = read(path, '/imu')
     assert messages.samples.tolist() == [[7.0] * 6, *SAMPLES[1:].tolist()]
     assert (remark.code, remark.message) == (
-        'merged_messages', f'{path}: 1 messages share receive time and stamp with another, of '
-        'which the last counts: nothing else in such a file tells them apart')
+        'merged_messages', f'{path}: merged 1 message with another of the same receive time and '
+        'stamp, of which the last counts: nothing else in such a file tells them apart')
 
 
 def test_what_is_missing_or_no_number_is_told(tmp_path):
@@ -86,7 +86,7 @@ def test_what_is_missing_or_no_number_is_told(tmp_path):
     assert np.argwhere(np.isnan(messages.samples)).tolist() == [[7, 2]]
     assert not messages.header_ns.any()
     assert [remark.message for remark in remarks] == [
-        f'{path}: 2 lines are not numbers and were left out']
+        f'{path}: left out 2 lines without readable numbers']
     assert list(AXES)[2] == 'gyro_z'
 
 

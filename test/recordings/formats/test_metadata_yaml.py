@@ -8,6 +8,7 @@ from bags import block, IMU, read, write_db3, write_metadata
 from imu_allan.recordings.formats.metadata_yaml import read_metadata_yaml
 from measured_command import run
 import pytest
+from whole_lines import refused
 
 BAG = """rosbag2_bagfile_information:
   version: 9
@@ -69,9 +70,8 @@ def test_what_rosbag2_writes_is_read():
     ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
     ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes')])
 def test_what_rosbag2_never_writes_is_refused(text, reason):
-    with pytest.raises(ValueError) as error:  # noqa: PT011
+    with refused(reason, ValueError):
         read_metadata_yaml(text.encode())
-    assert str(error.value) == reason
 
 
 @pytest.mark.parametrize(('text', 'value'), [
@@ -82,11 +82,13 @@ def test_texts_that_yaml_would_turn_into_something_else_stay_texts(text, value):
     assert read_metadata_yaml(f'x: {text}'.encode()) == {'x': value}
 
 
-@pytest.mark.parametrize('text', ['!!python/name:os.system x', '!!timestamp 2024-01-01',
-                                  'x: !!binary AAAA', '!!set {a}', '!!int [1]', '!!map x',
-                                  '!!seq x', '!!bool {a: 1}', '!!map [a]'])
-def test_no_other_type_is_constructed(text):
-    with pytest.raises(ValueError, match='it has the tag tag:yaml'):
+@pytest.mark.parametrize(('text', 'tag'), [
+    ('!!python/name:os.system x', 'python/name:os.system'),
+    ('!!timestamp 2024-01-01', 'timestamp'), ('x: !!binary AAAA', 'binary'), ('!!set {a}', 'set'),
+    ('!!int [1]', 'int'), ('!!map x', 'map'), ('!!seq x', 'seq'), ('!!bool {a: 1}', 'bool'),
+    ('!!map [a]', 'map')])
+def test_no_other_type_is_constructed(text, tag):
+    with refused(f'it has the tag tag:yaml.org,2002:{tag}', ValueError):
         read_metadata_yaml(text.encode())
 
 

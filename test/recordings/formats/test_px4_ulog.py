@@ -118,8 +118,8 @@ def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
     assert found.header_ns.tolist() == whole.header_ns[kept].tolist()
     assert found.samples.tobytes() == whole.samples[kept].tobytes()
     assert [remark.message for remark in remarks] == [
-        f'{path}: 2 messages of sensor_gyro_fifo are not valid px4_msgs/msg/SensorGyroFifo and '
-        'were left out; the first: samples is not 1 to 4, or dt is no time']
+        f'{path}: left out 2 invalid messages of sensor_gyro_fifo '
+        '(px4_msgs/msg/SensorGyroFifo); the first: samples is not 1 to 4, or dt is no time']
 
 
 def test_a_thin_log_says_what_to_set(tmp_path):

@@ -162,8 +162,8 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
     assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
     assert (remark.code, remark.message) == (
         'damaged_recording',
-        f'{path}: the database is damaged in 1 places (database disk image is malformed): '
-        f'{len(after)} messages of /imu could be read, those in the damaged places are lost')
+        f'{path}: the database is damaged in 1 place (database disk image is malformed): '
+        f'{len(after):,} messages of /imu could be read, those in the damaged places are lost')
 
 
 @pytest.mark.parametrize(('data', 'reason'), [
@@ -201,7 +201,7 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     after, [remark] = read(path)
     assert_same(block(4), after)
     assert remark.message == (
-        f'{path}: 3 messages of /imu are not valid sensor_msgs/Imu and were left out; the first: '
+        f'{path}: left out 3 invalid messages of /imu (sensor_msgs/Imu); the first: '
         'not a blob of 1,048,576 bytes at most')
 
 

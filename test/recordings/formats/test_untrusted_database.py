@@ -74,8 +74,8 @@ def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
     after, [remark] = read(path)
     assert_same(block(2000), after)
     assert remark.message == (
-        f'{path}: 64 messages of /imu are not valid sensor_msgs/Imu and were left out; the '
-        'first: not a blob of 1,048,576 bytes at most')
+        f'{path}: left out 64 invalid messages of /imu (sensor_msgs/Imu); the first: '
+        'not a blob of 1,048,576 bytes at most')
 
 
 def test_a_topic_entered_many_times_is_read(tmp_path):

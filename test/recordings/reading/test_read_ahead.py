@@ -9,7 +9,7 @@ import time
 from bags import assert_same, block, joined
 from hypothesis import given, strategies as st
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
-import pytest
+from whole_lines import refused
 
 
 def threads() -> int:
@@ -29,7 +29,7 @@ def test_an_exception_comes_after_the_items_before_it():
 
     stream = read_ahead(failing())
     assert [next(stream), next(stream)] == [1, 2]
-    with pytest.raises(OSError, match='disk on fire'):
+    with refused('disk on fire', OSError):
         next(stream)
     assert threads() == 0
 

@@ -18,6 +18,7 @@ from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
 from imu_allan.result import Remark
 import pytest
+from whole_lines import refused
 import zstandard
 
 MESSAGES = block(50_000)
@@ -134,8 +135,8 @@ def test_a_process_ended_from_outside_is_one_clear_error(tmp_path):
         next(blocks)
         [child] = set(children()) - before
         os.kill(child, signal.SIGKILL)
-        with pytest.raises(ImuAllanError, match=r'bag: the process that reads it was ended from '
-                                                r'outside \(signal 9\)'):
+        with refused(f'{bag}: the process that reads it was ended from outside (signal 9), '
+                     'perhaps for want of memory'):
             list(blocks)
     assert set(children()) == before
 
