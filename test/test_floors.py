@@ -133,6 +133,28 @@ def is_number(value: ast.expr) -> bool:
         isinstance(value, ast.Constant) and isinstance(value.value, (int, float)))
 
 
+def private(tree: ast.Module) -> list[str]:
+    """Names of others that begin with an underscore, also as words handed to `setattr`."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.Attribute) and not (
+                isinstance(node.value, ast.Name) and node.value.id in ('self', 'cls')):
+            found.append(node.attr)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith('attr'):
+            found += [word.value.rpartition('.')[2] for word in node.args
+                      if isinstance(word, ast.Constant) and isinstance(word.value, str)]
+    return [name for name in found if name.startswith('_') and not name.startswith('__')]
+
+
+@pytest.mark.parametrize('path', sorted((PACKAGE.parent / 'test').rglob('*.py')),
+                         ids=lambda path: path.stem)
+def test_no_test_reaches_into_private_names(path: Path) -> None:
+    # os._exit is the library's word for an end at once.
+    assert set(private(tree_of(path))) <= {'_exit'}
+
+
 def test_tests_mirror_the_package() -> None:
     tests = PACKAGE.parent / 'test'
     folders = {path.name for path in PACKAGE.iterdir() if any(path.glob('*.py'))}

@@ -239,7 +239,7 @@ def drawing_process(*, wanted: bool = True) -> Iterator[Executor | None]:
     if not wanted or len(os.sched_getaffinity(0)) < 2:
         yield None
         return
-    with _WorkerProcesses(1) as artist:
+    with WorkerProcesses(1) as artist:
         artist.submit(_prepare_to_draw)
         yield artist
 
@@ -276,7 +276,7 @@ def executor(jobs: int, dask: str | None, artist: Executor | None = None) -> Ite
     elif jobs == 1:
         yield _ThisProcess(artist)
     else:
-        with _WorkerProcesses(jobs) as workers:
+        with WorkerProcesses(jobs) as workers:
             yield workers
 
 
@@ -289,7 +289,7 @@ def in_order(workers: Executor, tasks: Sequence[Task],
         yield from _here(workers, groups, progress)
         return
     # Of many recordings there is one for every worker without parting any.
-    most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, _WorkerProcesses)
+    most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
             else _MOST_PARTS)
     waiting = deque((part, workers.submit(characterize_each, part))
                     for group in groups for part in _parts(group, most))
@@ -399,7 +399,7 @@ class _ThisProcess(Executor):
         return future
 
 
-class _WorkerProcesses(Executor):
+class WorkerProcesses(Executor):
     """Works in processes of this machine, each served by a thread of this one."""
 
     def __init__(self, jobs: int) -> None:

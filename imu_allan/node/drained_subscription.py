@@ -112,7 +112,7 @@ class DrainedSubscription:
         self._subscription = self._subscribe(topic)
         if draining:
             try:
-                self._collected = _drain(self._subscription, msg_type, depth)
+                self._collected = drain(self._subscription, msg_type, depth)
             except (AttributeError, TypeError, ValueError, KeyError):
                 node.destroy_subscription(self._subscription)
                 self.draining = False
@@ -159,7 +159,7 @@ class DrainedSubscription:
         """Everything that has come since the last call, at most `depth` messages."""
         taken, self._collected = self._collected, _Taken([], [])
         if self.draining:
-            drained = _drain(self._subscription, self._msg_type, self._depth)
+            drained = drain(self._subscription, self._msg_type, self._depth)
             taken.messages.extend(drained.messages)
             taken.infos.extend(drained.infos)
         receive = [info.get('received_timestamp') for info in taken.infos]
@@ -205,7 +205,8 @@ class DrainedSubscription:
         return int((steps[steps > 1] - 1).sum()), interleaved
 
 
-def _drain(subscription: Subscription, msg_type: type, most: int) -> _Taken:
+def drain(subscription: Subscription, msg_type: type, most: int) -> _Taken:
+    """Take what waits in the queue of the middleware, at most so many messages."""
     messages: list[bytes] = []
     infos: list[Info] = []
     handle = subscription.handle

@@ -27,7 +27,7 @@ _SHORTEST_S = 10.0
 """Where the robot rests for less after a power-on, its mean is the noise's."""
 _ABSURD = 2.0**62
 """More samples do not come in a life time, and no sensor's mean is so large."""
-_BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
+BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 
 class End(NamedTuple):
@@ -187,7 +187,7 @@ class PowerOns:
 def boot_id() -> str:
     """Return what tells one boot of this computer from another; empty where nothing does."""
     try:
-        return _BOOT_ID.read_text().strip()
+        return BOOT_ID.read_text().strip()
     except OSError:
         return ''
 

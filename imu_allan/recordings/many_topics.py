@@ -60,6 +60,11 @@ class ManyTopics:
     def __len__(self) -> int:
         return len(self._topics)
 
+    @property
+    def holds_bytes(self) -> int:
+        """Bytes of messages that are in memory."""
+        return sum(reading.held_bytes for reading in self._readings.by_name.values())
+
     def opening(self, topic: str) -> Recording:
         """
         Open the recording for one of the topics.

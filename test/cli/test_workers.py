@@ -14,13 +14,13 @@ import time
 
 from imu_allan.cli.main import main
 from imu_allan.cli.workers import (
-    _WorkerProcesses,
     characterize,
     drawing_process,
     executor,
     folder_names,
     in_order,
     Task,
+    WorkerProcesses,
 )
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
@@ -87,7 +87,7 @@ def test_a_worker_that_is_killed_costs_its_own_recording_only():
 def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, parts):
     given = []
 
-    class Workers(_WorkerProcesses):
+    class Workers(WorkerProcesses):
         def submit(self, _, tasks):
             given.append(len(tasks))
             future = Future()

@@ -166,7 +166,7 @@ def test_an_rclpy_whose_queue_answers_otherwise_is_served_by_callback(
             raise TypeError('take_message did not return bytes')
         raise AttributeError('take_message')
 
-    monkeypatch.setattr(drained_subscription, '_drain', drain)
+    monkeypatch.setattr(drained_subscription, 'drain', drain)
     subscription = DrainedSubscription(ros.node, Imu, ros.name('imu'), 100)
     assert not subscription.draining
     talker = publisher(ros, subscription)

@@ -31,7 +31,7 @@ SAMPLES = 4000
 def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     path = tmp_path / 'boot_id'
     path.write_text('first\n')
-    monkeypatch.setattr(power_ons, '_BOOT_ID', path)
+    monkeypatch.setattr(power_ons, 'BOOT_ID', path)
     return path
 
 

@@ -239,7 +239,7 @@ def test_readings_grow_with_the_messages_over_the_memory_not_with_the_topics(
     with closing(ManyTopics(partial(open_recording, path), topics, held_bytes)) as many:
         for topic in topics:
             read(partial(many.opening, topic), topic)
-            assert sum(each.held_bytes for each in many._readings.by_name.values()) <= held_bytes
+            assert many.holds_bytes <= held_bytes
     # Of 20 messages, 66 bytes each, in one or two blocks of 1 kB beside them.
     assert readings <= 3 * 100 * (20 * 66 + 2048) / held_bytes + 2
 
@@ -286,14 +286,14 @@ def test_messages_in_memory_serve_the_options_of_the_reading(tmp_path: Path) -> 
 def test_large_topics_cost_no_more_readings_than_one_by_one(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: int, small: int) -> None:
     chunks = 0
-    decoded = mcap_file._decoded
+    decoded = mcap_file.decoded_blocks
 
     def counted(*args: object) -> object:
         nonlocal chunks
         chunks += 1
         return decoded(*args)
 
-    monkeypatch.setattr(mcap_file, '_decoded', counted)
+    monkeypatch.setattr(mcap_file, 'decoded_blocks', counted)
     path = write_mcap(tmp_path / 'a.mcap', sorted(
         [*messages(large, 1600),
          *((f'/small{topic}', stamp, data) for topic, stamp, data in messages(small, 20))],

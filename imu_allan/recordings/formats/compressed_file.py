@@ -5,7 +5,6 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 import re
-import shutil
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -16,7 +15,7 @@ from imu_allan.recordings.formats.decompress import (
     decompressing,
 )
 from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
-from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder
+from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 from imu_allan.recordings.topic_readings import TopicReadings
@@ -25,8 +24,6 @@ _PIECE = 1 << 22
 """So much is held at a time, and written before a bound is seen to be overrun."""
 _LONGEST_FRAME_HEAD = 18
 """Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
-_SPARED_DISK = 1 << 28
-"""Bytes of the temporary folder's disk that are never filled."""
 _TOLD_BYTES = 1 << 26
 """Bytes in memory of which the user is told; less does not matter beside the analysis."""
 _IN_MEMORY = frozenset({'tmpfs', 'ramfs'})
@@ -89,7 +86,7 @@ class CompressedRecording(Recording):
         self._inner.read_each(readings)
 
     def _unpack(self, stored: Path) -> None:
-        room = shutil.disk_usage(self._folder).free - _SPARED_DISK
+        room = room_in(self._folder)
         written = 0
         reason = ''
         with self.path.open('rb') as file, stored.open('wb') as out:

@@ -69,9 +69,9 @@ _MOST_DESCRIPTIONS = 1 << 18
 """Channel and Schema records that are read; there are 65,536 numbers of each."""
 _LARGEST_SUMMARY = 1 << 28
 """Two million indexes of 100 bytes; a larger one is not held, the file is scanned instead."""
-_LARGEST_CHUNK = 1 << 26
+LARGEST_CHUNK = 1 << 26
 """Bytes of a chunk, before and after decompression, that are held whole."""
-_WINDOW = 1 << 22
+WINDOW = 1 << 22
 """Bytes taken at a time from what is larger."""
 _STEPS_AT_LEAST = 100_000
 """Records of a chunk that are stepped through whatever its size; they take a fifth of a second."""
@@ -143,7 +143,7 @@ class McapRecording(FileRecording):
                 if part.counts and not wanted & part.counts.keys():
                     continue
                 try:
-                    for blocks in _decoded(file, part, wanted, describe, decode, effort):
+                    for blocks in decoded_blocks(file, part, wanted, describe, decode, effort):
                         for block in blocks:
                             messages += len(block)
                             yield block, part.start
@@ -184,8 +184,8 @@ class McapRecording(FileRecording):
                 if part.counts and not carried.keys() & part.counts.keys():
                     continue
                 try:
-                    for parts in _decoded(file, part, carried.keys(), describe,
-                                          lambda pieces: by_source(pieces, sources), effort):
+                    for parts in decoded_blocks(file, part, carried.keys(), describe,
+                                                lambda pieces: by_source(pieces, sources), effort):
                         for number, pieces in parts.items():
                             for reading in carried[number]:
                                 reading.take(in_batches(unpacked(pieces, effort)))
@@ -253,7 +253,7 @@ class McapRecording(FileRecording):
             counts.update(part.counts)
             if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
                 try:
-                    for _ in _decoded(
+                    for _ in decoded_blocks(
                             file, part, frozenset(), self._describe, lambda _: [], effort):
                         pass
                 except DamagedData as error:
@@ -354,7 +354,7 @@ class McapRecording(FileRecording):
             yield part
 
 
-def _decoded(
+def decoded_blocks(
     file: BinaryIO, part: Part, wanted: AbstractSet[int],
     describe: Callable[[int, bytes], object],
     decode: Callable[[Iterable[Piece]], Decoded], effort: Effort,
@@ -384,7 +384,7 @@ def _decoded(
         raise DamagedData(f'{stored} bytes declared in a record of {part.length}')
     if compression not in ('', 'none'):
         effort.expand(size)
-    if max(size, stored) > _LARGEST_CHUNK:
+    if max(size, stored) > LARGEST_CHUNK:
         start = file.tell()
         if crc:
             # Twice through it: what is wrong must be known before any of it is used.
@@ -417,7 +417,7 @@ def _whole(
 def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
     """Read where the message indexes behind a chunk claim messages, if they are not absurd."""
     places = [np.zeros(0, np.int64)]
-    if sum(length for _, length in part.indexes) <= _LARGEST_CHUNK:
+    if sum(length for _, length in part.indexes) <= LARGEST_CHUNK:
         for start, length in part.indexes:
             file.seek(start)
             places.append(np.frombuffer(file.read(length), '<i8').reshape(-1, 2)[:, 1])
@@ -456,7 +456,7 @@ def _stream(
             missing = _FRAME.size + length - len(kept)
             if missing <= 0 or missing > left:
                 break
-            if missing > _WINDOW:
+            if missing > WINDOW:
                 # Too large for an Imu message: an image or a point cloud.
                 kept = b''
                 left -= missing
@@ -468,7 +468,7 @@ def _stream(
 
 def _window(source: Readable, most: int) -> bytes:
     """Read the next bytes; raises DamagedData where there are none."""
-    data = source.read(min(_WINDOW, most))
+    data = source.read(min(WINDOW, most))
     if not data:
         raise DamagedData(f'it ends {most} bytes early')
     return data

@@ -14,7 +14,6 @@ from dataclasses import replace
 from itertools import groupby
 import os
 from pathlib import Path
-import shutil
 import sqlite3
 from struct import unpack_from
 import tempfile
@@ -26,7 +25,7 @@ from imu_allan.recordings.descriptions import Descriptions
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.message_compression import is_compressed, unpacked_message
 from imu_allan.recordings.formats.rollback_journal import copy_plain, left_beside, roll_back
-from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder
+from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,
     LONGEST_VALUE,
@@ -50,8 +49,6 @@ _LONGEST_STEP = 1 << 40
 """Rows that are passed over at most in search of a page that is not damaged."""
 _MOST_PLACES = 1000
 """Damaged places behind which reading goes on."""
-_SPARED_DISK = 1 << 28
-"""Bytes of the temporary folder's disk that are never filled."""
 _COUNTED_BYTES = 1 << 26
 """Bytes of a file whose messages are counted on opening."""
 _MOST_TOPICS = 1 << 16
@@ -288,7 +285,7 @@ class SqliteRecording(Recording):
 
     def _copied(self) -> bool:
         """Copy the file and what lies beside it to where SQLite may write; False without room."""
-        room = shutil.disk_usage(tempfile.gettempdir()).free - _SPARED_DISK
+        room = room_in(tempfile.gettempdir())
         if self.size_bytes + sum(beside.stat().st_size for beside in self._beside) > room:
             return False
         self._copy = make_folder()

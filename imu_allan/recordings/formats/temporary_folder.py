@@ -6,10 +6,18 @@ from pathlib import Path
 import shutil
 import tempfile
 
+SPARED_DISK = 1 << 28
+"""Bytes of the temporary folder's disk that are never filled."""
+
 
 def make_folder() -> Path:
     """Make a temporary folder that nobody else can look into."""
     return Path(tempfile.mkdtemp(prefix='imu_allan_'))
+
+
+def room_in(folder: Path | str) -> int:
+    """Bytes that may still be written to a folder, negative where its disk is nearly full."""
+    return shutil.disk_usage(folder).free - SPARED_DISK
 
 
 def remove_folder(folder: Path) -> None:

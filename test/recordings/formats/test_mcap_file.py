@@ -60,8 +60,8 @@ def test_chunks_too_large_to_be_held_are_read_a_window_at_a_time(
         tmp_path, compression, monkeypatch):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression,
                       others=lambda n: n % 2)
-    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file._LARGEST_CHUNK', 1000)
-    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file._WINDOW', 1000)
+    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file.LARGEST_CHUNK', 1000)
+    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file.WINDOW', 1000)
     after, remarks = read(path)
     assert_same(MESSAGES, after)
     assert remarks == []
@@ -81,8 +81,8 @@ def test_an_image_larger_than_a_window_is_passed_over(tmp_path, compression, mon
                 writer.add_message(image, stamp, bytes(5000 + number), stamp)
             writer.add_message(imu, stamp, row.tobytes(), stamp)
         writer.finish()
-    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file._LARGEST_CHUNK', 1000)
-    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file._WINDOW', 1000)
+    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file.LARGEST_CHUNK', 1000)
+    monkeypatch.setattr('imu_allan.recordings.formats.mcap_file.WINDOW', 1000)
     after, remarks = read(path)
     assert_same(MESSAGES, after)
     assert remarks == []
