@@ -17,6 +17,7 @@ from functools import lru_cache
 import sys
 
 from bench_accuracy import CONSUMER, drawn_cases, TERMS_OF_DRAWN, WALKING
+from bench_settling import fitted as settling
 from drawn_spectra import draw, shape_of
 from imu_allan.block import ImuBlock
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
@@ -145,6 +146,12 @@ def _stepped(size: float, walk: float = 0.0) -> Measure:
     return lambda runs: [bias_step(one.columns(), 0) is not None for one in signals(runs)]
 
 
+def _walks(sensor: str, shape: str, size: float) -> Measure:
+    """Whether a walk is found in two hours whose mean moves by so many times B."""
+    return lambda runs: [settling(sensor, shape, size, seed).estimates[K].observable
+                         for seed in range(runs)]
+
+
 def _unsteady(found: AxisFit) -> bool:
     return found.steadiness is not None and not found.steadiness.steady
 
@@ -241,6 +248,11 @@ CONSTANTS: dict[str, Sequence[tuple[str, Measure]]] = {
         ('step in flicker', _stepped(0.0)),
         *((f'step of {size:g} B in flicker', _stepped(size)) for size in (3.0, 5.0, 10.0)),
         ('step of 10 B in a walk', _stepped(10.0, WALKING[K]))),
+    **{name: (('K of a warm-up of 300 B in two stages', _walks('N + B', 'two stages', 300.0)),
+              ('K of one of 30 B that is logistic', _walks('N + B', 'logistic', 30.0)),
+              ('a true K', _walks('N + B + K', 'still', 0.0)),
+              ('a true K beside a warm-up of 30 B', _walks('N + B + K', 'exponential', 30.0)))
+       for name in ('_CLEAR_WALK', '_BENT_BY_CHANCE')},
     '_FALSE_ALARM': (
         ('lines of white noise', _fitted(_white, 100.0, lambda found: bool(found.lines))),
         ('line of 0.03 sigma',

@@ -19,7 +19,7 @@ from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.shapes import legendre
 from imu_allan.noise.trial import Trial
 
-_CLEAR = 25.0
+_CLEAR_WALK = 25.0
 """
 Likelihood ratio in all parts from which on a walk has to show in most of them, too. A judgment:
 below, parts of a weak walk that is one may well differ so much.
@@ -69,7 +69,7 @@ def is_walk(trial: Trial, record: Spectrum, parts: Sequence[Groups], *, moves: b
         return True
     every = in_parts(trial, parts)
     ratio = 2 * (without_walk(every).solution.loss - every.solution.loss) / trial.dispersion
-    return (ratio < _CLEAR and not moves) or all(
+    return (ratio < _CLEAR_WALK and not moves) or all(
         has_walk(in_parts(trial, [*parts[:one], *parts[one + 1:]])) for one in range(len(parts)))
 
 
