@@ -22,7 +22,7 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.announcements import Announcements
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
 from imu_allan.node.imu_type import decoder, message_class
 from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
@@ -175,8 +175,7 @@ class CharacterizationNode(Node):
         try:
             subscription = DrainedSubscription(self, message_class(kind), topic, queue)
         except NameValidationException as error:
-            raise ImuAllanError(f'parameter {half}_topic: {" ".join(str(error).split())}'
-                                ) from error
+            raise ImuAllanError(f'parameter {half}_topic: {in_one_line(error)}') from error
         except (InvalidQosOverridesError, RuntimeError) as error:
             raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
         facts = Facts(subscription.topic, queue, expected, values['state_file'], half)
@@ -278,7 +277,7 @@ class CharacterizationNode(Node):
     def _begin_because(self, verdict: UnusableState, blocks: Mapping[int, Sequence[ImuBlock]]
                        ) -> None:
         """Leave the run, its state kept aside, and begin another with these messages by lane."""
-        self._log.warning(f'a new run begins: the one before cannot be gone on with, {verdict}')
+        self._log.warning(f'a new run begins, the one before cannot go on: {verdict}')
         self._storage.keep_aside(self._run, verdict)
         self._begin_anew()
         for number, held in blocks.items():

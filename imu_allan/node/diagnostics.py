@@ -17,7 +17,7 @@ from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import duration, spoken
+from imu_allan.wording import counted, duration, spoken
 
 _RATE_TOLERANCE = 0.02
 """As in the timeline: a stated rate may be rounded, and a clock off."""
@@ -184,7 +184,7 @@ def waiting_for(result: Result) -> tuple[str, str, float] | None:
 
 def _reception_verdict(facts: Facts) -> Verdict:
     if facts.namesakes:
-        return ERROR, 'another node has the same name: start one of them with another'
+        return ERROR, 'another node has the same name: start one of them with another name'
     if facts.mixed:
         return ERROR, (f'messages of more than one publisher on {facts.topic}: '
                        'they are passed over')
@@ -198,9 +198,9 @@ def _reception_verdict(facts: Facts) -> Verdict:
     if facts.looping:
         return WARN, 'the messages repeat: what has come before is passed over'
     if facts.malformed:
-        return WARN, f'{facts.malformed} messages could not be decoded'
+        return WARN, f'{counted(facts.malformed, "message")} could not be decoded'
     if facts.lost:
-        return WARN, f'{facts.lost} messages were lost on the way'
+        return WARN, f'{counted(facts.lost, "message")} lost on the way'
     if facts.paused:
         return WARN, 'paused: samples are passed over'
     if facts.temperature_topic and not facts.thermometers:
@@ -233,16 +233,16 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
         return WARN, wrong
     if summary.remarks:
         return WARN, '; '.join(live_text(remark) for remark in summary.remarks)
-    faults = [f'{count} {what}' for count, what in (
-        (timeline.missing, 'samples missing'), (timeline.duplicates, 'duplicates'),
-        (timeline.out_of_order, 'out of order'),
-        (timeline.rejected, 'rejected (NaN, infinite or declared absent)'),
-        (summary.clock_jumps, 'clock jumps')) if count]
+    faults = [f'{counted(count, what)}{why}' for count, what, why in (
+        (timeline.missing, 'sample', ' missing'), (timeline.duplicates, 'duplicate', ''),
+        (timeline.out_of_order, 'message', ' out of order'),
+        (timeline.rejected, 'message', ' rejected (NaN, infinite or declared absent)'),
+        (summary.clock_jumps, 'jump', ' of the clock')) if count]
     if faults:
         return WARN, ', '.join(faults)
     if not timeline.samples:
         return OK, 'no samples yet'
-    return OK, f'{timeline.samples} samples at {rate or 0:.5g} Hz'
+    return OK, f'{counted(timeline.samples, "sample")} at {rate or 0:.5g} Hz'
 
 
 def off_rate(facts: Facts, summary: TimelineSummary) -> str:

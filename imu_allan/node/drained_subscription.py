@@ -80,6 +80,11 @@ class _OutOfWaitSet(CallbackGroup):
         pass
 
 
+def in_one_line(error: Exception) -> str:
+    """Say what rclpy says of a name, without the line that points at a place in it."""
+    return ' '.join(str(error).split()).removesuffix(' ^')
+
+
 class DrainedSubscription:
     """
     Best-effort subscription that keeps the last `depth` messages until `take` is called.
@@ -140,7 +145,9 @@ class DrainedSubscription:
             compatibility, reason = qos_check_compatible(
                 offer.qos_profile, self._subscription.qos_profile)
             if compatibility == QoSCompatibility.ERROR:
-                reason = reason.strip().removesuffix(';')
+                # Each part begins with a level and ends with a semicolon.
+                reason = '; '.join(part.strip().removeprefix('ERROR: ')
+                                   for part in reason.split(';') if part.strip())
                 lines.append(f'the QoS of {name} does not go with that asked for ({reason}); '
                              'choose another with qos_overrides')
         return lines

@@ -88,7 +88,8 @@ def unpack(state: State, setup: Setup) -> Run:
                  in enumerate(zip(setup.streams, about.get('lanes', [about]), strict=True))]
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
-        raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
+        why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
+        raise UnusableState('damaged', f'its arrays do not belong together ({why})') from error
     for number, lane in enumerate(lanes):
         try:
             lane.characterization.break_run()

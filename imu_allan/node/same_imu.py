@@ -59,8 +59,8 @@ class Signature:
         """Tell why messages are not of this IMU; None if they may be."""
         frame_id = blocks[-1].frame_id if blocks else self.frame_id
         if self.frame_id is not None and frame_id != self.frame_id:
-            return UnusableState('frame_id', f'it is of frame_id {self.frame_id}, '
-                                 f'the messages now have {frame_id}')
+            return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
+                                 f'the messages now have {frame_id!r}')
         if self.rate_difference(blocks) > _SAME_RATE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')

@@ -13,7 +13,7 @@ from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.noise_model import load_model, NoiseModel
-from imu_allan.wording import duration, number
+from imu_allan.wording import counted, duration, number
 from imu_allan.writers.datasheet import check, summary
 from imu_allan.writers.datasheet.live import next_look, Standing, standing
 from imu_allan.writers.datasheet.measured import zero_bias
@@ -172,7 +172,8 @@ def _against_reference(result: Result, reference: Result) -> Finding:
                    for axis in shared)
     if not compared:
         return Finding('reference', 'warn', 'cannot tell yet: no noise density is observable')
-    return Finding('reference', 'ok', f'{compared} axes are as in the reference')
+    return Finding('reference', 'ok', 'as in the reference: '
+                   f'{counted(compared, "axis", "axes")}')
 
 
 def _density_departure(name: str, now: AxisResult, before: AxisResult) -> Iterator[str]:

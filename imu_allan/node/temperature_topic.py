@@ -5,7 +5,7 @@
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
 from imu_allan.recordings.thermometers import in_celsius
 import numpy as np
 from rclpy.exceptions import NameValidationException
@@ -45,8 +45,7 @@ class TemperatureTopic:
         try:
             self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE)
         except (NameValidationException, RuntimeError) as error:
-            raise ImuAllanError(f'parameter temperature_topic: {" ".join(str(error).split())}'
-                                ) from error
+            raise ImuAllanError(f'parameter temperature_topic: {in_one_line(error)}') from error
         self._facts = facts
         self._waiting = [_NONE] * lanes
         facts.temperature_topic = self._subscription.topic

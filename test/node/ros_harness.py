@@ -73,6 +73,11 @@ class Process:
         return self.log_path.read_text()
 
     @property
+    def lines(self) -> list[str]:
+        """Return the lines of its log as a user reads them."""
+        return told_in(self.log)
+
+    @property
     def running(self) -> bool:
         """Whether it has not ended."""
         return self.popen.poll() is None
@@ -101,6 +106,11 @@ class Process:
         """Send a signal and return the exit status."""
         self.popen.send_signal(number)
         return self.wait()
+
+
+def told_in(log: str) -> list[str]:
+    """Return the lines of a log, without level, time and name of the node."""
+    return [re.sub(r'^\[[A-Z]+\] \[[\d.]+\] \[[^\]]*\]: ', '', line) for line in log.splitlines()]
 
 
 def too_early(response: Any) -> bool:

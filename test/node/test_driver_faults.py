@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from ros_harness import Driver, RATE_HZ, Ros
 from std_srvs.srv import Trigger
+from whole_lines import Varying
 
 
 def saved(ros: Ros, samples: int) -> Any:
@@ -67,6 +68,9 @@ def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
     assert node.running
 
 
+REMEDY = 'remove files from it, or give it room, such as with --shm-size of docker run'
+
+
 def with_shared_memory(size: str, filled: str) -> list[str]:
     """Return a command that mounts a small /dev/shm for what it runs, and nobody else."""
     command = ['unshare', '--mount', '--propagation', 'private', 'sh', '-c',
@@ -87,7 +91,8 @@ def test_where_shared_memory_is_short_samples_come_over_the_network(ros: Ros) ->
     assert simulator.wait() == 0, simulator.log
     assert saved(ros, 4000)['timeline']['samples'] == 4000
     assert 'Traceback' not in node.log
-    assert '/dev/shm has only' in node.log
+    assert Varying('imu_allan_node: /dev/shm has only <number> MB of room: messages come over the '
+                   f'network, at more cost; {REMEDY}') in node.lines
     assert node.stop() == 0
 
 
@@ -95,5 +100,5 @@ def test_where_shared_memory_is_full_a_node_ends_with_one_line(ros: Ros) -> None
     node = ros.start('imu_allan_node', shared_memory=True,
                      wrapper=with_shared_memory('16k', '16k'))
     assert node.wait() == 1
-    assert node.log.startswith('imu_allan_node: /dev/shm is full')
-    assert node.log.count('\n') == 1
+    assert node.lines == ['imu_allan_node: /dev/shm is full, so the libraries of ROS would crash; '
+                          f'{REMEDY}']

@@ -11,6 +11,7 @@ from ros_harness import PATIENCE_S, Ros
 def test_waiting_ends_when_a_node_has_ended_by_itself(ros: Ros) -> None:
     ros.start('imu_allan_node', {'publish_period': 1e9})
     began = time.monotonic()
-    with pytest.raises(AssertionError, match=r'_0\.log ended\n(?s:.*)publish_period'):
+    with pytest.raises(AssertionError, match=r'^imu_allan_node_0\.log ended\n'
+                       r'(?s:.*)publish_period(?s:.*)$'):
         ros.until(lambda: False)
     assert time.monotonic() - began < PATIENCE_S / 2

@@ -22,8 +22,9 @@ from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly, STARVED_S
+from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly, STARVED_S, told_in
 from std_srvs.srv import Trigger
+from whole_lines import Varying
 
 PERIOD_S = 1.0
 LATE_S = 0.2
@@ -74,7 +75,7 @@ def test_a_node_goes_on_where_the_last_one_was_killed(ros: Ros, checkpoint: Path
     driver.wait_for_node()
     array = ros.until(lambda: arrays)[0]
     assert len(array.status) == 6, 'the result so far is published before any new sample'
-    assert 'resumed 10 s of data' in node.log
+    assert f'resumed 10 s of data from {checkpoint}' in node.lines
     driver.publish(500)
     time.sleep(PERIOD_S)
     driver.publish(500)
@@ -89,9 +90,9 @@ def test_another_imu_begins_a_new_run_with_its_first_sample(ros: Ros, checkpoint
     node, driver = start(ros), Driver(ros)
     driver.wait_for_node()
     # Those of a single moment show nothing: it looks for a while.
-    ros.until(lambda: driver.publish(20, frame_id='other') or (
-        'kept as state.frame_id.' in node.log))
-    assert 'it is of frame_id imu, the messages now have other' in node.log
+    ros.until(lambda: driver.publish(20, frame_id='other') or Varying(
+        f"a new run: {checkpoint} could not be resumed from, it is of frame_id 'imu', the "
+        "messages now have 'other'; it is kept as state.frame_id.<words>") in node.lines)
     [aside] = kept_aside(ros)
     assert aside.read_bytes() == before
     assert driver.publisher.wait_for_all_acked()
@@ -138,25 +139,30 @@ def test_a_probation_looks_longer_where_jitter_could_be_the_reason(
 def test_a_file_that_is_no_usable_state_is_kept_aside_and_told(ros: Ros) -> None:
     whole = encode_state({'a': np.zeros(9)})
     payload = b'from the future'
-    files = {
-        'damaged': [whole[:-1] + b'x', whole[:100], b'', whole],
-        'foreign': [b'a photo of my robot'],
-        'newer': [b'imu_allan.state/99\n' + hashlib.sha256(payload).digest() + payload]}
-    cases = [(reason, content) for reason, contents in files.items() for content in contents]
+    no_state = 'it is not a state file of imu_allan'
+    cases = [
+        ('damaged', whole[:-1] + b'x', 'its checksum is wrong'),
+        ('damaged', whole[:100], 'its checksum is wrong'),
+        ('damaged', b'', no_state),
+        ('damaged', whole, 'its arrays do not belong together (node is missing)'),
+        ('foreign', b'a photo of my robot', no_state),
+        ('newer', b'imu_allan.state/99\n' + hashlib.sha256(payload).digest() + payload,
+         'it has version 99, this imu_allan reads 1')]
     paths = []
-    for number, (_, content) in enumerate(cases):
+    for number, (_, content, _) in enumerate(cases):
         path = ros.folder / str(number) / 'state'
         path.parent.mkdir()
         path.write_bytes(content)
         paths.append(path)
     results = start_repeatedly(ros, [['-p', f'state_file:={path}'] for path in paths])
-    for (status, text), path, (reason, content) in zip(results, paths, cases, strict=True):
+    for (status, text), path, (reason, content, why) in zip(results, paths, cases, strict=True):
         assert status == 0
         [aside] = path.parent.glob('state.*Z')
         assert aside.name.startswith(f'state.{reason}.')
         assert aside.read_bytes() == content
-        assert f'kept as {aside.name}' in text
-        assert 'Traceback' not in text
+        assert told_in(text) == [
+            f'a new run: {path} could not be resumed from, {why}; it is kept as {aside.name}',
+            f'characterizing the IMU on {ros.name("imu/data_raw")}']
 
 
 def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: Path) -> None:
@@ -168,10 +174,12 @@ def test_another_topic_or_other_settings_begin_a_new_run(ros: Ros, checkpoint: P
         ['-p', f'state_file:={second}', '-r', 'imu/data_raw:=other/imu']])
     assert [status for status, _ in results] == [0, 0]
     [aside] = kept_aside(ros)
-    assert aside.name.startswith('state.settings.')
-    assert 'gap_tolerance 5, now 9' in results[0][1]
     assert aside.read_bytes() == content
-    assert 'kept as second.topic.' in results[1][1]
+    assert [told_in(text)[0] for _, text in results] == [
+        f'a new run: {checkpoint} could not be resumed from, it was made with other parameters '
+        f'(gap_tolerance 5, now 9); it is kept as {aside.name}',
+        Varying(f'a new run: {second} could not be resumed from, it is of the topic '
+                f'{ros.name("imu/data_raw")}; it is kept as second.topic.<words>')]
 
 
 def test_two_nodes_cannot_share_a_state_file(ros: Ros) -> None:
@@ -179,9 +187,8 @@ def test_two_nodes_cannot_share_a_state_file(ros: Ros) -> None:
     ros.until(lambda: 'characterizing' in first.log)
     second = start(ros)
     assert second.wait() == 1
-    assert second.log.startswith('imu_allan_node: state_file')
-    assert 'in use by another node' in second.log
-    assert second.log.count('\n') == 1
+    assert second.lines == [f'imu_allan_node: state_file {ros.folder / "state"}: is in use by '
+                            'another node; give every node a file of its own']
 
 
 def test_reset_empties_the_state_file_at_once(ros: Ros, checkpoint: Path) -> None:
@@ -192,7 +199,7 @@ def test_reset_empties_the_state_file_at_once(ros: Ros, checkpoint: Path) -> Non
         return [status.message for report in reports for status in report.status
                 if status.name == f'{ros.name("imu_allan")}: storage']
 
-    ros.until(lambda: any('resumed 10 s' in message for message in storage()))
+    ros.until(lambda: f'resumed 10 s of data from {checkpoint}' in storage())
     assert ros.call(Trigger, 'imu_allan/reset').success
     reports.clear()
     ros.until(lambda: 'a new run' in storage())
@@ -216,7 +223,8 @@ def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
     folder.rmdir()
     folder.write_text('in the way')
     driver.publish(500)
-    ros.until(lambda: 'cannot be written' in node.log)
+    ros.until(lambda: f'{folder / "state"}: cannot be written (Not a directory); choose a folder '
+                      'that exists on a disk with room and may be written to' in node.lines)
     assert ros.call(Trigger, 'imu_allan/save').success
     assert node.stop() == 1
 
@@ -271,7 +279,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
     assert at_stake > kills * seconds * RATE_HZ / 10 or starved_s > STARVED_S, (
         'the kills must cost something to be a test')
     node = start(ros)
-    ros.until(lambda: 'resumed' in node.log)
+    ros.until(lambda: Varying(f'resumed <words> of data from {state_file}') in node.lines)
     assert kept_aside(ros) == []
     assert list(ros.folder.glob('.state*')) == []
     assert node.stop(signal.SIGTERM) == 0

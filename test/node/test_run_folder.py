@@ -13,6 +13,7 @@ from imu_allan.node.checkpoint import StateFile
 from imu_allan.node.run_folder import claimed
 import numpy as np
 import pytest
+from whole_lines import refused, Varying
 
 CLAIM = """
 import sys
@@ -67,7 +68,8 @@ def test_a_pipe_as_state_or_lock_is_one_line_at_once(tmp_path: Path, name: str) 
 def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / 'precious').write_text('mine')
     (tmp_path / 'state.lock').symlink_to(tmp_path / 'precious')
-    with pytest.raises(ImuAllanError, match='cannot be written'):
+    with refused(Varying(f'state_file {tmp_path / "state"}: cannot be written (<words>); choose a '
+                         'folder that may be written to')):
         StateFile(tmp_path / 'state')
     assert (tmp_path / 'precious').read_text() == 'mine'
 
@@ -83,8 +85,8 @@ def test_state_and_lock_are_read_by_nobody_else(tmp_path: Path) -> None:
 def test_a_state_that_could_not_be_loaded_is_not_saved(tmp_path: Path) -> None:
     file = StateFile(tmp_path / 'state')
     file.save({'sums': np.arange(3.0)})
-    with pytest.raises(ImuAllanError) as error:
+    with refused(Varying(f'{tmp_path / "state"}: a state of <number> bytes could not be resumed '
+                         'from, so it is not written; the one before it stays')):
         file.save({'sums': np.zeros(9_000_000)})
-    assert str(error.value).startswith(f'{tmp_path / "state"}: a state of 72,000,')
     assert file.load() is not None
     file.close()

@@ -96,5 +96,6 @@ def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
     assert samples_in(aside) == 2000
     assert samples_in(tmp_path / 'state') == 300
     worker.hand_out()
-    assert facts.resumed.endswith(f'it is kept as {aside.name}')
-    assert any(line.endswith('not in it: No space left on device') for line in logger.lines)
+    assert facts.resumed == (f'a new run: {tmp_path / "state"} could not be resumed from, it is '
+                             f'of 100 Hz; it is kept as {aside.name}')
+    assert 'its latest samples are not in it: No space left on device' in logger.lines

@@ -12,12 +12,9 @@ from imu_allan.cdr import encode_imu
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros
+from ros_harness import Driver, RATE_HZ, Ros
 from std_srvs.srv import SetBool, Trigger
-
-
-def lines(node: Process, words: str) -> list[str]:
-    return [line for line in node.log.splitlines() if words in line]
+from whole_lines import Varying
 
 
 def saved(ros: Ros) -> Any:
@@ -57,11 +54,15 @@ def test_nothing_is_learnt_from_the_mixed_samples_of_two_publishers(
         first.publish(1)
         second.publish(1)
     take(ros, first, second)
-    ros.until(lambda: lines(node, 'are of more than one publisher: they are passed over'))
     names = f'{ros.name("tester")} and {ros.name("tester")}'
-    [told] = ros.until(lambda: lines(node, f'2 publishers on {first.topic} ({names})'))
-    assert 'give every IMU a topic of its own' in told
-    ros.until(lambda: any(status.level == b'\2' and 'more than one publisher' in status.message
+    for line in (f'the messages on {first.topic} are of more than one publisher: they are passed '
+                 'over',
+                 f'2 publishers on {first.topic} ({names}): where their samples mix they are '
+                 'passed over; give every IMU a topic of its own'):
+        ros.until(lambda line=line: line in node.lines)
+        assert node.lines.count(line) == 1
+    told = (b'\2', f'messages of more than one publisher on {first.topic}: they are passed over')
+    ros.until(lambda: any((status.level, status.message) == told
                           for status in statuses(reports, ros, 'reception')))
     document = saved(ros)
     # What came before they mixed is all that the result is made of.
@@ -79,7 +80,9 @@ def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) 
         for driver in drivers:
             driver.publish(1)
     take(ros, *drivers)
-    ros.until(lambda: lines(node, 'are of more than one publisher: they are passed over'))
+    mixed = (f'the messages on {drivers[0].topic} are of more than one publisher: they are passed '
+             'over')
+    ros.until(lambda: mixed in node.lines)
     document = saved(ros)
     coefficients = [] if document is None else [
         coefficient for axis in document['axes'].values()
@@ -89,7 +92,7 @@ def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) 
 
 @pytest.mark.parametrize(('change', 'reason'), [
     ({'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz'),
-    ({'frame_id': 'other'}, 'it is of frame_id imu, the messages now have other')])
+    ({'frame_id': 'other'}, "it is of frame_id 'imu', the messages now have 'other'")])
 def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
         ros: Ros, change: dict[str, Any], reason: str) -> None:
     state = ros.folder / 'state'
@@ -99,15 +102,18 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
     driver.publish(4000)
     take(ros, driver)
     # The watch knows the rate from the first fit.
-    ros.until(lambda: lines(node, 'observable: noise density'))
+    ros.until(lambda: Varying(
+        'observable: noise density (rad/s/sqrt(Hz)) of <words>') in node.lines)
     # The stamps go on, at the new rate.
     driver.next = round(driver.next * change.get('rate_hz', RATE_HZ) / RATE_HZ)
     driver.publish(1000, **change)
-    ros.until(lambda: driver.publish(20, **change) or lines(
-        node, f'a new run begins: the one before cannot be gone on with, {reason}'))
+    begins = f'a new run begins, the one before cannot go on: {reason}'
+    ros.until(lambda: driver.publish(20, **change) or begins in node.lines)
     driver.publish(2000, **change)
     take(ros, driver)
-    ros.until(lambda: lines(node, 'it is kept as state.'))
+    kept = Varying(f'a new run: {state} could not be resumed from, {reason}; it is kept as '
+                   'state.<words>')
+    ros.until(lambda: kept in node.lines)
     document = ros.until(lambda: saved(ros))
     # It begins with the first sample after the change.
     assert document['timeline']['rejected'] == 0
@@ -135,8 +141,11 @@ def test_a_recording_in_a_loop_is_counted_once(ros: Ros, reports: list[Diagnosti
         for message in messages:
             driver.publisher.publish(message)
         take(ros, driver)
-    ros.until(lambda: lines(node, 'as a recording played in a loop does'))
-    ros.until(lambda: any('the messages repeat' in status.message
+    ros.until(lambda: f'the messages on {driver.topic} repeat from the first one on, as a '
+                      'recording played in a loop does: what has come before is passed over'
+                      in node.lines)
+    repeat = 'the messages repeat: what has come before is passed over'
+    ros.until(lambda: any(status.message == repeat
                           for status in statuses(reports, ros, 'reception')))
     document = ros.until(lambda: saved(ros))
     assert document['timeline']['samples'] == 3000
@@ -152,7 +161,9 @@ def test_a_recording_in_a_loop_is_counted_once(ros: Ros, reports: list[Diagnosti
 def test_two_nodes_of_one_name_are_told(ros: Ros) -> None:
     nodes = [ros.start('imu_allan_node') for _ in range(2)]
     for node in nodes:
-        ros.until(lambda node=node: lines(node, 'another node has the same name'))
+        ros.until(lambda node=node: (
+            'another node has the same name: their topics and services cannot be told apart; '
+            'start one of them with another name') in node.lines)
 
 
 def test_a_publisher_of_another_type_or_qos_is_named(ros: Ros,
@@ -161,8 +172,8 @@ def test_a_publisher_of_another_type_or_qos_is_named(ros: Ros,
     from sensor_msgs.msg import Imu, Temperature
     ros.start('imu_allan_node')
 
-    def told(words: str) -> bool:
-        return any(words in status.message for status in statuses(reports, ros, 'reception'))
+    def told(message: str) -> bool:
+        return any(status.message == message for status in statuses(reports, ros, 'reception'))
 
     topic = ros.name('imu/data_raw')
     other = ros.node.create_publisher(Temperature, topic, 10)
@@ -172,4 +183,6 @@ def test_a_publisher_of_another_type_or_qos_is_named(ros: Ros,
     ros.node.create_publisher(Imu, topic, QoSProfile(
         depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
     # The node of a test asks for reliable delivery, with overrides.
-    ros.until(lambda: told(f'the QoS of {ros.name("tester")} does not go with that asked for'))
+    ros.until(lambda: told(f'the QoS of {ros.name("tester")} does not go with that asked for '
+                           '(Best effort publisher and reliable subscription); choose another '
+                           'with qos_overrides'))
