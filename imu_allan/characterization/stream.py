@@ -36,6 +36,7 @@ from imu_allan.result import AxisResult, Backtest, Remark, Result, Signal, Sourc
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
+from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -199,7 +200,7 @@ class Characterization:
                 # A driver may take a while to come to life; `result` tells if it never did.
                 continue
             except ImuAllanError as error:
-                raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error
+                raise ImuAllanError(f'{self.place}: {error}') from error
 
     def finish(self) -> None:
         """Take in what the timeline still holds back: the recording has ended."""
@@ -232,6 +233,11 @@ class Characterization:
     def topic(self) -> str | None:
         """Topic that the samples come from."""
         return self._topic
+
+    @property
+    def place(self) -> str:
+        """Path, and topic where there is one, as complaints name them."""
+        return str(self._path) if self._topic == NO_TOPIC else f'{self._path}, topic {self._topic}'
 
     def record(self) -> FinishedRecord | None:
         """
@@ -298,16 +304,16 @@ class Characterization:
             # Of a short recording all is decided here.
             if self._kind == 'topic':
                 raise
-            raise ImuAllanError(f'{self._path}, topic {self._topic}: {error}') from error
+            raise ImuAllanError(f'{self.place}: {error}') from error
         summary = twin.summary()
         if summary.mostly_motion and self._kind == 'recording':
             # Two sensors on one topic shake as much as one that moves.
             mixed = ''.join(f'; {remark.message}' for remark in summary.remarks
                             if remark.code == 'several_publishers')
             raise ImuAllanError(
-                f'{self._path}, topic {self._topic}: the IMU moves during most of the recording; '
-                'record it at rest, choose a still part with --start and --duration, or keep '
-                f'everything with --motion keep{mixed}')
+                f'{self.place}: the IMU moves during most of the recording; record it at rest, '
+                'choose a still part with --start and --duration, or keep everything with '
+                f'--motion keep{mixed}')
         axes, found, fits = twin._axes(summary, tested)
         source = Source(self._kind, self._path, self._topic, summary.frame_id,
                         summary.start_time, summary.clock)

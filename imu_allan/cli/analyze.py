@@ -173,7 +173,7 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     for complaint in complaints[:min(_MOST_COMPLAINTS, len(complaints) - 1)]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if (more := len(complaints) - 1 - _MOST_COMPLAINTS) > 0:
-        print(f'imu_allan: {more} more like these, the last of all is:', file=sys.stderr)
+        print(f'imu_allan: {more:,} more like these, the last of all is:', file=sys.stderr)
     if complaints:
         raise complaints[-1]
     return 0

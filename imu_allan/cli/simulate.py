@@ -80,9 +80,11 @@ def _make_folder_above(output: Path) -> None:
     try:
         os.close(open_folder(followed(output.parent)))
     except OSError as error:
-        reason = error.strerror or error
-        where = '' if error.filename is None else f': {printable(error.filename)}'
-        raise ImuAllanError(f'{printable(output)}: cannot be created ({reason}{where})') from error
+        reason = str(error.strerror or error)
+        if error.filename is not None and error.filename not in reason:
+            reason += f': {error.filename}'
+        raise ImuAllanError(f'{printable(output)}: cannot be created ({printable(reason)}); '
+                            'choose a folder that may be written to') from error
 
 
 def _counted(blocks: 'Iterator[ImuBlock]',

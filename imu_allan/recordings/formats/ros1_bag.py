@@ -79,6 +79,9 @@ class Ros1Recording(FileRecording):
         self._chunk_starts: list[int] = []
         with stored.open('rb') as file:
             magic = file.read(len(MAGIC))
+            if MAGIC.startswith(magic) and magic != MAGIC:
+                raise ImuAllanError(f'{printable(path)}: cut short within its first line; copy it '
+                                    'again')
             if magic != MAGIC:
                 version = magic[9:12].decode('ascii', 'replace').strip()
                 raise ImuAllanError(
@@ -86,7 +89,8 @@ class Ros1Recording(FileRecording):
                     'convert it to 2.0 with: rosbag fix')
             record = _record(file, len(MAGIC), self.size_bytes)
             if record is not None and record.header.get('encryptor'):
-                raise ImuAllanError(f'{printable(path)}: encrypted bags are not supported')
+                raise ImuAllanError(f'{printable(path)}: encrypted; decrypt it with: '
+                                    'rosbag decrypt')
             if record is None or not self._read_index(file, record):
                 self._scan(file)
         self._list_topics()
