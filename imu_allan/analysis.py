@@ -93,8 +93,8 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
     files = files_digest(path) if isinstance(path, (str, Path)) else None
     if start_s == 'auto':
         if not isinstance(path, (str, Path)):
-            raise ImuAllanError('start auto finds the warm-up of one recording; of several give '
-                                'the time to leave out')
+            raise ImuAllanError('--start auto finds the warm-up of one recording; for several '
+                                'give the time to leave out, such as --start 10min')
         result = _warmed_up(path, topic, options, reading, duration_s, progress, opening)
     elif not isinstance(path, (str, Path)):
         result = _together(path, topic, options, reading, start_s, duration_s, progress)
@@ -114,10 +114,10 @@ def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
     taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress,
                       opening=opening)
     results = []
-    for stream, characterization, remarks in taken:
+    for _, characterization, remarks in taken:
         result = characterization.result(remarks)
         if not result.axes:
-            raise ImuAllanError(f'{path}: topic {stream.topic} holds no usable sample'
+            raise ImuAllanError(f'{characterization.place}: no usable sample'
                                 + (' in the chosen part' if start_s or duration_s else ''))
         results.append(result)
     return _as_one([stream for stream, *_ in taken], results)

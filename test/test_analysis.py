@@ -7,12 +7,12 @@ from functools import partial
 from imu_allan import predicted_drift, state_space, tune
 from imu_allan.analysis import analyze
 from imu_allan.cli.main import main
-from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import simulate
 from imu_allan.wording import origin_of
 from imu_allan.writers.filters import export
 import numpy as np
 import pytest
+from whole_lines import refused, Varying
 
 RATE = 5.0
 TIME = np.arange(36_000) / RATE
@@ -33,7 +33,7 @@ def test_start_auto_leaves_out_the_warm_up(written):
     path = written(0.02 * np.exp(-TIME / 500))
     cold, warm = analyze(path), analyze(path, start_s='auto')
     [told] = [one.message for one in warm.warnings if one.code == 'start_auto']
-    assert told.endswith(' were left out: the sensor warmed up')
+    assert told == Varying('the first <words> were left out: the sensor warmed up')
     assert 20 <= float(told.split()[2]) <= 50
     assert cold.axes['gyro_x'].trend.warm_up is not None
     assert warm.axes['gyro_x'].trend.warm_up is None
@@ -50,7 +50,8 @@ def test_start_auto_leaves_nothing_out_where_nothing_settles(written):
 
 def test_start_auto_is_refused_for_several_recordings(written):
     path = written(0.0)
-    with pytest.raises(ImuAllanError, match='of several give the time to leave out'):
+    with refused('--start auto finds the warm-up of one recording; for several give the time to '
+                 'leave out, such as --start 10min'):
         analyze([path, path], start_s='auto')
 
 
@@ -79,9 +80,9 @@ def test_the_same_recording_given_twice_is_refused(written, again):
         if again == 'ten seconds of it':
             path = shifted(path, 0, 18_500)
     for paths in ([path, other], [other, path]):
-        with pytest.raises(ImuAllanError, match=r'^[^ ]+ and [^ ]+ hold the same messages') as e:
+        with refused(f'{paths[0]} and {paths[1]} hold the same messages, which would count twice; '
+                     'give each recording of the IMU once'):
             analyze(paths)
-        assert f'{paths[0]} and {paths[1]} hold' in str(e.value)
 
 
 def test_recordings_of_one_time_with_other_values_are_two(written):
@@ -100,13 +101,16 @@ def test_a_table_that_counts_from_zero_has_no_date_and_no_topic(written, capsys)
     assert 'rostopic: "/imu/data_raw"' in export(result, 'kalibr').text
     assert main(['info', result.source.path]) == 0
     shown = capsys.readouterr().out
-    assert '  clock       time column: ' in shown
+    assert ('  clock       time column: each stamp shows its place, single missing samples are '
+            'seen') in shown.splitlines()
     assert '1970' not in shown
 
 
 @pytest.mark.parametrize('samples', [np.zeros(100), [0.0, 1.0], 3])
 def test_samples_are_no_recording(samples):
-    with pytest.raises(TypeError, match=r'imu_allan\.characterize\(samples, sample_rate_hz\)'):
+    line = (f'analyze takes the path of a recording, not {type(samples).__name__}; for samples in '
+            'an array: imu_allan.characterize(samples, sample_rate_hz)')
+    with refused(line, TypeError):
         analyze(samples)
 
 
@@ -114,5 +118,6 @@ def test_a_whole_result_is_no_axis(written):
     result = analyze(written(0.0))
     for takes_an_axis in (tune, partial(state_space, step_s=1.0),
                           partial(predicted_drift, horizons_s=[60.0])):
-        with pytest.raises(TypeError, match=r"such as result\.axes\['gyro_x'\], not Result"):
+        with refused("expected an axis of a result, such as result.axes['gyro_x'], not Result",
+                     TypeError):
             takes_an_axis(result)
