@@ -19,6 +19,7 @@ import sys
 import time
 
 from imu_allan.cli.main import main
+from imu_allan.writers.consumer_names import CONSUMER_TITLES
 import numpy as np
 import pytest
 
@@ -199,6 +200,15 @@ def test_files_that_are_named_exist(page: str) -> None:
     for name in re.findall(r'`((?:imu_allan|test|bench|docs|config)/[\w/.]+)`',
                            (ROOT / page).read_text()):
         assert (ROOT / name).exists(), name
+
+
+def test_where_each_convention_was_read_is_said_for_every_consumer() -> None:
+    page = (ROOT / 'docs' / 'filters.md').read_text()
+    table = page.partition('## Where each convention was read')[2].partition('\n## ')[0]
+    named = ' '.join(row.split('|')[1] for row in table.splitlines() if row.startswith('|'))
+    for title in CONSUMER_TITLES.values():
+        if not title.startswith('a filter of your own'):
+            assert title.partition(',')[0] in named, title
 
 
 def test_commands_page_is_what_the_parsers_say() -> None:

@@ -543,6 +543,14 @@ def test_psins_takes_sigma_and_correlation_time(easy):
     assert found['TauG'] == found['TauA'] == [200.0, 200.0, 200.0]
 
 
+def test_psins_is_told_what_makes_its_filter_take_the_drift(easy):
+    # etm.m reads ins.tauG, infinite after insinit.m; only kfinit186 has sqg and sqa in its Qt.
+    text = export(easy, 'psins').text
+    after = text[text.index('imuerr = imuerrset('):]
+    assert 'ins.tauG = imuerr.taug;  ins.tauA = imuerr.taua;' in after
+    assert 'only psinstypedef(186) takes the drift (imuerr.sqg, imuerr.sqa)' in after
+
+
 def test_psins_gets_no_bias_at_the_start_that_nobody_measured(easy):
     # kfinit takes eb and db for how well the biases are known at the start: 0 freezes them.
     text = export(easy, 'psins').text

@@ -50,8 +50,9 @@ def ardupilot(numbers: Numbers) -> str:
     """
     Write ArduPilot's EKF3 parameters: N sqrt(F), K sqrt(F), F = 83 Hz.
 
-    ``CovariancePrediction`` of AP_NavEKF3_core.cpp squares ``dt value``; defaults and ranges are
-    those of the parameters' metadata (AP_NavEKF3.cpp).
+    ``NavEKF3_core::CovariancePrediction`` (AP_NavEKF3_core.cpp) squares ``dt value`` for the
+    noises and ``dt^2 value`` for the biases, which are those of an angle or a velocity over dt;
+    defaults and ranges are those of the parameters' metadata (AP_NavEKF3.cpp).
     """
     names: _Parameters = {('accel', N): ('EK3_ACC_P_NSE', 0.35, 1.0),
                           ('accel', K): ('EK3_ABIAS_P_NSE', 0.02, 0.02),

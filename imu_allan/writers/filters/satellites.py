@@ -89,9 +89,10 @@ def navego(numbers: Numbers) -> str:
     Write NaveGo's IMU profile, in the units of ``imu_si_errors.m``.
 
     That function makes of ``gb_dyn`` the driving density ``gb_dyn/sqrt(gb_corr)``, which is
-    ``sigma sqrt(2/Tc)`` of the process: gb_dyn is sqrt(2) sigma. ``allan_imu.m`` writes rad/s and
-    m/s^2 under the same names, which are not to be given to imu_si_errors. That reads ``arrw`` and
-    ``vrrw``, too, walks beside the process, of which the tuned numbers have none.
+    ``sigma sqrt(2/Tc)`` of the process: gb_dyn is sqrt(2) sigma. F_update.m lets the bias decay by
+    ``-1/gb_corr``, and kf_prediction.m adds the squared densities times dt. ``allan_imu.m`` writes
+    rad/s and m/s^2 under the same names, which are not to be given to imu_si_errors. That reads
+    ``arrw`` and ``vrrw``, too, walks beside the process, of which the tuned numbers have none.
     """
     lines = [*heading(numbers, '%'),
              '% For imu_si_errors(imu, dt): deg/sqrt(h), m/s/sqrt(h), deg/s, mg, s. gb_dyn and '
@@ -112,10 +113,13 @@ def psins(numbers: Numbers) -> str:
     """
     Arguments of PSINS' ``imuerrset``: deg/sqrt(h), ug/sqrt(Hz), deg/h, ug and s.
 
-    imuerrset.m drives the bias by ``sqrtR0G sqrt(2/TauG)``: sqrtR0G is sigma. The constant biases
-    eb and db are those from one start to the next, which no recording at rest shows. The filters
-    of PSINS begin with them (``Pxk = diag([davp0; imuerr.eb; imuerr.db])^2``) and never learn a
-    bias that is certain to be zero: no value is written, so that none is taken unseen.
+    imuerrset.m drives the bias by ``sqrtR0G sqrt(2/TauG)``: sqrtR0G is sigma. Of the filters in
+    kfinit.m only ``kfinit186`` has these densities in its ``Qt``; the others hold the biases for
+    constants. The time by which a bias decays is ``ins.tauG`` (etm.m), which insinit.m leaves
+    infinite. The constant biases eb and db are those
+    from one start to the next, which no recording at rest shows. The filters begin with them
+    (``Pxk = diag([davp0; imuerr.eb; imuerr.db])^2``) and never learn a bias that is certain to be
+    zero: no value is written, so that none is taken unseen.
     """
     lines = [*heading(numbers, '%'),
              "% x, y, z are the axes of the recording. PSINS' own are right, front, up: where the "
@@ -127,5 +131,10 @@ def psins(numbers: Numbers) -> str:
     for pair, name, unit, text in _PSINS:
         lines += triples(numbers, {pair: name}, times(1 / unit), '',
                          {pair: text}, "{name} = [{value}]';", '%')
-    lines += ['', 'imuerr = imuerrset(eb, db, web, wdb, sqrtR0G, TauG, sqrtR0A, TauA);']
+    lines += ['', 'imuerr = imuerrset(eb, db, web, wdb, sqrtR0G, TauG, sqrtR0A, TauA);',
+              '% The biases decay by the times in ins, not in imuerr. After ins = insinit(...):',
+              '%     ins.tauG = imuerr.taug;  ins.tauA = imuerr.taua;',
+              '% Of the filters of kfinit only psinstypedef(186) takes the drift (imuerr.sqg, '
+              'imuerr.sqa); the others hold the', '% biases for constants and are sure of them '
+              'too soon: what is expected above is not of those.']
     return joined(lines)

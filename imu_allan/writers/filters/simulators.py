@@ -93,8 +93,10 @@ def matlab(numbers: Numbers) -> str:
     ``setupBandwidth`` of imuSensor (IMUSensorSimulator.m of the toolbox) takes f for a NoiseType
     of 'single-sided' and f/2 for 'double-sided', the default. ``setStdDevWhiteNoise`` multiplies
     NoiseDensity by the root of that, ``setStdDevRandWalk`` divides RandomWalk by it: N sqrt(f) and
-    K/sqrt(f), as they should be, are those of 'single-sided'. ``setStdDevBiasInst`` takes B as it
-    is, for white noise that goes through the filter of BiasInstabilityCoefficients. That is
+    K/sqrt(f), as they should be, are those of 'single-sided'. ``setStdDevBiasInst`` takes B times
+    ``sqrt(2/(f pCorrelationTime))``, which is B as it is, because ``setupBiasInstabilityDrift``
+    sets that time to two samples: white noise that goes through the filter of
+    BiasInstabilityCoefficients. That is
     ``fractalcoef`` (R2023b; N. J. Kasdin, Proc. IEEE 83(5), 1995): of n poles it makes flicker of
     level B out of it for as long as n samples, and of one, the default, white noise of 2 B a
     sample, without any flicker.

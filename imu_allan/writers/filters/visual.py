@@ -41,8 +41,10 @@ def openvins(numbers: Numbers) -> str:
     """
     Write OpenVINS' ``kalibr_imu_chain.yaml``: N and K, continuous, as for Kalibr.
 
-    ``Propagator::predict_and_compute`` scales by ``sqrt(dt)`` (N by its inverse) itself. The file
-    is read by OpenCV's FileStorage; the geometry in it is the identity that OpenVINS ships.
+    ``VioManagerOptions::print_and_load_noise`` (VioManagerOptions.h) squares them and
+    ``Propagator::predict_and_compute`` (Propagator.cpp) adds ``dt^2`` times the squares over dt:
+    N^2 dt and K^2 dt. The file is read by OpenCV's FileStorage; the geometry in it is the identity
+    that OpenVINS ships.
     """
     lines = ['%YAML:1.0', *heading(numbers), '', 'imu0:']
     identity = ('[1.0, 0.0, 0.0]', '[0.0, 1.0, 0.0]', '[0.0, 0.0, 1.0]')
@@ -61,8 +63,10 @@ def orb_slam3(numbers: Numbers) -> str:
     """
     ORB-SLAM3's ``IMU.*`` settings: N and K, continuous.
 
-    ``Settings::readIMU`` reads them as reals through OpenCV's FileStorage; ``Tracking`` multiplies
-    the noises by ``sqrt(f)`` and divides the walks by it.
+    ``Settings::readIMU`` (Settings.cc) reads them as reals through OpenCV's FileStorage;
+    ``Tracking::newParameterLoader`` (Tracking.cc) multiplies the noises by ``sqrt(f)`` and divides
+    the walks by it. ``Preintegrated::IntegrateNewMeasurement`` (ImuTypes.cc) adds dt^2 times the
+    square of the first and once that of the second at each sample: N^2 dt and K^2 dt.
     """
     lines = ['%YAML:1.0', *heading(numbers),
              '# Part of a settings file: put these lines in place of its IMU noise section.']
@@ -126,7 +130,10 @@ def basalt(numbers: Numbers) -> str:
     Basalt's ``calibration.json``: N and K for each axis, continuous.
 
     ``Calibration::dicrete_time_accel_noise_std`` (calibration.hpp) multiplies by the root of
-    ``imu_update_rate``. JSON knows no comments: they stand under a key that cereal passes over.
+    ``imu_update_rate``, and ``IntegratedImuMeasurement::integrate`` (preintegration.h) adds dt^2
+    times the square at each sample: N^2 dt. ``ImuBlock::linearizeImu`` (imu_block.hpp) weighs the
+    difference of two biases by ``1/(K sqrt(dt))``, dt the time between the frames. JSON knows no
+    comments: they stand under a key that cereal passes over.
     """
     values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
     remarks = numbers.provenance()
@@ -146,8 +153,8 @@ def msckf_vio(numbers: Numbers) -> str:
     """
     MSCKF-VIO's ``noise`` parameters: N and K, continuous.
 
-    msckf_vio.cpp squares them on loading (loadParameters) and multiplies by ``dt`` in
-    ``processModel``.
+    ``MsckfVio::loadParameters`` (msckf_vio.cpp) squares them and ``MsckfVio::processModel``
+    multiplies by dt: N^2 dt and K^2 dt.
     """
     lines = [*heading(numbers),
              '# In the launch file: <rosparam command="load" file="msckf_vio_noise.yaml"/> inside '
@@ -187,8 +194,9 @@ def okvis2(numbers: Numbers) -> str:
     """
     OKVIS2's ``imu_parameters``: N and K, continuous, through OpenCV's FileStorage.
 
-    config/euroc.yaml names the units. ``sigma_bg`` and ``sigma_ba`` there are priors of the bias
-    at the start, no bias instability: they are left to the user. ``tau`` is read no more.
+    ``ImuError::redoPreintegration`` (ImuError.cpp) adds dt times their squares at each sample.
+    ``sigma_bg`` and ``sigma_ba`` of config/euroc.yaml are priors of the bias at the start, no bias
+    instability: they are left to the user. ``tau`` is read no more.
     """
     lines = ['%YAML:1.0', *heading(numbers),
              '# Part of a settings file: put these lines in place of those in its section. '
@@ -221,7 +229,9 @@ def maplab(numbers: Numbers) -> str:
     """
     Write maplab's IMU ``sigmas``: N and K, continuous.
 
-    The names are those of its calibrations (imu-bmi160.yaml), the units Kalibr's.
+    The names are those of its calibrations (imu-bmi160.yaml). ``ImuIntegratorRK4`` of
+    imu-integrator-rk4 (imu-integrator.cc, imu-integrator-inl.h) squares them and takes that as the
+    rate at which the covariance grows.
     """
     lines = [*heading(numbers), 'sensor_type: IMU', 'sigmas:']
     body = pairs(numbers, {('gyro', N): 'gyro_noise_density',
@@ -236,7 +246,9 @@ def rovio(numbers: Numbers) -> str:
     Write ROVIO's ``PredictionNoise``: N^2 and K^2 for each axis, continuous.
 
     rovio.info names the units: velocity m^2/s^3, attitude rad^2/s, biases m^2/s^5 and rad^2/s^3,
-    which are squared densities.
+    which are squared densities. They are the diagonal of ``prenoiP_`` (Prediction.hpp of
+    lightweight_filtering), the covariance of a noise that ``ImuPrediction::evalPrediction``
+    (ImuPrediction.hpp) divides by ``sqrt(dt)`` for rates and multiplies by it for biases.
     """
     lines = [*heading(numbers, ';'),
              '; Part of rovio.info: put these lines in place of those of the same names.',
@@ -255,8 +267,10 @@ def svo_pro(numbers: Numbers) -> str:
     """
     SVO Pro's ``imu_params``: N and K, continuous.
 
-    The names are those of its calibrations (euroc_stereo.yaml); ``acc_bias_sigma`` and
-    ``omega_bias_sigma`` there are priors of the bias at the start.
+    The names are those of its calibrations (euroc_stereo.yaml). ``CeresBackendInterface``
+    (ceres_backend_interface.cpp) hands them on as they are, and ``ImuError::redoPreintegration``
+    (imu_error.cpp) adds dt times their squares. ``acc_bias_sigma`` and ``omega_bias_sigma`` are
+    priors of the bias at the start.
     """
     lines = [*heading(numbers),
              '# Part of a calibration: put these lines in place of those in its section. '
