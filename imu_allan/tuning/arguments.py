@@ -95,7 +95,8 @@ def positive_times(name: str, values: Any) -> list[float]:
 
 def _real(value: Any) -> float | None:
     """Return a number as a float, infinite where it is beyond one; None for what is none."""
-    if not isinstance(value, Real):
+    # True is an integer to Python, but no time and no factor: an argument in the wrong place.
+    if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:
         return float(value)

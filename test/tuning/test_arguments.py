@@ -15,6 +15,7 @@ from whole_lines import refused
 
 AXIS = axis_of(1e-3, 1e-5)
 NO_NUMBERS = [(None, 'None'), ('text', "'text'"), ('1', "'1'"), (b'1', "b'1'"), (1j, '1j'),
+              (True, 'True'), (False, 'False'), (np.True_, repr(np.True_)),
               ([1.0], '[1.0]'), ({}, '{}'), (np.ones(2), 'array([1., 1.])'),
               ('x\n' * 10_000, "'" + 9 * 'x\\n' + 'x…n' + 9 * 'x\\n' + "'")]
 NOT_POSITIVE = [(0, '0'), (-1.0, '-1'), (float('nan'), 'nan'), (float('inf'), 'inf'),
@@ -54,9 +55,15 @@ def test_what_is_no_number_in_range_is_one_line_that_names_the_argument(name):
                 (TIMES | NUMBERS)[name](value)
 
 
+def test_true_is_no_time():
+    # What was meant is conservative=True.
+    with refused('aiding_interval_s must be a positive time, not True'):
+        imu_allan.tune(AXIS, True)
+
+
 @pytest.mark.parametrize(('value', 'shown'), [
     (None, 'None'), ('text', "'text'"), ('1', "'1'"), (b'12', "b'12'"), (1.0, '1'),
-    (np.array(1.0), 'array(1.)')])
+    (True, 'True'), (np.array(1.0), 'array(1.)')])
 def test_horizons_are_a_sequence(value, shown):
     with refused(f'horizons_s must be a sequence of positive times, not {shown}'):
         imu_allan.predicted_drift(AXIS, value)
