@@ -41,7 +41,8 @@ def _plain(choice: Choice) -> dict[str, Any]:
         tuning = choice.tuning
         line.update(noise_density=tuning.noise_density, random_walk=tuning.random_walk,
                     sigma=tuning.sigma, correlation_time_s=tuning.correlation_time_s,
-                    consistency=[list(row) for row in tuning.consistency])
+                    consistency=[list(row) for row in tuning.consistency],
+                    known_from_s=tuning.known_from_s, known_to_s=tuning.known_to_s)
     return line
 
 

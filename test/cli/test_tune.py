@@ -74,6 +74,8 @@ def test_the_numbers_as_json(result_file, tmp_path, capsys):
     assert tuned['noise_density'] == expected.noise_density
     assert tuned['random_walk'] == expected.random_walk
     assert len(tuned['consistency']) == 7
+    assert (tuned['known_from_s'], tuned['known_to_s']) == (expected.known_from_s,
+                                                            expected.known_to_s)
     assert axis['forecast']['position'] is None
     assert document['axes']['accel_x']['forecast']['position'][0] > 0
 
@@ -241,6 +243,14 @@ def test_export_writes_what_was_wished(result_file, capsys):
     assert main(['export', str(result_file), '--for', 'kalibr', '--as-measured']) == 0
     assert ('# Coefficients as measured (IEEE Std 952), not tuned.'
             in capsys.readouterr().out.splitlines())
+
+
+def test_an_exported_file_says_what_the_recording_does_not_know(result_file, capsys):
+    for option, widened in ((), 'the numbers are'), (('--as-measured',), 'what is expected is'):
+        assert main(['export', str(result_file), '--for', 'kalibr', '--coast', '3h',
+                     *option]) == 0
+        assert re.search(rf'# This recording knows .* at most; beyond it {widened} widened\.',
+                         capsys.readouterr().out)
 
 
 @pytest.mark.parametrize('bad', ['N', '2', 'B=2', 'N=0', 'N=2,N=3', 'K=nan', ''])

@@ -340,6 +340,7 @@ class Numbers:
             lines.append(f'Noise densities as measured: {self.aiding.reason}.')
         elif self.wishes.as_measured:
             lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
+            lines += self._beyond('what is expected is')
         elif not self.tunings:
             lines.append('Coefficients as measured: this result has no drift model to tune from.')
         else:
@@ -347,10 +348,7 @@ class Numbers:
             kind = 'Conservatively tuned' if self.wishes.conservative else 'Tuned'
             lines.append(f'{kind} for a correction every {duration(self.aiding_s)}{why} and '
                          f'{duration(self.coast_s)} without one.')
-            shortest = min(tuning.known_to_s for tuning in self.tunings.values())
-            if self.coast_s > shortest * (1 + 1e-6):
-                lines.append(f'This recording knows {duration(shortest)} at most; beyond it the '
-                             'numbers are widened.')
+            lines += self._beyond('the numbers are')
             lines += included({name: self.result.axes[name] for name in self.tunings})
         lines += self._left_out()
         if self.wishes.inflate:
@@ -358,6 +356,14 @@ class Numbers:
                                 in sorted(self.wishes.inflate.items()))
             lines.append(f'INFLATED on request: {factors}.')
         return lines
+
+    def _beyond(self, what: str) -> list[str]:
+        """Say that the longest time without correction is beyond what the recording knows."""
+        shortest = min((axis.drift_model.to_s for axis in self.result.axes.values()
+                        if axis.drift_model is not None), default=self.coast_s)
+        if self.coast_s <= shortest * (1 + 1e-6):
+            return []
+        return [f'This recording knows {duration(shortest)} at most; beyond it {what} widened.']
 
     def _left_out(self) -> list[str]:
         """Say which axes have noise that the coefficients leave out."""
