@@ -113,15 +113,20 @@ def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:
     return np.asarray(inside * np.minimum(tau[-1] / horizons, 1))
 
 
+def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
+    """Return the spread of the logarithm of a deviation that a steady record has, shape (n,)."""
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), _FEWEST_OF_FORECAST)
+    return np.asarray(np.sqrt(1 / (2 * dof)))
+
+
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:
     """
     Return the spread of the logarithm of a predicted standard deviation, shape (n,).
 
     A recording that is steady in itself says little of another day: what is usual is the least.
     """
-    dof = np.maximum(_degrees_of_freedom(axis, horizons), _FEWEST_OF_FORECAST)
-    sampling = np.sqrt(1 / (2 * dof))
-    return np.asarray(np.hypot(sampling, max(unsteadiness(axis), _USUAL[axis.quantity])))
+    return np.asarray(np.hypot(spread_of_shortness(axis, horizons),
+                               max(unsteadiness(axis), _USUAL[axis.quantity])))
 
 
 def coast_bands(axis: AxisResult, coasts: Sequence[Coast], outages: ArrayLike
