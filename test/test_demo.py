@@ -74,7 +74,7 @@ def test_recording_of_the_user_is_analyzed_instead(tmp_path: Path) -> None:
     done = subprocess.run(['make', '--silent', '-C', str(ROOT), 'demo', f'RECORDING={bag}',
                            f'RUN={Path(sys.executable).parent}', f'DEMO_OUTPUT={output}',
                            'STAMP='], check=True, capture_output=True, text=True)
-    assert '6,000 samples at 100 Hz' in done.stdout
+    assert '6,000 samples at 100 Hz, 60 s' in done.stdout.splitlines()
     assert {path.name for path in output.iterdir()} == FILES
 
 

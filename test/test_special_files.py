@@ -76,7 +76,7 @@ def test_a_result_goes_to_standard_output_wherever_that_leads(tmp_path, recordin
     document, end = json.JSONDecoder().raw_decode(text)
     assert document['schema'] == 'imu_allan.result/1'
     # The table follows; neither of the two is lost.
-    assert '3,000 samples' in text[end:]
+    assert '3,000 samples at 100 Hz, 30 s' in text[end:].splitlines()
 
 
 def test_a_pipe_that_is_read_gets_the_result(tmp_path, recording):

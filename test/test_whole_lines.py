@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages are compared as whole lines: a part of one holds neither its sense nor its words."""
 
+import ast
+from pathlib import Path
+
 from imu_allan.errors import ImuAllanError
 import pytest
 from whole_lines import refused, Varying
@@ -23,3 +26,31 @@ def test_numbers_and_words_vary_only_where_the_line_says_so() -> None:
     assert line != 'about 3 of 1,024 messages are lost (disk full)'
     assert line != '3 of 1,024 messages are lost ()'
     assert line != '3 of 1,024 messages are lost (disk\nfull)'
+
+
+def is_part(node: ast.AST) -> bool:
+    """Tell whether a part of what an error says is looked for: as a pattern, or in its text."""
+    if isinstance(node, ast.keyword):
+        # Its source has the letter and the mark of a text around it.
+        return node.arg == 'match' and not (
+            ast.unparse(node.value).lstrip('rf')[1:].startswith('^')
+            and ast.unparse(node.value)[:-1].endswith('$'))
+    texts: list[ast.expr] = []
+    if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In):
+        texts = node.comparators
+    elif isinstance(node, ast.Attribute) and node.attr in ('startswith', 'endswith'):
+        texts = [node.value]
+    return any(ast.unparse(text) in ('str(error)', 'str(error.value)') for text in texts)
+
+
+@pytest.mark.parametrize(('source', 'found'), [
+    ("pytest.raises(E, match='part')", True), ("pytest.raises(E, match=r'^[0-9]+ lost$')", False),
+    ("pytest.raises(E, match=f'^{x} lost')", True), ("'part' in str(error.value)", True),
+    ("str(error).startswith('part')", True), ("str(error.value) == 'line'", False)])
+def test_a_part_of_a_line_is_known(source: str, found: bool) -> None:
+    assert any(map(is_part, ast.walk(ast.parse(source)))) == found
+
+
+def test_no_test_looks_for_a_part_of_what_an_error_says() -> None:
+    assert [(path.name, ast.unparse(node)) for path in Path(__file__).parent.rglob('test_*.py')
+            for node in ast.walk(ast.parse(path.read_text())) if is_part(node)] == []

@@ -43,7 +43,7 @@ def test_table_goes_to_stdout_and_nothing_to_stderr(
     assert main(['analyze', str(recording)]) == 0
     shown = capsys.readouterr()
     assert shown.err == ''
-    assert '30,000 samples at 100 Hz' in shown.out
+    assert '30,000 samples at 100 Hz, 5 min' in shown.out.splitlines()
     assert 'angle random walk' in shown.out
     assert 'velocity random walk' in shown.out
 
@@ -134,7 +134,7 @@ def test_one_bad_recording_does_not_keep_the_others_from_being_analyzed(
         recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['analyze', 'no/such', str(recording), 'nor/this']) == 1
     shown = capsys.readouterr()
-    assert '30,000 samples' in shown.out
+    assert '30,000 samples at 100 Hz, 5 min' in shown.out.splitlines()
     assert shown.err == ('imu_allan: no/such: no such file or directory\n'
                          'imu_allan: nor/this: no such file or directory\n')
 
@@ -164,16 +164,16 @@ def test_several_topics_are_named_and_the_user_chooses(
         f'imu_allan: {two_topics}: 2 Imu topics; choose one with --topic: /../up (3,000 '
         'messages), /front/imu (3,000 messages)\n')
     assert main(['analyze', str(two_topics), '--topic', '/front/imu']) == 0
-    assert '3,000 samples at 100 Hz' in capsys.readouterr().out
+    assert '3,000 samples at 100 Hz, 30 s' in capsys.readouterr().out.splitlines()
 
 
 def test_all_topics_are_analyzed_and_no_topic_name_leads_out_of_the_output_folder(
         two_topics: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / 'deep' / 'output'
     assert main(['analyze', str(two_topics), '--all-topics', '--output', str(output)]) == 0
-    shown = capsys.readouterr().out
-    assert 'at 100 Hz' in shown
-    assert 'at 50 Hz' in shown
+    shown = capsys.readouterr().out.splitlines()
+    assert '3,000 samples at 100 Hz, 30 s' in shown
+    assert '3,000 samples at 50 Hz, 60 s' in shown
     assert sorted(path.suffix for path in output.iterdir() if path.is_file()) == [
         '.csv', '.html', '.json']
     assert len([path for path in output.iterdir() if path.is_dir()]) == 2

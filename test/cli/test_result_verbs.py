@@ -100,7 +100,8 @@ def test_what_export_refuses_has_the_name_that_was_typed(wishes, message, result
 
 def test_export_takes_another_rate(result_file, capsys):
     assert main(['export', str(result_file), '--for', 'vins_fusion', '--rate', '25']) == 0
-    assert '25 Hz' in capsys.readouterr().out
+    assert ('# Per sample at f = 25 Hz: N sqrt(f) and K sqrt(f).'
+            in capsys.readouterr().out.splitlines())
 
 
 def test_every_consumer_is_a_choice_of_the_command(result_file, capsys):
@@ -148,7 +149,9 @@ def test_check_takes_a_recording_as_well(recording, result_file, tmp_path, capsy
                      '--json', str(tmp_path / 'c.json')]) == 3
         verdicts.append(json.loads((tmp_path / 'c.json').read_text())['checks'])
     assert verdicts[0] == verdicts[1]
-    assert 'fail: ' in capsys.readouterr().out
+    shown = capsys.readouterr().out.splitlines()
+    for source in (recording, result_file):
+        assert f'fail: {source} against {tmp_path}/spec.yaml' in shown
 
 
 def test_check_goes_through_a_folder_of_recordings(recording, tmp_path, capsys):
@@ -395,9 +398,11 @@ def test_a_specification_may_be_one_that_is_shipped(result_file, capsys):
     assert 'gyro_x' in capsys.readouterr().out
 
 
-def test_a_printed_result_is_a_line_for_each_axis(result_file):
+def test_a_printed_result_is_a_line_for_each_axis(recording, result_file):
     lines = str(imu_allan.load_result(result_file)).splitlines()
-    assert '30,000 samples at 100 Hz, 300 s' in lines[0]
+    assert lines[0] == f'{recording} /imu/data_raw: 30,000 samples at 100 Hz, 300 s, remarks: 1'
     assert [line.partition(':')[0] for line in lines[1:]] == list(AXES)
-    assert re.search(r'N 8\.\d+e-05 \[\S+, \S+\] rad/s/sqrt\(Hz\)', lines[1])
+    assert lines[1] == Varying(
+        'gyro_x: Q < <number> rad, N 8.<number> [<number>, <number>] rad/s/sqrt(Hz), B <number> '
+        '[<number>, <number>] rad/s, K < <number> rad/s^2/sqrt(Hz), R < <number> rad/s^2')
     assert max(map(len, lines)) < 300

@@ -149,8 +149,11 @@ def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording
     assert main(['tune', str(result_file), '--verify', str(result_file)]) == 0
     out = capsys.readouterr().out
     assert re.search('axis +NIS +error +N times +K times', out)
-    assert out.splitlines()[-1].endswith(
-        ' The models are compared; name the recording itself to run filters over it.')
+    assert out.splitlines()[-1] == (
+        'N times, K times: the factor that would make the numbers right there, with its 95 % '
+        'interval. Above 1 with motors or wheels running, it is what the motion adds: put it into '
+        '--inflate. By averaging time: Allan deviation there over the one predicted. The models '
+        'are compared; name the recording itself to run filters over it.')
 
 
 def test_what_filters_met_there_as_json(result_file, recording, tmp_path, capsys):
