@@ -13,7 +13,7 @@ from imu_allan.result import Result
 from launch_stand_ins import declared, launched, ROOT
 import pytest
 from rcl_interfaces.srv import GetParameters
-from ros_harness import Ros
+from ros_harness import Ros, told_in
 from whole_lines import refused
 
 LAUNCH = ROOT / 'launch'
@@ -64,7 +64,7 @@ def test_every_argument_reaches_the_node(ros: Ros, reference: Path) -> None:
             **{name: given[name] for name in names if name in given and name != 'use_sim_time'}}
         topics = ros.name('front/a/gyro'), ros.name('front/a/accel')
         assert ros.until(lambda: f'characterizing the IMU on {" and ".join(topics)}'
-                         in log.read_text())
+                         in told_in(log.read_text()))
         assert 'DEBUG' in log.read_text()
     finally:
         process.terminate()

@@ -19,9 +19,11 @@ from scenarios import (
     characterized,
     compose,
     Messages,
+    MOVES,
     SIGMA,
     START_NS,
     Truth,
+    TWO_PUBLISHERS,
     verdict,
 )
 from scipy.signal import butter, lfilter
@@ -29,13 +31,6 @@ from whole_lines import refused, Varying
 
 EVERYDAY = 300
 SLOW = ('bias_instability', 'rate_random_walk')
-MOVES = ('scenario, topic /imu: the IMU moves during most of the recording; record it at rest, '
-         'choose a still part with --start and --duration, or keep everything with --motion keep')
-TWO_PUBLISHERS = (
-    'the values of neighbouring messages differ in turn, as those of two sensors that publish '
-    'with one frame_id do: if so, the rate is twice that of each, and the noise density 29 % too '
-    'low if they are alike and off by any factor if not; ros2 topic info --verbose names the '
-    'publishers')
 
 
 def rest(rate_hz: float = 100.0, duration_s: float = 150.0, seed: int = 0

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from scenarios import at_rest, characterized, Messages, SIGMA, Truth
+from scenarios import at_rest, characterized, Messages, MOVES, SIGMA, Truth
 from whole_lines import refused, Varying
 
 RATE_HZ = 100.0
@@ -58,7 +58,5 @@ def test_rest_is_the_same_whatever_the_blocks_and_saves():
 
 
 def test_what_moves_throughout_is_refused():
-    with refused('scenario, topic /imu: the IMU moves during most of the recording; record it at '
-                 'rest, choose a still part with --start and --duration, or keep everything with '
-                 '--motion keep'):
+    with refused(MOVES):
         characterized(driven('throughout', 20)[0])
