@@ -213,21 +213,28 @@ def test_text_from_a_recording_is_neither_markup_nor_control_sequence(result):
 LONG = 'the noise of this axis is not what it was ' * 5
 
 
-@pytest.mark.parametrize('columns', [None, 60, 120])
-def test_a_pipe_gets_plain_text_unbroken_or_of_the_width_that_is_stated(result, tmp_path, columns):
+def test_a_pipe_gets_plain_text_unbroken_or_of_the_width_that_is_stated(result, tmp_path):
     told = replace(result, warnings=(Remark('poor_fit', LONG),))
     (tmp_path / 'r.json').write_text(told.to_json())
     done = subprocess.run(
-        [sys.executable, '-c', 'import sys; from imu_allan.writers.table import print_result; '
-         'from imu_allan.writers.result_file import load_result; '
-         'print_result(load_result(sys.argv[1]))',
-         str(tmp_path / 'r.json')], capture_output=True, text=True, check=True,
-        env={'PATH': '', 'PYTHONUTF8': '1'} | ({'COLUMNS': str(columns)} if columns else {}))
+        [sys.executable, '-c', """
+import os, sys
+from imu_allan.writers.result_file import load_result
+from imu_allan.writers.table import print_result
+for columns in sys.argv[2:]:
+    if columns:
+        os.environ['COLUMNS'] = columns
+    print_result(load_result(sys.argv[1]))
+    print(flush=True, end='\\f')
+""", str(tmp_path / 'r.json'), '', '60', '120'], capture_output=True, text=True, check=True,
+        env={'PATH': '', 'PYTHONUTF8': '1'})
     assert '\x1b' not in done.stdout
-    assert '2.402 .. 2.411' in done.stdout
-    longest = max(map(len, done.stdout.splitlines()))
-    assert longest <= columns if columns else longest > len(LONG)
-    assert (LONG in done.stdout) == (columns is None)
+    plain, *broken, _ = done.stdout.split('\f')
+    assert LONG in plain
+    for columns, text in zip((60, 120), broken, strict=True):
+        assert '2.402 .. 2.411' in text
+        assert LONG not in text
+        assert max(map(len, text.splitlines())) <= columns
 
 
 def test_what_recording_on_would_bring_is_told(result):
