@@ -29,6 +29,7 @@ import sys
 from typing import Any
 
 from imu_allan.characterization.axis import characterize
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.result import AxisResult, DriftModel, GaussMarkov
@@ -36,6 +37,7 @@ from imu_allan.tuning.coasting import coasting_weights
 from imu_allan.tuning.kalman import Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.tune import tune
+from imu_allan.tuning.uncertainty import spread_of_forecast
 import numpy as np
 from numpy.typing import NDArray
 
@@ -307,7 +309,15 @@ def real(record: Array, rate_hz: float, quantity: str) -> list[dict[tuple[str, s
     for ordered in (record, np.concatenate((record[half:], record[:half]))):
         axis = characterize(ordered[:half], rate_hz, quantity)
         series = means(ordered[half:], round(rate_hz))
-        lines += assessed([(fed(axis), series)], 0.0, round(rate_hz) / rate_hz)
+        [line] = assessed([(fed(axis), series)], 0.0, round(rate_hz) / rate_hz)
+        for horizon in COASTS_S:
+            # The first stretch is that in which the filter learns.
+            outages = int(len(series) / horizon) - 1
+            spread = np.hypot(spread_of_forecast(axis, np.array([horizon]))[0],
+                              np.sqrt(0.5 / outages))
+            off = np.log(line['drift model', f'coast {horizon:g}']) / 2
+            line['band', f'{horizon:g}'] = float(abs(off) < NORMAL95 * spread)
+        lines.append(line)
     return lines
 
 
@@ -373,9 +383,12 @@ def main() -> int:
             short[sensor] += of_ten_minutes(samples, rate_hz, quantity)
     for sensor, lines in found.items():
         if lines:
+            inside = [line.pop(key) for line in lines for key in list(line) if key[0] == 'band']
             show(f'{sensor}: real recordings, {len(lines)} halves, median (95 %), geometric mean '
                  "of both ways [range]; log is the loss against the drift model's", lines,
                  real=True)
+            print(f'  errors after {", ".join(f"{s:g}" for s in COASTS_S)} s within the band of '
+                  f'the forecast: {sum(inside):g} of {len(inside)}', flush=True)
     for sensor, lines in short.items():
         if lines:
             show_overconfident(f'{sensor}: of {len(lines)} stretches of ten minutes, fitted and '

@@ -223,6 +223,19 @@ def test_what_short_segments_vary_by_chance_is_no_unsteadiness():
     assert 0.3 < careful.coast_ratio < 1
 
 
+def test_a_segment_whose_drift_the_noise_covers_is_no_great_unsteadiness():
+    axis = axis_of(1e-3, 1e-5, ((3e-4, 30.0),))
+    spreads = []
+    for covered in (6e-5, 1e-5, 1e-12):
+        segments = tuple(Segment(600.0 * i, 600.0, 0.0, None, None, sigma)
+                         for i, sigma in enumerate((3e-4, 3e-4, 3e-4, 3e-4, covered)))
+        spreads.append(unsteadiness(replace(axis, stationarity=Stationarity(True, 0.5,
+                                                                            segments))))
+    # A fifth of the others is as little as counts: ln 5 once in five.
+    assert spreads[0] == spreads[1] == spreads[2]
+    assert 0.5 < spreads[0] < np.log(5) / 5**0.5
+
+
 @pytest.mark.parametrize(('times', 'message'), [
     ((0.0, 60.0), 'aiding_interval_s must be a positive time, not 0 s'),
     ((-1.0, 60.0), 'aiding_interval_s must be a positive time, not -1 s'),
