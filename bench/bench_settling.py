@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is made of means that settle, bend or turn in ways that no exponential describes.
+What is made of means that settle, bend, turn or step in ways that no exponential describes.
 
 Records of two hours at 10 Hz by the exact simulators, with a course of the mean whose time is
 drawn. Printed are how many records report a random walk, how many say that one cannot be told, how
@@ -76,10 +76,14 @@ def _logarithm(rng: np.random.Generator) -> Array:
     return np.asarray(-np.log1p(TIME / (rng.uniform(0.01, 0.1) * LENGTH)) / np.log1p(1 / 0.03))
 
 
+def _step(rng: np.random.Generator) -> Array:
+    return np.asarray(TIME > rng.uniform(0.1, 0.9) * LENGTH, np.float64)
+
+
 SHAPES: dict[str, Callable[[np.random.Generator], Array]] = {
     'still': _still, 'exponential': _exponential, 'linear': _linear, 'two bodies': _two_bodies,
     'two stages': _two_stages, 'logistic': _logistic, 'turning': _turning,
-    'parabola': _parabola, 'logarithm': _logarithm}
+    'parabola': _parabola, 'logarithm': _logarithm, 'step': _step}
 
 
 def fitted(sensor: str, shape: str, size: float, seed: int) -> Fit:
@@ -112,14 +116,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--runs', type=int, default=20)
+    parser.add_argument('--only', nargs='+', choices=SHAPES, default=list(SHAPES))
     parser.add_argument('--workers', type=int, default=os.cpu_count())
     options = parser.parse_args()
     cases = [('N + B', shape, size) for shape in SHAPES if shape != 'still'
-             for size in (30.0, 300.0)]
+             for size in ((3.0, 5.0, 7.0, 10.0) if shape == 'step' else (30.0, 300.0))]
     cases += [(sensor, shape, size) for sensor in SENSORS
               for shape, size in (('still', 0.0), ('exponential', 30.0))]
     with ProcessPoolExecutor(options.workers) as pool:
-        lines = [pool.submit(row, *case, options.runs) for case in dict.fromkeys(cases)]
+        lines = [pool.submit(row, *case, options.runs) for case in dict.fromkeys(cases)
+                 if case[1] in options.only]
         for line in lines:
             print(line.result(), flush=True)
     return 0

@@ -100,6 +100,8 @@ def _gains(trial: Trial, record: RecordSpectrum, still: Solution,
     each = columns.reshape(len(columns), len(candidates), -1)
     target = np.einsum('nca,n->ca', each, weight * signal)
     gram = np.einsum('nca,ncb,n->cab', each, each, weight, optimize=True)
-    gram = gram + 1e-9 * np.einsum('caa->c', gram)[:, None, None] * np.eye(each.shape[2])
+    # A course that nothing of the record sees, a step between two runs, explains nothing.
+    ridge = 1e-9 * np.einsum('caa->c', gram) + np.finfo(np.float64).tiny
+    gram = gram + ridge[:, None, None] * np.eye(each.shape[2])
     return np.asarray(
         np.einsum('ca,ca->c', target, np.linalg.solve(gram, target[..., None])[..., 0]))

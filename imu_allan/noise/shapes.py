@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes that a mean may follow over time: bends, warm-ups, cycles."""
+"""Shapes that a mean may follow over time: bends, steps, warm-ups, cycles."""
 
 from imu_allan.noise.mean_in_blocks import Course
 import numpy as np
@@ -22,6 +22,19 @@ def legendre(order: int, duration_s: float) -> Course:
     coefficients = [0.0] * order + [1.0]
     return lambda time: np.asarray(
         np.polynomial.legendre.legval(2 * time / duration_s - 1, coefficients))
+
+
+def step(at_s: float) -> Course:
+    """
+    Return a step from 0 to 1.
+
+    Examples
+    --------
+    >>> step(5.0)(np.array([4.0, 6.0]))
+    array([0., 1.])
+
+    """
+    return lambda time: np.asarray(time > at_s, np.float64)
 
 
 def warming(time_constant_s: float) -> Course:

@@ -59,6 +59,16 @@ def test_slow_cycle_is_no_random_walk():
                     'too; else record without it.')
 
 
+@pytest.mark.parametrize('seed', [1, 8])
+def test_a_step_too_small_to_be_told_is_no_random_walk(seed):
+    # The largest difference between stretches is less than six times the usual one.
+    gyro = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
+    samples = simulate(gyro, HOURS_2, RATE, seed) + 5 * 2.4e-5 * (TIME > 0.3 * 7200)
+    axis, remarks = lived(samples)
+    assert not axis.coefficients['rate_random_walk'].observable
+    assert codes(remarks) == {'trend_or_walk'}
+
+
 @pytest.mark.parametrize('model', [STILL, {**STILL, 'rate_random_walk': 2e-4}])
 def test_where_the_mean_stands_still_or_walks_there_is_no_such_word(model):
     axis, remarks = lived(simulate(model, HOURS_2, RATE, 3))
