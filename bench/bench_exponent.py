@@ -5,19 +5,21 @@ Monte Carlo of slow noise that goes with f^-a: what becomes of N, and what passe
 
 Spectra of an hour at 100 Hz are drawn from the model. First white noise beside f^-a that crosses
 it at a frequency; then noise that is something else, behind low-passes among others, of which the
-share is told that an exponent is found in, or that it levels out again above the band.
+share is told that an exponent is found in, that it levels out again above the band, or that a
+filter has taken out its slow part.
 
     python bench/bench_exponent.py --runs 100
     python bench/bench_exponent.py --runs 40 --exponents 1.3
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import sys
 
 from bench_accuracy import B, CONSUMER, coverage, K, N
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.fit import Fit, fit
+from imu_allan.noise.high_pass import corner_beside_flicker_hz
 from imu_allan.noise.trends import RecordSpectrum
 import numpy as np
 from scipy.signal import butter
@@ -47,10 +49,14 @@ def told(found: Sequence[Fit]) -> float:
     return float(np.mean([one.power_law is not None for one in found]))
 
 
-def show(name: str, found: Sequence[Fit]) -> None:
+def show(name: str, spectra: Iterable[RecordSpectrum]) -> None:
     """Print what is told of noise that is something else."""
+    spectra = list(spectra)
+    found = fitted(spectra)
     levels = np.mean([one.plateau is not None for one in found])
-    print(f'| {name} | {told(found):.3f} | {levels:.3f} |', flush=True)
+    falls = np.mean([corner_beside_flicker_hz(one.groups(), DT, own) is not None
+                     for one, own in zip(spectra, found, strict=True)])
+    print(f'| {name} | {told(found):.3f} | {levels:.3f} | {falls:.3f} |', flush=True)
 
 
 def squares(*keys: str) -> list[float]:
@@ -82,23 +88,28 @@ def main() -> int:
             print(f'| {exponent} | {crossing_hz:g} Hz | {told(found):.2f} '
                   f'| {np.mean(inside) if inside else np.nan:.2f} | {100 * off:.2f} % '
                   f'| {coverage(found, N, density):.2f} | {walks:.2f} |', flush=True)
-    print('\n| something else | an exponent told | a plateau told |\n| --- | --- | --- |')
+    print('\n| something else | an exponent told | a plateau told | a high-pass told |\n|'
+          + ' --- |' * 4)
     rng = np.random.default_rng(1)
     for name, keys in TERMS.items():
-        show(name, fitted(draw(pieces, squares(*keys), DT, runs, rng)))
+        show(name, draw(pieces, squares(*keys), DT, runs, rng))
+    for exponent in options.exponents:
+        law = density * (2 * np.pi * 0.02)**(exponent / 2), exponent
+        show(f'f^-{exponent:g} that crosses N at 0.02 Hz', draw(
+            pieces, squares(N), DT, runs, rng, power_law=law))
     for name, low_pass in LOW_PASSES.items():
-        show(name, fitted(draw(pieces, squares(N, B, K), DT, runs, rng, low_pass=low_pass)))
+        show(name, draw(pieces, squares(N, B, K), DT, runs, rng, low_pass=low_pass))
     for share, crossing_hz in ((0.26, 0.7), (0.2, 2.0), (0.12, 5.0)):
         strong = [0.0, density**2, 2 * np.pi * crossing_hz * density**2, 0.0]
-        show(f'recursive mean of {share}, flicker up to {crossing_hz} Hz', fitted(draw(
-            pieces, strong, DT, runs, rng, low_pass=([1 - share], [1.0, -share]))))
+        show(f'recursive mean of {share}, flicker up to {crossing_hz} Hz', draw(
+            pieces, strong, DT, runs, rng, low_pass=([1 - share], [1.0, -share])))
     for name, (size, time) in PROCESSES.items():
-        show(f'process of {name}', fitted(draw(
-            pieces, squares(N, B), DT, runs, rng, process=(size * CONSUMER[B], time))))
+        show(f'process of {name}', draw(
+            pieces, squares(N, B), DT, runs, rng, process=(size * CONSUMER[B], time)))
     for time in (0.05, 0.1):
         # At the slow end it is as strong as the white noise.
-        show(f'white noise, and as much over {time:g} s', fitted(draw(
-            pieces, squares(N), DT, runs, rng, process=(density / np.sqrt(2 * time), time))))
+        show(f'white noise, and as much over {time:g} s', draw(
+            pieces, squares(N), DT, runs, rng, process=(density / np.sqrt(2 * time), time)))
     return 0
 
 

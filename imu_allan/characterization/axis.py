@@ -35,7 +35,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.groups import Groups, WHITE
-from imu_allan.noise.high_pass import high_pass_corner_hz
+from imu_allan.noise.high_pass import corner_beside_flicker_hz, high_pass_corner_hz
 from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.saturation import CutOff
@@ -184,6 +184,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             found.append((replace(base, curve=curve), remarks))
             continue
         corner_hz = ((corners_hz[axis] if corners_hz is not None else None)
+                     or corner_beside_flicker_hz(fitted_axis.groups, dt, fitted_axis.fit)
                      or _high_pass_corner_hz(fitted_axis.whole))
         if corner_hz is not None:
             found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),

@@ -47,14 +47,19 @@ def levels_off(trial: Trial) -> bool:
 
     There are so few of them that the residuals of all half-octaves together do not show it.
     """
+    return falls_short(trial, SMALLEST_P)
+
+
+def falls_short(trial: Trial, chance: float) -> bool:
+    """Whether the slowest coefficients are smaller than the terms make them by such a chance."""
     expected = np.maximum(trial.groups.design @ trial.solution.theta, 1e-300)
     ratio = residual_power(trial.groups, trial.solution.theta) / expected
     # Groups stand in order of frequency.
     dof = np.cumsum(trial.groups.dof)
     power = np.cumsum(trial.groups.dof * ratio)
     some = [at for at in np.searchsorted(dof, _SLOWEST) if at < len(dof)]
-    chance = 1 - chi_square.survival(power[some], dof[some])
-    return bool(np.any(chance < SMALLEST_P / len(_SLOWEST)))
+    below = 1 - chi_square.survival(power[some], dof[some])
+    return bool(np.any(below < chance / len(_SLOWEST)))
 
 
 def with_process_column(groups: Groups, rolling: bool, dt: float, time: float) -> Groups:
@@ -164,6 +169,41 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
         error = np.sqrt(left) * spread(beside, nearest, groups.design.shape[1]) / size
         sizes += [size * np.exp(-error), size * np.exp(error)]
     return trial, Process(float(np.sqrt(theta[-1])), time, (min(sizes), max(sizes)), (low, high))
+
+
+def likeliest_process(groups: Groups, dt: float, start: Solution) -> float:
+    """
+    Fit the terms and the likeliest of some processes.
+
+    Parameters
+    ----------
+    groups : Groups
+        Of the whole band.
+    dt : float
+        Sample interval in seconds.
+    start : Solution
+        A fit of the terms alone.
+
+    Returns
+    -------
+    float
+        The loss: the negative logarithm of the likelihood.
+
+    """
+    shortest, longest = _range(groups, dt)
+    if longest < 2 * shortest:
+        return start.loss
+    near: Solution | None = None
+
+    def attempt(log_time: float) -> float:
+        nonlocal near
+        near = maximise(with_process_column(groups, False, dt, float(np.exp(log_time))), near,
+                        fixed={QUANTIZATION: 0.0}, trend='restricted', tolerance=1e-3)
+        return near.loss
+
+    times = np.linspace(np.log(shortest), np.log(longest), _TIMES)
+    losses = [attempt(time) for time in times]
+    return min(start.loss, lowest_near(attempt, times, int(np.argmin(losses)), 0.01)[1])
 
 
 def promises_a_process(trial: Trial, dt: float) -> bool:

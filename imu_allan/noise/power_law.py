@@ -191,6 +191,29 @@ def free_exponent(groups: Groups, dt: float, other: Trial) -> PowerLaw | None:
     return search.interval(best, trial.dispersion)
 
 
+def likeliest_exponent(groups: Groups, dt: float, start: Solution) -> float:
+    """
+    Fit white noise and slow noise of the likeliest exponent.
+
+    Parameters
+    ----------
+    groups : Groups
+        Of the whole band.
+    dt : float
+        Sample interval in seconds.
+    start : Solution
+        A fit of the terms.
+
+    Returns
+    -------
+    float
+        The loss: the negative logarithm of the likelihood.
+
+    """
+    search = _Search(groups, dt, start)
+    return search.at(search.likeliest()).loss
+
+
 class _Search:
     """The likelihood as a function of the exponent, without quantization noise."""
 

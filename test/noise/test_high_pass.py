@@ -35,6 +35,45 @@ def sensor(seed: int, **more: float) -> np.ndarray:
     return simulate({'noise_density': 1e-4, **more}, COUNT, RATE_HZ, seed=seed)
 
 
+def hour_without_bias(time_s: float, seed: int, hours: float = 1.0, **terms: float) -> np.ndarray:
+    """Ten samples a second of a gyroscope with flicker, behind a filter that has settled."""
+    gyro = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5, **terms}
+    settling = int(20 * time_s) * 10
+    rows = simulate(gyro, settling + round(hours * 36_000), 10.0, seed)
+    return without_bias(rows, 1 / (10 * time_s))
+
+
+@pytest.mark.parametrize(('time_s', 'hours'), [(10.0, 1.0), (60.0, 3.0)])
+def test_a_filter_is_told_where_flicker_hides_the_level_of_the_white_noise(time_s, hours):
+    axis = imu_allan.characterize(hour_without_bias(time_s, 3, hours), 10.0)
+    assert not any(found.observable or found.upper95 for found in axis.coefficients.values())
+    assert axis.high_passed_hz == pytest.approx(1 / (2 * np.pi * time_s), rel=0.5)
+
+
+@pytest.mark.parametrize('process', [
+    {'sigma': 4e-5, 'correlation_time_s': 10.0}, {'sigma': 4e-5, 'correlation_time_s': 100.0}])
+def test_a_process_that_levels_off_is_no_such_filter(process):
+    samples = simulate({'noise_density': 7.9e-5, 'gauss_markov': process}, 108_000, 10.0, 3)
+    axis = imu_allan.characterize(samples, 10.0)
+    assert axis.high_passed_hz is None
+    assert axis.gauss_markov is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('time_s', 'hours', 'fewest'), [
+    (10.0, 1.0, 20), (60.0, 1.0, 14), (60.0, 3.0, 19), (600.0, 1.0, 0)])
+def test_shares_of_filters_that_are_told_beside_flicker(time_s, hours, fewest):
+    """And what becomes of the others: of twenty records each."""
+    axes = [imu_allan.characterize(hour_without_bias(time_s, seed, hours), 10.0)
+            for seed in range(20)]
+    left = [axis.coefficients for axis in axes if axis.high_passed_hz is None]
+    low = sum(not (one['bias_instability'].ci95 or (0, 0))[1] > 2.4e-5
+              and not (one['bias_instability'].upper95 or 0) > 2.4e-5 for one in left)
+    print(f'{time_s:g} s, {hours:g} h: {20 - len(left)} of 20 told, B below the truth in {low}')
+    assert 20 - len(left) >= fewest
+    assert time_s < 600 or low <= 3
+
+
 @pytest.mark.parametrize(('gain', 'more'), [
     (0.01, {}), (0.01, {'rate_random_walk': 3e-6}), (0.02, {'bias_instability': 2e-5})])
 def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_told(gain, more):
