@@ -77,7 +77,7 @@ def _logarithm(rng: np.random.Generator) -> Array:
 
 
 def _step(rng: np.random.Generator) -> Array:
-    return np.asarray(TIME > rng.uniform(0.1, 0.9) * LENGTH, np.float64)
+    return np.asarray(rng.uniform(0.1, 0.9) * LENGTH < TIME, np.float64)
 
 
 SHAPES: dict[str, Callable[[np.random.Generator], Array]] = {

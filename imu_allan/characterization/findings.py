@@ -341,8 +341,8 @@ def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
         remarks.append(Remark(
             'trend_or_walk',
             'the slowest part of the signal may be a random walk, or a mean that bends, settles, '
-            'steps or follows the temperature in another way than was told: the rate random walk is '
-            'given as an upper bound. A longer recording of the warm sensor at one '
+            'steps or follows the temperature in another way than was told: the rate random walk '
+            'is given as an upper bound. A longer recording of the warm sensor at one '
             'temperature tells them apart'))
     return remarks
 

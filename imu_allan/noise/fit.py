@@ -207,13 +207,15 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
         found = replace(found, temperature=dependence(found.trial, temperature, following,
                                                       before))
     walk = found.estimates['rate_random_walk']
-    if temperature is not None and walk.observable:
+    if temperature is not None and (walk.observable or (following is not None and law is None)):
         assert found.trial is not None
         assert found.record is not None
-        walk, flicker = beside_any_lag(found.trial, found.record, temperature, walk,
+        left, flicker = beside_any_lag(found.trial, found.record, temperature, walk,
                                        found.estimates['bias_instability'])
-        found = replace(found, walk_unclear=not walk.observable, estimates={
-            **found.estimates, 'rate_random_walk': walk, 'bias_instability': flicker})
+        found = replace(
+            found, walk_unclear=found.walk_unclear or walk.observable > left.observable,
+            estimates={**found.estimates, 'rate_random_walk': left,
+                       **({} if law is not None else {'bias_instability': flicker})})
     return _judged_above(found, groups)
 
 

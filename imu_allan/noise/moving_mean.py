@@ -3,9 +3,9 @@
 """
 Whether a random walk is one, or the mean moves in a way that is no noise.
 
-A warm-up, a day's cycle, a step or a bent drift stands in the slowest coefficients, as a random walk does.
-Each is laid to the record beside the noise terms; a walk that needs to be there all the same is
-one.
+A warm-up, a day's cycle, a step or a bent drift stands in the slowest coefficients, as a random
+walk does. Each is laid to the record beside the noise terms; a walk that needs to be there all the
+same is one.
 """
 
 from collections.abc import Sequence

@@ -198,7 +198,7 @@ def _off(trial: Trial, slope: int, slower: int) -> tuple[float, float]:
 def beside_any_lag(trial: Trial, record: Spectrum, temperature: AnyTemperature, walk: Estimate,
                    flicker: Estimate) -> tuple[Estimate, Estimate]:
     """
-    Hold a random walk against the temperature with lags of all lengths at once.
+    Hold slow noise against the temperature with lags of all lengths at once.
 
     Their sum stands for what no single lag describes: a case of several bodies, readings too
     coarse to tell the lag, or a dependence that was not named as the walk hides it.
@@ -206,7 +206,7 @@ def beside_any_lag(trial: Trial, record: Spectrum, temperature: AnyTemperature, 
     Parameters
     ----------
     trial : Trial
-        A fit with a walk.
+        A fit with a walk, or with the temperature.
     record : RecordSpectrum or JointSpectrum
         That it was fitted to.
     temperature : TemperatureCourse or JointTemperature
@@ -217,7 +217,7 @@ def beside_any_lag(trial: Trial, record: Spectrum, temperature: AnyTemperature, 
     Returns
     -------
     walk, flicker : Estimate
-        With what is true of them either way, and where no walk is left an upper bound; as they
+        With what is true of them either way, and where no walk is left a bound of it; as they
         were where these lags explain no more than chance does.
 
     """
@@ -231,9 +231,8 @@ def beside_any_lag(trial: Trial, record: Spectrum, temperature: AnyTemperature, 
     if likelihood_ratio(trial, beside) < chi_square.upper(_BY_CHANCE, amplitudes):
         return walk, flicker
     left = estimate(beside, WALK)
-    if not left.observable:
-        flicker = either(flicker, estimate(without_walk(beside), FLICKER))
-    return either(walk, left), flicker
+    still = beside if left.observable else without_walk(beside)
+    return either(walk, left), either(flicker, estimate(still, FLICKER))
 
 
 def dependence(trial: Trial, temperature: AnyTemperature, following: Following,

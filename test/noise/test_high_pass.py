@@ -74,6 +74,21 @@ def test_shares_of_filters_that_are_told_beside_flicker(time_s, hours, fewest):
     assert time_s < 600 or low <= 3
 
 
+@pytest.mark.slow
+def test_what_is_said_of_a_zero_that_is_taken_anew_every_minute():
+    said = []
+    for seed in range(20):
+        rows = simulate({'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}, 36_600, 10.0, seed)
+        minutes = rows.reshape(-1, 600)
+        estimator = Estimator()
+        estimator.update((minutes[1:] - minutes[:-1].mean(axis=1, keepdims=True)).ravel())
+        [(_, remarks)] = axis_results(estimator, 10.0, [Quantity.ANGULAR_VELOCITY])
+        said.append({remark.code for remark in remarks} - {'short_recording'})
+    filtered = sum('high_passed' in words for words in said)
+    print(f'high_passed in {filtered} of 20, another word in {sum(map(bool, said)) - filtered}')
+    assert filtered >= 4
+
+
 @pytest.mark.parametrize(('gain', 'more'), [
     (0.01, {}), (0.01, {'rate_random_walk': 3e-6}), (0.02, {'bias_instability': 2e-5})])
 def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_told(gain, more):
