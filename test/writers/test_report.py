@@ -84,7 +84,7 @@ def test_the_report_shows_the_answer_before_it_explains_it(filtered):
                  '95 %: 2.642 – 2.652 0.0007700 rad/s/√Hz',
                  'K rate random walk, worst axis: y 54 °/h/√h 95 %: 38 – 71',
                  'tuned for corrections every 0.1 s and up to 60 s without',
-                 'Left alone for 60 s, this gyroscope is off by 0.53° 95 %: 0.13 – 2.2° .',
+                 'Left alone for 60 s, this gyroscope is off by 0.53° 95 %: 0.15 – 1.8° .',
                  '2,160,000 samples at 200 Hz, 3 h', 'frame imu_link'):
         assert part in text
     assert text.index('Left alone') < text.index('Pictures') < text.index('How it was computed')
