@@ -232,8 +232,11 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
 
 def _known_or_more(forecast: DriftForecast, horizon: float, value: float) -> str:
     text = number(float(f'{value:.2g}'))
-    longest = max(horizon, forecast.calibration_s)
-    return text if longest <= forecast.known_to_s * (1 + 1e-6) else f'({text})'
+    return text if _is_known(forecast, horizon) else f'({text})'
+
+
+def _is_known(forecast: DriftForecast, horizon: float) -> bool:
+    return max(horizon, forecast.calibration_s) <= forecast.known_to_s * (1 + 1e-6)
 
 
 def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]:
@@ -242,15 +245,20 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
     for sensor, what, factor, unit in (('gyro', 'heading', 180 / np.pi, '\u00b0'),
                                        ('accel', 'position', 1.0, ' m')):
         worst: tuple[float, float, float, str] | None = None
+        unknown = False
         for name, axis in result.axes.items():
             if not name.startswith(sensor) or axis.drift_model is None:
                 continue
             forecast = predicted_drift(axis, (60.0,), calibration_s)
+            unknown |= not _is_known(forecast, 60.0)
             values = forecast.position or forecast.integral
             bands = forecast.position_ci95 or forecast.integral_ci95
             if worst is None or values[0] > worst[0]:
                 worst = (values[0], *bands[0], name)
-        if worst is not None:
+        if unknown:
+            said.append(f'What one minute without correction costs of {what} this recording is '
+                        f'too short to tell, calibrated over {duration(calibration_s)} before.')
+        elif worst is not None:
             value, low, high, name = worst
             said.append(f'One minute without correction costs about {number(value * factor, 2)}'
                         f'{unit} of {what} ({number(low * factor, 2)} to '

@@ -56,6 +56,14 @@ def test_nothing_is_broken_or_cut_on_a_terminal(result_file, capsys, monkeypatch
     assert sum(row[:3] == ['ten', 'times', 'K'] for row in rows) == 6
 
 
+def test_a_sentence_says_no_number_that_the_recording_does_not_know(result_file, capsys):
+    assert main(['tune', str(result_file), '--calibration', '3h']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert ('What one minute without correction costs of heading this recording is too short to '
+            'tell, calibrated over 3 h before.') in lines
+    assert not any(line.startswith('One minute without correction') for line in lines)
+
+
 def test_a_filter_with_a_process_gets_sigma_and_time(result_file, capsys):
     assert main(['tune', str(result_file), '--bias', 'gauss_markov', '--coast', '20s']) == 0
     assert 'sigma, Tc' in capsys.readouterr().out
