@@ -75,7 +75,7 @@ def judge_clock(stamps: Stamps, repeats: NDArray[np.bool_], bursts: bool) -> Clo
     distinct = steps[~(repeats & (steps == 0))]
     stuck = np.mean(distinct == 0)
     if stuck > (0.98 if bursts else 0.1):
-        return ClockQuality(False, f'coarse ({stuck:.0%} of them repeat the one before)')
+        return ClockQuality(False, f'coarse ({100 * stuck:.0f} % of them repeat the one before)')
     if np.mean(distinct < 0) > 0.2:
         return ClockQuality(False, 'out of order')
     return ClockQuality(True)

@@ -174,10 +174,10 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
     if decision.counting:
         hidden, error = _hidden_error(decision), _short_error(counts, decision)
         bound = ('' if not hidden else
-                 f'; up to {decision.hidden:.1%} of the samples may be missing unseen, and the '
-                 f'noise density then be up to {hidden:.1%} too high')
+                 f'; up to {100 * decision.hidden:.1f} % of the samples may be missing unseen, '
+                 f'and the noise density then be up to {100 * hidden:.1f} % too high')
         if error:
-            bound += f'; the record is short, its rate may be up to {error:.1%} off'
+            bound += f'; the record is short, its rate may be up to {100 * error:.1f} % off'
         seen = ('what was lost on the way is known by the numbers that the publisher gave them, '
                 'and of the rest only gaps that last are seen' if decision.numbered else
                 'and only gaps that last are seen')
@@ -191,10 +191,10 @@ def _remarks(counts: Counts, decision: Decision, content: Content, options: Time
     places = counts.samples + counts.bridged
     if counts.bridged > _MANY_MISSING * places:
         off = _bridged_error(counts)
-        bound = f'; the noise density may be up to {off:.0%} off' if off else ''
+        bound = f'; the noise density may be up to {100 * off:.0f} % off' if off else ''
         remarks['many_missing'] = (
-            f'{counts.bridged / places:.1%} of the samples are missing and bridged by the local '
-            f'mean: record with a deeper queue or with reliable delivery{bound}')
+            f'{100 * counts.bridged / places:.1f} % of the samples are missing and bridged by the '
+            f'local mean: record with a deeper queue or with reliable delivery{bound}')
     if counts.at_other_rate:
         stay = counts.at_other_rate < counts.samples
         used, other = SECOND / (decision.interval_ns or 1.0), counts.changed_rate_hz
@@ -234,7 +234,8 @@ def _rate_remarks(counts: Counts) -> dict[str, str]:
     low, high = min(counts.lowest_rate_hz, rate), max(counts.highest_rate_hz, rate)
     return {'uneven_rate': (
         f'the sample rate varies between {low:.5g} and {high:.5g} Hz: {rate:.5g} Hz, its mean, is '
-        f'used; averaging times may be up to {off:.1%} off and noise densities half as much')}
+        f'used; averaging times may be up to {100 * off:.1f} % off and noise densities half as '
+        'much')}
 
 
 def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) -> dict[str, str]:
@@ -285,8 +286,8 @@ def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
     if content.held:
         share = content.repeats / (content.repeats + content.changes)
         remarks['held_values'] = (
-            f'{share:.0%} of the messages repeat the values of the one before: the sensor is '
-            'polled faster than it samples; its own rate is used and the repeats are left out')
+            f'{100 * share:.0f} % of the messages repeat the values of the one before: the sensor '
+            'is polled faster than it samples; its own rate is used and the repeats are left out')
     if counts.spikes:
         remarks['spikes'] = (
             f'{counts.spikes} single messages hold wild values, ten times the noise and more: '
@@ -336,15 +337,15 @@ def _motion_remarks(motion: MotionSummary) -> dict[str, str]:
     remarks = {}
     if mostly_motion(motion):
         remarks['mostly_motion'] = (
-            f'{motion.excluded / motion.seen:.0%} of the samples are motion: record while the '
-            'sensor stands still')
+            f'{100 * motion.excluded / motion.seen:.0f} % of the samples are motion: record while '
+            'the sensor stands still')
     elif _moves(motion):
         listed = ', '.join(f'{lasts:.4g} s at {start:.5g} s'
                            for start, lasts in motion.rests[:_NAMED_RESTS])
         more = len(motion.rests) - _NAMED_RESTS
         remarks['rest_within_motion'] = (
-            f'the IMU moves during {motion.excluded / motion.seen:.0%} of the samples: only the '
-            f'{motion.rest_s:.4g} s at rest are used ({listed}'
+            f'the IMU moves during {100 * motion.excluded / motion.seen:.0f} % of the samples: '
+            f'only the {motion.rest_s:.4g} s at rest are used ({listed}'
             f'{f" and {more} more" if more > 0 else ""})')
     elif motion.count:
         remarks['motion'] = (

@@ -560,10 +560,10 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     codes = {remark.code for remark in result.warnings}
     told = bool(codes & (truth.told | {'counted_samples'}))
     rate = result.timeline.sample_rate_hz
-    off = _bound(result, r'(?:averaging times|its rate) may be up to ([\d.]+)% off')
-    too_high = _bound(result, r'noise density (?:then|may) be up to ([\d.]+)% too high')
-    bridged = _bound(result, r'noise density may be up to ([\d.]+)% off')
-    hidden = _bound(result, r'up to ([\d.]+)% of the samples may be missing unseen')
+    off = _bound(result, r'(?:averaging times|its rate) may be up to ([\d.]+) % off')
+    too_high = _bound(result, r'noise density (?:then|may) be up to ([\d.]+) % too high')
+    bridged = _bound(result, r'noise density may be up to ([\d.]+) % off')
+    hidden = _bound(result, r'up to ([\d.]+) % of the samples may be missing unseen')
     may = max(off, RATE_TOLERANCE)
     if not result.axes and not codes:
         wrong.append('no axes and no word')

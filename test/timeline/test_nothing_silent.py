@@ -63,9 +63,9 @@ def bounds(remarks: Sequence[Remark]) -> tuple[float, ...]:
     lines = [remark.message for remark in remarks if remark.code == 'uneven_stamps']
     found = [re.fullmatch(
         '(?:header|receive) stamps come too unevenly to see a single missing sample: messages '
-        r'are counted, and only gaps that last are seen(?:; up to ([\d.]+)% of the samples may be '
-        r'missing unseen, and the noise density then be up to ([\d.]+)% too high)?(?:; the record '
-        r'is short, its rate may be up to ([\d.]+)% off)?', line) for line in lines]
+        r'are counted, and only gaps that last are seen(?:; up to ([\d.]+) % of the samples may '
+        r'be missing unseen, and the noise density then be up to ([\d.]+) % too high)?(?:; the '
+        r'record is short, its rate may be up to ([\d.]+) % off)?', line) for line in lines]
     return tuple(float(share or 0) / 100 for share in found[0].groups()) if found else (0, 0, 0)
 
 
@@ -237,9 +237,9 @@ def test_many_missing_samples_leave_the_noise_density_right(lost):
     assert result.timeline.sample_rate_hz == pytest.approx(truth.rate_hz, rel=2e-3)
     off = lost in (0.6, '11000')
     assert told(result, 'many_missing') == Varying(
-        '<number>% of the samples are missing and bridged by the local mean: record with a deeper '
-        'queue or with reliable delivery'
-        + ('; the noise density may be up to 25% off' if off else ''))
+        '<number> % of the samples are missing and bridged by the local mean: record with a '
+        'deeper queue or with reliable delivery'
+        + ('; the noise density may be up to 25 % off' if off else ''))
     assert_right(result, truth, 0.25 if off else 0.03)
 
 
@@ -582,7 +582,7 @@ def test_a_rate_that_changes_too_little_to_be_cut_out_bounds_the_error():
     assert_right(result, replace(truth, rate_hz=30_000 / time[-1]))
     assert told(result, 'uneven_rate') == (
         'the sample rate varies between 100 and 101.8 Hz: 100.89 Hz, its mean, is used; '
-        'averaging times may be up to 0.9% off and noise densities half as much')
+        'averaging times may be up to 0.9 % off and noise densities half as much')
 
 
 @pytest.mark.parametrize('at', [0.1, 0.5, 0.9])
@@ -1019,8 +1019,9 @@ def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
     assert_right(result, truth, 0.04)
     assert 'motion' not in codes(result)
     assert told(result, 'held_values') == (
-        f'{0.5 - lost / 2:.0%} of the messages repeat the values of the one before: the sensor is '
-        'polled faster than it samples; its own rate is used and the repeats are left out')
+        f'{100 * (0.5 - lost / 2):.0f} % of the messages repeat the values of the one before: the '
+        'sensor is polled faster than it samples; its own rate is used and the repeats are left '
+        'out')
 
 
 @pytest.mark.parametrize('duration_s', [0.65, 1.2, 3.0])

@@ -36,8 +36,8 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         assert low - (density.value - low) < truth.density < high + (high - density.value)
     told = next(remark.message for remark in result.warnings
                 if remark.code == 'rest_within_motion')
-    assert told == Varying(f'the IMU moves during <number>% of the samples: only the {rest_s:g} s '
-                           'at rest are used (<words>)')
+    assert told == Varying(f'the IMU moves during <number> % of the samples: only the {rest_s:g} '
+                           's at rest are used (<words>)')
     assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
         400 - rest_s, abs=0.6)
 
@@ -46,7 +46,7 @@ def test_the_stretches_at_rest_are_named():
     result = characterized(driven('drives first', 20)[0])
     assert [remark.message for remark in result.warnings
             if remark.code == 'rest_within_motion'] == [
-        'the IMU moves during 88% of the samples: only the 46.5 s at rest are used '
+        'the IMU moves during 88 % of the samples: only the 46.5 s at rest are used '
         '(15.5 s at 183 s, 15.5 s at 263 s, 15.5 s at 343 s)']
 
 
