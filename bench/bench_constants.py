@@ -113,7 +113,7 @@ def _humming(amplitude: float) -> Callable[[int], Array]:
 
 def _markov(seed: int) -> Array:
     return simulate({N: 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}},
-                    72_000, 20.0, seed)
+                    144_000, 20.0, seed)
 
 
 def _bent(asked: Callable[[Fit], float], *, low_pass: Filter | None = None,
@@ -217,7 +217,7 @@ CONSTANTS: dict[str, Sequence[tuple[str, Measure]]] = {
                                              lambda found: found.cycle_s is not None))),
     '_OBSERVABLE_PROCESS': (
         ('process of a weak walk (case A)', _said('A', lambda one: one.gauss_markov is not None)),
-        ('process of a minute, an hour',
+        ('process of a minute, two hours',
          _fitted(_markov, 20.0, lambda found: found.fit.gauss_markov is not None))),
     '_LEAST_SPREAD': tuple(
         (f'told of noise louder by {100 * share:g} % in one half',

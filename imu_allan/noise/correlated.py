@@ -26,10 +26,11 @@ _SHORTEST_CORRELATION = 50
 """In samples: a shorter one is what a low-pass looks like."""
 _SLOWEST = (4, 8, 16, 32, 64)
 """How many coefficients are asked together whether a walk levels off."""
-_OBSERVABLE_PROCESS = 13.5
+_OBSERVABLE_PROCESS = 18.0
 """
-Likelihood ratio of a process: two parameters, one of which is chosen from several decades. Of
-24,000 drawn records without a process 5 reached it.
+Likelihood ratio of a process. Its time is chosen from several decades, so that of records without
+one exp(-ratio / 2) reach a ratio (Davies' bound, where the time goes past as many independent
+values as here): one in ten thousand this one.
 """
 _TIMES = 12
 """From the shortest to the longest; the best is refined, if half the threshold is reached."""
