@@ -26,6 +26,7 @@ decisions.
 from math import floor, log, log2, sqrt
 from typing import Literal
 
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.intervals import log_ratio
 from imu_allan.noise.trial import Trial
 from numpy import logaddexp
@@ -94,6 +95,44 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
         return 'above'
     near = below <= log(pass_error) and above <= log(fail_error)
     return 'near' if near else 'open'
+
+
+def borne_out(decision: Decision, limit: float, value: float, interval: tuple[float, float],
+              error: float) -> Decision:
+    """
+    Leave open what the interval of a coefficient does not bear out.
+
+    The test takes slow noise for flicker. Where it has another exponent, white noise stands in
+    for the difference, which the interval of the noise density knows and the test does not.
+
+    Parameters
+    ----------
+    decision : 'below', 'above', 'near' or 'open'
+        Of the test.
+    limit : float
+        That it is about.
+    value : float
+        Of the coefficient.
+    interval : (float, float)
+        At 95 %. It is stretched to where the test would find the ratio of 1 / error.
+    error : float
+        Of the test.
+
+    Returns
+    -------
+    'below', 'above', 'near' or 'open'
+
+    Examples
+    --------
+    >>> [borne_out('above', 1.0, 1.2, (low, 1.4), 0.05) for low in (0.9, 1.01, 1.1)]
+    ['open', 'open', 'above']
+
+    """
+    low, high = interval
+    stretch = sqrt(-2 * log(error)) / NORMAL95
+    denied = ((decision == 'below' and value + stretch * (high - value) > limit)
+              or (decision == 'above' and value - stretch * (value - low) < limit))
+    return 'open' if denied else decision
 
 
 def _is_far(trial: Trial, column: int, limit: float, fail_error: float) -> bool:

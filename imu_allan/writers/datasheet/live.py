@@ -9,7 +9,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.stream import FinishedRecord
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
 from imu_allan.noise.fit import COLUMNS
-from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
+from imu_allan.noise.sequential import borne_out, decide, Decision, SMALLEST_RECORD
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
@@ -148,8 +148,12 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: flo
             or verdict.limit <= 0:
         return _open(verdict), False
     # Any of the limits may fail by chance; a bad unit passes only if its one bad term does.
+    fail_error = error / limited
     decision = decide(trial, column, verdict.limit, margin=margin, pass_error=error,
-                      fail_error=error / limited)
+                      fail_error=fail_error)
+    if verdict.key == 'noise_density' and verdict.value is not None and verdict.ci95 is not None:
+        decision = borne_out(decision, verdict.limit, verdict.value, verdict.ci95,
+                             fail_error if decision == 'above' else error)
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
 
 

@@ -1,0 +1,27 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.noise.simulate import flicker, simulate
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.datasheet.live import standing
+import numpy as np
+
+
+def test_slow_noise_that_passes_for_white_noise_fails_no_unit_on_the_bench():
+    """At the limit, where the test by itself calls the unit certain to be above."""
+    rate, density, seed = 100.0, 1e-3, 9030
+    slow = flicker(1024, np.random.default_rng([seed, 77]), 0.7)
+    rows = np.full((1024, 6), np.nan)
+    # As strong as the white noise at 1 Hz.
+    rows[:, 0] = simulate({'noise_density': density}, 1024, rate, seed) \
+        + density * np.sqrt(rate * (2 * np.pi / rate)**0.7) * slow
+    stamps = np.int64(1.7e18) + np.arange(1024) * np.int64(1e9 / rate)
+    stream = Characterization(kind='topic', topic='/imu')
+    stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (1024, 1)), 'imu'))
+    limits = {share: parse_model(f'gyro: {{x: {{noise_density: {density / share} '
+                                 'rad/s/sqrt(Hz)}}') for share in (0.7, 1.0, 1.5)}
+    found = {share: standing(stream, limit) for share, limit in limits.items()}
+    assert {share: one.verdicts[0].verdict for share, one in found.items()} == {
+        0.7: 'pass', 1.0: 'cannot tell', 1.5: 'fail'}
+    assert not found[1.0].decided
