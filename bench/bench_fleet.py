@@ -6,8 +6,10 @@ What several records, many units and the sequential test are worth, by Monte Car
     .venv/bin/python bench/bench_fleet.py joint 1500        # four records of 1 h, and their bound
     .venv/bin/python bench/bench_fleet.py moving 100        # the same where their means move
     .venv/bin/python bench/bench_fleet.py jumping 60        # the same where their walks jump
+    .venv/bin/python bench/bench_fleet.py together 20       # the same where slow noise is f^-a
     .venv/bin/python bench/bench_fleet.py units 400         # populations of 5 to 40 units
     .venv/bin/python bench/bench_fleet.py sequential 200    # error rates and time of check --live
+    .venv/bin/python bench/bench_fleet.py exponents 200     # the same beside slow noise of f^-a
     .venv/bin/python bench/bench_fleet.py dask 1000         # a cluster; one worker dies
 
 The spectra of the joint fit are drawn in the spectral domain: every bin about its expectation, the
@@ -26,8 +28,12 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 import time
+from typing import get_args
 
 from drawn_spectra import draw, shape_of
+from imu_allan.block import ImuBlock
+from imu_allan.characterization import Characterization
+from imu_allan.characterization.joint import joint_result
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.chi_square import NORMAL90
 from imu_allan.noise.estimator import Estimator
@@ -38,8 +44,8 @@ from imu_allan.noise.joint import fit_spectra, joint_fits, RecordedSpectrum
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.random_effects import outliers, random_effects
-from imu_allan.noise.sequential import decide, SMALLEST_RECORD
-from imu_allan.noise.simulate import simulate
+from imu_allan.noise.sequential import borne_out, decide, Decision, SMALLEST_RECORD
+from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
 from imu_allan.noise.trends import Course, RecordSpectrum
 from imu_allan.recordings.write import write_recording
@@ -166,6 +172,34 @@ def moving(runs: int) -> None:
               f'{covered / max(seen, 1):.3f}  temperature in {depends / runs:.3f}', flush=True)
 
 
+def together(runs: int) -> None:
+    """Put recordings of a quarter of an hour together whose slow noise goes with f^-a."""
+    density, rate, samples = 1e-3, 50.0, 45_000
+    stamps = np.int64(1.7e18) + np.arange(samples) * np.int64(1e9 / rate)
+    absent = np.tile([False, True], (samples, 1))
+    for exponents_of, crossing_hz in [(of, crossing_hz) for of in (
+            (.7, .7, .7), (.85, .85, .85), (.7, 1., 1.3)) for crossing_hz in (.1, 1.)]:
+        held, apart = [], []
+        for run in range(runs):
+            recordings = []
+            for number, exponent in enumerate(exponents_of):
+                rng = np.random.default_rng([run, number])
+                size = np.sqrt(rate * (2 * np.pi * crossing_hz / rate)**exponent)
+                rows = np.full((samples, 6), np.nan)
+                for axis in range(3):
+                    rows[:, axis] = density * (np.sqrt(rate) * rng.standard_normal(samples)
+                                               + size * flicker(samples, rng, exponent))
+                recordings.append(Characterization(kind='recording', path=f'{number}'))
+                recordings[-1].update(ImuBlock(stamps, stamps, rows, absent, 'imu'))
+            for axis in joint_result(recordings).axes.values():
+                interval = axis.coefficients['noise_density'].ci95
+                if axis.spectrum is not None and interval is not None:
+                    held.append(interval[0] <= density <= interval[1])
+                    apart.append(axis.power_law is None)
+        print(f'f^-a of {exponents_of} from {crossing_hz} Hz: N holds in {np.mean(held):.2f} of '
+              f'{len(held)}, no common exponent in {np.mean(apart):.2f}', flush=True)
+
+
 def jumping(runs: int) -> None:
     """Fit four hours at once whose walk goes in jumps: whether the interval of K holds."""
     rng = np.random.default_rng(11)
@@ -235,6 +269,18 @@ def sequential(runs: int) -> None:
                   f'(90 %) of {samples / rate:.0f} s')
             at_once = above_at_once(model, key, share, rate, samples, runs)
             print(f'    all of it at once by one test: above in {at_once:.3f}', flush=True)
+
+
+def exponents(runs: int) -> None:
+    """Watch N beside slow noise of an exponent that is not flicker's."""
+    for exponent, crossing_hz in ((.7, .1), (.85, .1), (.7, 1.), (.7, 5.)):
+        for share in (1.0, .8, 1.25):
+            found = [watched({'noise_density': 1e-3}, 'noise_density', 1e-3 / share, .1, 100.,
+                             20_000, 9000 + run, (exponent, crossing_hz)) for run in range(runs)]
+            shares = {name: sum(outcome == name for outcome, _ in found) / runs
+                      for name in get_args(Decision)}
+            print(f'f^-{exponent} from {crossing_hz} Hz, N {share} of its limit: {shares}  after '
+                  f'{np.median([seconds for _, seconds in found]):.0f} s (median)', flush=True)
 
 
 def above_at_once(model: dict[str, float], key: str, share: float, rate: float, samples: int,
@@ -322,9 +368,17 @@ def resident(process: subprocess.Popen[bytes]) -> float:
 
 
 def watched(model: dict[str, float], key: str, limit: float, margin: float, rate: float,
-            most: int, seed: int) -> tuple[str, float]:
-    """Watch one record; return the decision and the seconds that it took."""
+            most: int, seed: int, law: tuple[float, float] | None = None) -> tuple[str, float]:
+    """
+    Watch one record; return the decision and the seconds that it took.
+
+    A `law` is the exponent of slow noise, and at what frequency it is as strong as N.
+    """
     samples, estimator = simulate(model, most, rate, seed), Estimator()
+    if law is not None:
+        exponent, crossing_hz = law
+        size = model['noise_density'] * np.sqrt(rate * (2 * np.pi * crossing_hz / rate)**exponent)
+        samples += size * flicker(most, np.random.default_rng([seed, 77]), exponent)
     done, look, decision = 0, SMALLEST_RECORD, 'open'
     while done < most and decision == 'open':
         estimator.update(samples[done:look])
@@ -333,11 +387,14 @@ def watched(model: dict[str, float], key: str, limit: float, margin: float, rate
         if found.fit.acceptable:
             decision = decide(found.fit.trial, COLUMNS[key], limit, margin=margin,
                               pass_error=.05, fail_error=.05)
+            if key == 'noise_density':
+                own = found.fit.estimates[key]
+                decision = borne_out(decision, limit, own.value, (own.low, own.high), .05)
     return decision, done / rate
 
 
-PARTS = {'joint': joint, 'moving': moving, 'jumping': jumping, 'units': units,
-         'sequential': sequential, 'dask': dask}
+PARTS = {'joint': joint, 'moving': moving, 'together': together, 'jumping': jumping,
+         'units': units, 'sequential': sequential, 'exponents': exponents, 'dask': dask}
 
 
 def main() -> int:

@@ -14,6 +14,12 @@ from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
 from imu_allan.characterization.axis import axis_results, widened
+from imu_allan.characterization.exponents import (
+    exponents_differ,
+    OF_THE_COMMON_FIT,
+    remark_on_exponents,
+    with_own_exponents,
+)
 from imu_allan.characterization.findings import length_remarks, warm_up_remarks
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.stream import Characterization, FinishedGroup, FinishedRecord
@@ -95,6 +101,14 @@ def joint_result(recordings: Sequence[Characterization],
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
+    for name, (axis, own) in fitted.items():
+        singles = {part.path: part.result.axes[name] for part in parts
+                   if part.result.axes[name].spectrum is not None}
+        if exponents_differ(axis, list(singles.values())):
+            fitted[name] = with_own_exponents(
+                axis, list(singles.values()), *_logarithms(name, 'noise_density', parts)), [
+                    remark_on_exponents(singles),
+                    *(remark for remark in own if remark.code not in OF_THE_COMMON_FIT)]
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
     axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                                   stationarity=_stationarity(name, parts)), *error)
@@ -181,19 +195,16 @@ def _agree(parts: Sequence[_Part]) -> None:
 
 def _same_band(first: _Part, part: _Part, name: str) -> None:
     """Refuse recordings that were low-passed differently: their white noise is not one."""
-    one = _fast_end(first.result.axes[name], first.record.rate_hz)
-    other = _fast_end(part.result.axes[name], part.record.rate_hz)
+    axes = first.result.axes[name], part.result.axes[name]
+    if any(axis.power_law is not None for axis in axes) \
+            and all(axis.band_limit_s is None for axis in axes):
+        # Slow noise that reaches so far makes the fast end lower, too.
+        return
+    one, other = _fast_end(axes[0], first.record.rate_hz), _fast_end(axes[1], part.record.rate_hz)
     if one is None or other is None:
         return
     (a, error_a), (b, error_b) = one, other
     if abs(log(b / a)) > _SAME_BAND + 4 * sqrt(error_a**2 + error_b**2):
-        laws = first.result.axes[name].power_law, part.result.axes[name].power_law
-        if laws != (None, None):
-            said = [f'1/f to the power of {law.exponent:.2f}' if law is not None
-                    else 'flicker or none' for law in laws]
-            raise ImuAllanError(
-                f'{part.path}: the slow noise of {name} is {said[1]}, that in {first.path} is '
-                f'{said[0]}; analyze different settings apart')
         raise ImuAllanError(
             f'{part.path}: {name} falls by another low-pass than in {first.path} (noise at the '
             f'fast end {100 * (b / a - 1):+.0f} %); analyze different settings apart')

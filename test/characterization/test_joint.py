@@ -220,18 +220,55 @@ def test_another_low_pass_is_refused(nights):
         joint_result([nights[0], recorded('other', 5, changed=smoothed)])
 
 
-def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
-    def with_slow_noise(block):
-        samples = block.samples.copy()
-        slow = flicker(len(samples), np.random.default_rng(1), 0.7)
-        samples[:, :3] += 1e-3 * slow[:, None]
-        return replace(block, samples=samples)
+def beside(path, seed, exponent, crossing_hz=1.0, samples=40_000):
+    """Record white noise and a power law that is as strong at a frequency, in all gyroscopes."""
+    density = 0.005 * np.pi / 180
+    size = density * np.sqrt(RATE_HZ * (2 * np.pi * crossing_hz / RATE_HZ)**exponent)
+    slow = size * np.stack([flicker(samples, np.random.default_rng([seed, axis]), exponent)
+                            for axis in range(3)], axis=1)
+    begin = 0
 
-    with pytest.raises(ImuAllanError) as error:
-        joint_result([nights[0], recorded('other', 5, changed=with_slow_noise)])
-    assert re.fullmatch(r'other: the slow noise of gyro_x is 1/f to the power of 0\.\d\d, that in '
-                        'night1 is flicker or none; analyze different settings apart',
-                        str(error.value))
+    def changed(block):
+        nonlocal begin
+        rows = block.samples.copy()
+        rows[:, :3] += slow[begin:begin + len(rows)]
+        begin += len(rows)
+        return replace(block, samples=rows)
+
+    return recorded(path, seed, samples=samples, changed=changed)
+
+
+def test_where_slow_noise_has_another_exponent_in_each_what_they_share_is_told():
+    joint = joint_result([beside('one', 1, 0.6), beside('other', 2, 1.3)])
+    said = [remark.message for remark in joint.warnings if remark.code == 'power_law']
+    assert [message[:6] for message in said] == ['gyro_x', 'gyro_y', 'gyro_z']
+    for message in said:
+        assert re.match(r'gyro_.: the slow noise is not told to be the same in all '
+                        r'recordings \(1/f to the power of 0\.[56]\d in one, ', message)
+        assert message.endswith('analyze the recordings without --together for a result of each')
+    for axis in ('gyro_x', 'gyro_y', 'gyro_z'):
+        found = joint.axes[axis]
+        low, high = found.coefficients['noise_density'].ci95
+        assert low < 0.005 * np.pi / 180 < high
+        assert found.power_law is None
+        assert not found.goodness_of_fit.acceptable
+        assert found.coefficients['bias_instability'].value is None
+    assert joint.axes['accel_x'].coefficients['noise_density'].observable
+
+
+def test_slow_noise_of_one_exponent_is_one_in_all_recordings():
+    joint = joint_result([beside('one', 1, 0.7, 5.0), beside('other', 2, 0.7, 5.0)])
+    for axis in ('gyro_x', 'gyro_y', 'gyro_z'):
+        assert joint.axes[axis].power_law.exponent == pytest.approx(0.7, abs=0.1)
+
+
+def test_slow_noise_of_another_exponent_is_not_taken_for_a_low_pass(nights):
+    # It reaches to the fast end.
+    joint = joint_result([nights[0], beside('other', 5, 0.7, 25.0)])
+    assert [remark.message.partition(' (')[0] for remark in joint.warnings
+            if remark.code == 'power_law'] == [
+        f'gyro_{axis}: the slow noise is not told to be the same in all recordings'
+        for axis in 'xyz']
 
 
 def filtered(path, seed, gain, **more):
