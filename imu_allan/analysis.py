@@ -117,8 +117,9 @@ def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
     for _, characterization, remarks in taken:
         result = characterization.result(remarks)
         if not result.axes:
-            raise ImuAllanError(f'{characterization.place}: no usable sample'
-                                + (' in the chosen part' if start_s or duration_s else ''))
+            advice = (' in the chosen part; --start and --duration choose another'
+                      if start_s or duration_s else '; see what it holds with imu_allan info')
+            raise ImuAllanError(f'{characterization.place}: no usable sample{advice}')
         results.append(result)
     return _as_one([stream for stream, *_ in taken], results)
 

@@ -151,9 +151,8 @@ def private(tree: ast.Module) -> list[str]:
 
 def test_no_test_reaches_into_private_names() -> None:
     # os._exit is the library's word for an end at once.
-    found = {path.name: private(tree_of(path))
-             for path in (PACKAGE.parent / 'test').rglob('*.py')}
-    assert not {name: names for name, names in found.items() if set(names) - {'_exit'}}
+    found = {path: private(tree_of(path)) for path in (PACKAGE.parent / 'test').rglob('*.py')}
+    assert not {path: names for path, names in found.items() if set(names) - {'_exit'}}
 
 
 def test_tests_mirror_the_package() -> None:

@@ -94,7 +94,7 @@ def joint_result(recordings: Sequence[Characterization],
     for recording, own in zip(recordings, remarks or [()] * len(recordings), strict=True):
         record = recording.record()
         if record is None:
-            raise ImuAllanError(f'{recording.path}: holds no usable sample')
+            raise ImuAllanError(f'{recording.path}: holds no usable sample; leave it out')
         parts.append(_Part(str(recording.path), record, recording.result(own)))
     _agree(parts)
     first = parts[0].record

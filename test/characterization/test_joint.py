@@ -330,7 +330,7 @@ def test_an_empty_recording_is_named(nights):
     empty = Characterization(kind='recording', path='empty', topic='/imu')
     with pytest.raises(ImuAllanError) as error:
         joint_result([nights[0], empty])
-    assert str(error.value) == 'empty: holds no usable sample'
+    assert str(error.value) == 'empty: holds no usable sample; leave it out'
 
 
 def test_a_moment_without_one_sensor_in_one_recording_costs_nothing():

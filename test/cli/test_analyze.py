@@ -226,7 +226,7 @@ def test_of_thousands_of_topics_without_a_message_some_are_named_and_the_rest_co
         *(f'imu_allan: {path}: topic /imu_{number} has no messages; record it while the IMU '
           'driver runs' for number in range(100)),
         'imu_allan: 1,899 more like these, the last of all is:',
-        f'imu_allan: {path}: topic /imu_1999 holds no readable message']
+        f'imu_allan: {path}: topic /imu_1999 holds no readable message; --topic names another']
 
 
 def test_all_topics_do_not_fit_into_one_json_file(

@@ -53,7 +53,7 @@ def test_a_filter_is_told_where_flicker_hides_the_level_of_the_white_noise(time_
 @pytest.mark.parametrize('process', [
     {'sigma': 4e-5, 'correlation_time_s': 10.0}, {'sigma': 4e-5, 'correlation_time_s': 100.0}])
 def test_a_process_that_levels_off_is_no_such_filter(process):
-    samples = simulate({'noise_density': 7.9e-5, 'gauss_markov': process}, 108_000, 10.0, 3)
+    samples = simulate({'noise_density': 7.9e-5, 'gauss_markov': process}, 216_000, 10.0, 3)
     axis = imu_allan.characterize(samples, 10.0)
     assert axis.high_passed_hz is None
     assert axis.gauss_markov is not None

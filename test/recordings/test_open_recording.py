@@ -137,7 +137,7 @@ def test_a_topic_that_is_not_clear_is_one_line(topics, others, topic, reason):
 def test_a_topic_that_holds_nothing_readable_is_told_at_its_end():
     with pytest.raises(ImuAllanError) as error:
         list(read_blocks(Listed({'/a': None}, {}), '/a'))
-    assert str(error.value) == 'bag: topic /a holds no readable message'
+    assert str(error.value) == 'bag: topic /a holds no readable message; --topic names another'
 
 
 def test_an_imu_in_another_encoding_is_named_with_it(tmp_path):

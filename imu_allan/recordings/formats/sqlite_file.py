@@ -434,8 +434,8 @@ class SqliteRecording(Recording):
         self.remark(
             'damaged_recording',
             f'the database is damaged in {counted(places, "place")} ({printable(reason)}): '
-            f'{counted(messages, "message")} of {printable(topic)} could be read, those in the '
-            'damaged places are lost')
+            f'{counted(messages, "message")} of {printable(topic)} could be read, the others '
+            'are lost')
 
 
 def _marks(numbers: list[int]) -> str:

@@ -82,8 +82,8 @@ def _taken(
             f'{printable(recording.path)}: reading failed '
             f'({printable(error.strerror or error)})') from error
     if empty:
-        what = ('no line of samples' if topic == NO_TOPIC else
-                f'topic {printable(topic)} holds no readable message')
+        what = ('no line of samples: see what it holds with imu_allan info' if topic == NO_TOPIC
+                else f'topic {printable(topic)} holds no readable message; --topic names another')
         raise ImuAllanError(f'{printable(recording.path)}: {what}')
     if progress is not None:
         progress(recording.size_bytes)

@@ -161,7 +161,7 @@ def test_other_columns_are_left_out_and_named(path):
      'such as --columns gyro_x=1,gyro_y=2,gyro_z=3,accel_x=4,accel_y=5,accel_z=6 if that is their '
      "order, with units as in 'time=1 us,gyro_x=2 deg/s', or write a first line such as "
      'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'),
-    ('time_s,gyro_x\n', 'no line of samples'),
+    ('time_s,gyro_x\n', 'no line of samples: see what it holds with imu_allan info'),
     ('time_s,gyro_x\n0,5;1\n',
      'line 2: 0,5;1 lacks a number in a column that is read; a column that holds none can be left '
      'out: --columns names the others, and --rate takes the place of the time'),

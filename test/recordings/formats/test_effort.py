@@ -92,7 +92,7 @@ def test_messages_that_expand_within_a_chunk_that_expands_are_not_held(tmp_path)
     assert path.stat().st_size < 1000
     status, _, complaint, _, kilobytes = run('analyze', path, '--no-progress')
     assert (status, complaint) == (
-        1, f'imu_allan: {path}: topic /imu holds no readable message\n')
+        1, f'imu_allan: {path}: topic /imu holds no readable message; --topic names another\n')
     assert kilobytes < 500_000
 
 

@@ -163,7 +163,7 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
     assert (remark.code, remark.message) == (
         'damaged_recording',
         f'{path}: the database is damaged in 1 place (database disk image is malformed): '
-        f'{len(after):,} messages of /imu could be read, those in the damaged places are lost')
+        f'{len(after):,} messages of /imu could be read, the others are lost')
 
 
 @pytest.mark.parametrize(('data', 'reason'), [
