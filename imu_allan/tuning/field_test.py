@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
-from imu_allan.noise.drift_model import capped, drift_avar
+from imu_allan.noise.drift_model import capped
 from imu_allan.noise.groups import Bins, bins_of, grouped, Groups, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.periodogram import SHORTEST, SpectrumPiece
@@ -27,7 +27,7 @@ from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stret
 from imu_allan.tuning.means import Means
 from imu_allan.tuning.processes import drift_model_of, line_power
 from imu_allan.tuning.tune import Bias, FilterTuning, tune
-from imu_allan.tuning.uncertainty import coast_bands, spread_of_shortness
+from imu_allan.tuning.uncertainty import coast_bands, widened
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -36,8 +36,6 @@ Array = NDArray[np.float64]
 
 _FARTHEST = 1e3
 """Factor on an amplitude that an interval is looked for within: ten times K is folklore's most."""
-_LEAST_DRIFT = 0.5
-"""Of the variance of a mean: a drift that is less was hidden, and the stops say more about it."""
 
 
 @dataclass(frozen=True)
@@ -222,30 +220,7 @@ def _factors(axis: AxisResult, scales: Sequence[tuple[float, Interval]], aiding_
     n_low, n_high = (pair(end, drift)[0] / own_n if end < np.inf else end for end in noises)
     k_low, k_high = (pair(noise, end)[1] / own_k if 0 < end < np.inf else end for end in drifts)
     return (n / own_n, k / own_k, (n_low, n_high),
-            _widened(k / own_k, (k_low, k_high), chi_square.NORMAL95 * _doubt(axis, coast_s)))
-
-
-def _doubt(axis: AxisResult, coast_s: float) -> float:
-    """
-    Spread of the logarithm of a scaled drift that comes from the shape of the model.
-
-    The first recording knows that no better than it knows the drift over the longest time without
-    correction: the deviation of means over that, of which the noise tells nothing.
-    """
-    model = drift_model_of(axis)
-    drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
-                  / drift_avar(model, axis.tones, coast_s))
-    return float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, _LEAST_DRIFT)
-
-
-def _widened(factor: float, ends: Interval, by: float) -> Interval:
-    """Add an independent doubt about the logarithm of a factor to its interval."""
-    low, high = ends
-    if low > 0:
-        low = factor * float(np.exp(-np.hypot(np.log(factor / low), by)))
-    if high < np.inf:
-        high = factor * float(np.exp(np.hypot(np.log(high / factor), by)))
-    return low, high
+            widened(k / own_k, (k_low, k_high), axis, coast_s))
 
 
 def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:

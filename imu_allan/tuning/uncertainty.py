@@ -3,6 +3,7 @@
 """What a recording does not know about the drift that it shows."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.drift_level import about_mean, degrees_of_freedom, drift_of_means
@@ -30,6 +31,8 @@ and the logarithm of what is left by chance has no end: one of five that showed 
 K 24 times the tuned one. With a fifth none of 24 real halves and 60 stretches is overconfident
 that was not.
 """
+_LEAST_DRIFT = 0.5
+"""Of the variance of a mean: one that is less was hidden, and the other recording says more."""
 _LEAST_DOF = 0.5
 """A horizon as long as the record: half a degree of freedom, so that an interval stays finite."""
 _FEWEST_OF_FORECAST = 1e-4
@@ -126,6 +129,42 @@ def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
     """Return the spread of the logarithm of a deviation that a steady record has, shape (n,)."""
     dof = np.maximum(_degrees_of_freedom(axis, horizons), _FEWEST_OF_FORECAST)
     return np.asarray(np.sqrt(1 / (2 * dof)))
+
+
+def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> Interval:
+    """
+    Add to the interval of a scaled drift what the shape of the model leaves open.
+
+    The first recording knows that no better than it knows the drift over the longest time without
+    correction: the deviation of means over that, of which the noise tells nothing.
+
+    Parameters
+    ----------
+    factor : float
+        On the drift, as the other recording has it.
+    ends : (float, float)
+        Its 95 % interval, which may be open on either side.
+    axis : AxisResult
+        Of the first recording.
+    coast_s : float
+        The longest time without correction.
+
+    Returns
+    -------
+    (float, float)
+
+    """
+    model = drift_model_of(axis)
+    drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
+                  / drift_avar(model, axis.tones, coast_s))
+    spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, _LEAST_DRIFT)
+    by = chi_square.NORMAL95 * spread
+    low, high = ends
+    if not low > 0:
+        # The distance from a factor near zero to its bound is no spread that swallows another.
+        return low, high * float(np.exp(by))
+    low = factor * float(np.exp(-np.hypot(np.log(factor / low), by)))
+    return low, factor * float(np.exp(np.hypot(np.log(high / factor), by)))
 
 
 def spread_of_forecast(axis: AxisResult, horizons: Array) -> Array:

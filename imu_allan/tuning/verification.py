@@ -5,7 +5,8 @@ Whether numbers from one recording hold in another: on another day, or with the 
 
 The other recording's own drift model says what a filter with these numbers would meet there; its
 Allan curve says, band by band, how much more there is than the first recording predicts, with the
-interval of the curve.
+interval of the curve. To that of the drift's factor is added that a short first recording knows
+the shape of its drift badly.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from imu_allan.noise.drift_model import drift_avar
 from imu_allan.result import AxisResult, Interval
 from imu_allan.tuning.processes import drift_model_of
 from imu_allan.tuning.tune import assess, FilterTuning, tune
+from imu_allan.tuning.uncertainty import widened
 import numpy as np
 
 _BANDS_S = ((0.0, 0.3), (0.3, 3.0), (3.0, 30.0), (30.0, float('inf')))
@@ -54,7 +56,8 @@ class Verification:
     noise_factor, walk_factor : float
         By which to multiply N and K, to be right there; N and sigma of a Gauss-Markov process.
     noise_ci95, walk_ci95 : (float, float)
-        Intervals of the factors, from that of the other's curve at the two ends.
+        Intervals of the factors, from that of the other's curve at the two ends; that of the drift
+        as far as the first recording knows its own.
     excess : tuple of Excess
 
     """
@@ -106,7 +109,8 @@ def verify(axis: AxisResult, other: AxisResult, tuning: FilterTuning) -> Verific
     assert theirs is not None
     noise, walk = own.noise_density / tuning.noise_density, theirs / mine
     return Verification(met, own, noise, walk, _scaled(noise, other, times[0]),
-                        _scaled(walk, other, times[1]), _excess(axis, other))
+                        widened(walk, _scaled(walk, other, times[1]), axis, times[1]),
+                        _excess(axis, other))
 
 
 def _scaled(factor: float, other: AxisResult, tau_s: float) -> Interval:

@@ -169,6 +169,17 @@ def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
     assert short.noise_ci95 == long.noise_ci95
 
 
+def test_the_bound_of_a_drift_that_is_nearly_gone_is_as_doubtful_as_its_shape():
+    """However far the likeliest factor lies below the bound."""
+    means = means_of(EvenBlock(rest(1800, drift=1e-9), 0))
+    [long], [short] = (field_test({'gyro_x': axis_of(N, K, known=(0.01, known_s))}, means,
+                                  1.0).values() for known_s in (1e6, 400.0))
+    assert short.walk_factor < 0.1 * short.walk_ci95[1]
+    assert short.walk_ci95[0] == long.walk_ci95[0] == 0
+    doubt = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (N / K)**2 * 3 / 60**2)
+    assert short.walk_ci95[1] / long.walk_ci95[1] == pytest.approx(np.exp(doubt), rel=0.05)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('fitted_min', [20, 120])
 def test_factors_hold_where_the_numbers_come_from_a_recording(fitted_min):

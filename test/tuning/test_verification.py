@@ -5,6 +5,7 @@
 from drifting_axes import axis_of
 from imu_allan.tuning.tune import tune
 from imu_allan.tuning.verification import verify
+import numpy as np
 import pytest
 
 HERE = axis_of(1e-3, 5e-5)
@@ -32,6 +33,19 @@ def test_more_drift_in_motion_is_a_factor_of_the_walk():
     assert found.noise_factor == pytest.approx(1, rel=0.05)
     assert found.met.coast_ratio > 5
     assert found.excess[-1].ratio > 3
+
+
+def test_the_factor_of_a_drift_that_is_badly_known_is_open_wider():
+    short = axis_of(1e-3, 5e-5, known=(0.01, 400.0))
+    there = axis_of(1e-3, 2e-4)
+    # 1.5 * 1200/60 degrees of freedom, and of the variance over 60 s three quarters are drift.
+    doubt = 1.96 * (2 * 1.5 * 1200 / 60)**-0.5 * (1 + (1e-3 / 5e-5)**2 * 3 / 60**2)
+    found = verify(short, there, tune(short, 1.0))
+    low, high = found.walk_ci95
+    # The other's curve is stated without an interval.
+    assert np.log([found.walk_factor / low, high / found.walk_factor]) == pytest.approx(
+        [doubt, doubt], rel=0.05)
+    assert found.noise_ci95 == (found.noise_factor, found.noise_factor)
 
 
 def test_a_filter_with_a_process_is_held_against_a_recording_as_one():
