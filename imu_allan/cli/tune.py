@@ -100,15 +100,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _beyond(result: 'Result', time_s: float, what: str) -> list[str]:
+    from imu_allan.tuning.uncertainty import known_less_than
     from imu_allan.wording import duration as spoken
 
-    known = [axis.drift_model.to_s for axis in result.axes.values()
-             if axis.drift_model is not None]
-    if time_s <= min(known) * (1 + 1e-6):
-        return []
-    return [f'{spoken(time_s)} {what} is beyond what this recording knows '
-            f'({spoken(min(known))}): the numbers are widened; record for '
-            f'{spoken(3 * time_s)} to know.']
+    known = known_less_than(result.axes, time_s)
+    return [] if known is None else [
+        f'{spoken(time_s)} {what} is beyond what this recording knows ({spoken(known)}): the '
+        f'numbers are widened; record for {spoken(3 * time_s)} to know.']
 
 
 def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any], dict[str, Any]]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a recording does not know about the drift that it shows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from imu_allan.noise import chi_square
@@ -110,6 +110,28 @@ def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
     model = drift_model_of(axis)
     level = float(drift_avar(model, axis.tones, model.to_s))
     return np.asarray(level * np.maximum(horizons / model.to_s - 1, 0))
+
+
+def known_less_than(axes: Mapping[str, AxisResult], time_s: float) -> float | None:
+    """
+    Return how long the axes know their drift, where a time is beyond that.
+
+    Parameters
+    ----------
+    axes : mapping of name to AxisResult
+        Those without a drift model say nothing.
+    time_s : float
+        Without correction, or of averaging the bias.
+
+    Returns
+    -------
+    float or None
+        That of the axis that knows least, in seconds; None where all know the time.
+
+    """
+    known = min((axis.drift_model.to_s for axis in axes.values() if axis.drift_model is not None),
+                default=time_s)
+    return known if time_s > known * (1 + 1e-6) else None
 
 
 def _degrees_of_freedom(axis: AxisResult, horizons: Array) -> Array:

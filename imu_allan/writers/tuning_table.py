@@ -244,25 +244,21 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
     said = []
     for sensor, what, factor, unit in (('gyro', 'heading', 180 / np.pi, '\u00b0'),
                                        ('accel', 'position', 1.0, ' m')):
-        worst: tuple[float, float, float, str] | None = None
-        unknown = False
-        for name, axis in result.axes.items():
-            if not name.startswith(sensor) or axis.drift_model is None:
-                continue
-            forecast = predicted_drift(axis, (60.0,), calibration_s)
-            unknown |= not _is_known(forecast, 60.0)
-            values = forecast.position or forecast.integral
-            bands = forecast.position_ci95 or forecast.integral_ci95
-            if worst is None or values[0] > worst[0]:
-                worst = (values[0], *bands[0], name)
-        if unknown:
-            said.append(f'What one minute without correction costs of {what} this recording is '
-                        f'too short to tell, calibrated over {duration(calibration_s)} before.')
-        elif worst is not None:
-            value, low, high, name = worst
+        forecasts = {name: predicted_drift(axis, (60.0,), calibration_s)
+                     for name, axis in result.axes.items()
+                     if name.startswith(sensor) and axis.drift_model is not None}
+        known = [((forecast.position or forecast.integral)[0],
+                  *(forecast.position_ci95 or forecast.integral_ci95)[0], name)
+                 for name, forecast in forecasts.items() if _is_known(forecast, 60.0)]
+        if known:
+            value, low, high, name = max(known, key=lambda one: one[0])
+            which = '' if len(known) == len(forecasts) else ' that is known'
             said.append(f'One minute without correction costs about {number(value * factor, 2)}'
                         f'{unit} of {what} ({number(low * factor, 2)} to '
-                        f'{number(high * factor, 2)}{unit}; {name}, the worst axis).')
+                        f'{number(high * factor, 2)}{unit}; {name}, the worst axis{which}).')
+        elif forecasts:
+            said.append('This recording is too short to tell what one minute without correction '
+                        f'costs of {what} (bias averaged over {duration(calibration_s)} before).')
     if any(axis.drift_model is not None
            and axis.drift_model.to_s < max(FORECAST_S[-1], calibration_s)
            for axis in result.axes.values()):

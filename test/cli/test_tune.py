@@ -59,9 +59,23 @@ def test_nothing_is_broken_or_cut_on_a_terminal(result_file, capsys, monkeypatch
 def test_a_sentence_says_no_number_that_the_recording_does_not_know(result_file, capsys):
     assert main(['tune', str(result_file), '--calibration', '3h']) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert ('What one minute without correction costs of heading this recording is too short to '
-            'tell, calibrated over 3 h before.') in lines
+    assert ('This recording is too short to tell what one minute without correction costs of '
+            'heading (bias averaged over 3 h before).') in lines
     assert not any(line.startswith('One minute without correction') for line in lines)
+
+
+def test_an_axis_that_knows_too_little_hides_no_sentence_of_the_others(result_file, tmp_path,
+                                                                       capsys):
+    result = load_result(result_file)
+    axis = result.axes['gyro_z']
+    short = replace(axis, drift_model=replace(axis.drift_model, to_s=10.0))
+    path = tmp_path / 'short.json'
+    save_result(replace(result, axes=dict(result.axes) | {'gyro_z': short}), path)
+    assert main(['tune', str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    [said] = [line for line in lines if ' of heading ' in line]
+    assert said == Varying('One minute without correction costs about <number>° of heading '
+                           '(<number> to <number>°; gyro_y, the worst axis that is known).')
 
 
 def test_a_filter_with_a_process_gets_sigma_and_time(result_file, capsys):

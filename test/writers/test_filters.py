@@ -860,6 +860,20 @@ def test_an_outage_beyond_what_the_recording_knows_is_said(drifting):
             in text.splitlines())
 
 
+def test_what_is_expected_of_measured_numbers_is_widened_only_where_something_is(drifting):
+    wishes = Wishes(as_measured=True, coast_s=7200.0)
+    widened = '# This recording knows 60 min at most; beyond it what is expected is widened.'
+    text = export_as_wished(drifting, 'kalibr', None, wishes).text
+    assert 'expected NIS' in text
+    assert widened in text.splitlines()
+    # Without a walk, or a bound of it, nothing is claimed that could be expected.
+    unbounded = {name: replace(axis, coefficients=axis.coefficients | {'rate_random_walk': replace(
+        axis.coefficients['rate_random_walk'], observable=False, value=None, ci95=None,
+        upper95=None)}) for name, axis in drifting.axes.items()}
+    text = export_as_wished(replace(drifting, axes=unbounded), 'kalibr', None, wishes).text
+    assert 'expected' not in text
+
+
 def test_a_result_without_drift_model_gives_the_measured_numbers_and_says_so(build):
     result = build()
     old = replace(result, axes={name: replace(axis, drift_model=None)

@@ -21,6 +21,7 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.tuning.arguments import positive_number, positive_time
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
+from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration
 from imu_allan.writers.included import included
 
@@ -274,10 +275,11 @@ class Numbers:
                  f'frame {printable(source.frame_id)}' if source.frame_id else '',
                  f'of {printable(source.start_time)}' if source.start_time else '',
                  f'{timeline.samples} samples{rate} over {timeline.duration_s:.6g} s']
+        expected = self._consistency()
         return [f'IMU noise for {self.title}, by imu_allan '
                 f'{printable(self.result.imu_allan_version)} from',
-                ', '.join(part for part in parts if part), *self._choice(),
-                *self._consistency(), *(line for sensor in SENSORS for line in self.dead(sensor))]
+                ', '.join(part for part in parts if part), *self._choice(bool(expected)),
+                *expected, *(line for sensor in SENSORS for line in self.dead(sensor))]
 
     def _tune(self) -> None:
         assert self.aiding_s is not None
@@ -330,7 +332,7 @@ class Numbers:
             found[K] = Number(tuning.sigma * sqrt(2 / tuning.correlation_time_s))
         return found
 
-    def _choice(self) -> list[str]:
+    def _choice(self, expected: bool) -> list[str]:
         lines = []
         if self.share == 'model':
             lines.append('The whole drift model, as measured: NIS and squared errors without '
@@ -340,7 +342,7 @@ class Numbers:
             lines.append(f'Noise densities as measured: {self.aiding.reason}.')
         elif self.wishes.as_measured:
             lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
-            lines += self._beyond('what is expected is')
+            lines += self._beyond('what is expected is') if expected else []
         elif not self.tunings:
             lines.append('Coefficients as measured: this result has no drift model to tune from.')
         else:
@@ -359,11 +361,9 @@ class Numbers:
 
     def _beyond(self, what: str) -> list[str]:
         """Say that the longest time without correction is beyond what the recording knows."""
-        shortest = min((axis.drift_model.to_s for axis in self.result.axes.values()
-                        if axis.drift_model is not None), default=self.coast_s)
-        if self.coast_s <= shortest * (1 + 1e-6):
-            return []
-        return [f'This recording knows {duration(shortest)} at most; beyond it {what} widened.']
+        known = known_less_than(self.result.axes, self.coast_s)
+        return [] if known is None else [
+            f'This recording knows {duration(known)} at most; beyond it {what} widened.']
 
     def _left_out(self) -> list[str]:
         """Say which axes have noise that the coefficients leave out."""
