@@ -10,6 +10,7 @@ first sample. A number that is not known is None, never NaN.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import pi, sqrt
 from typing import Any, Literal
 
 from imu_allan.errors import ImuAllanError
@@ -107,6 +108,11 @@ class PowerLaw:
     exponent: float
     exponent_ci95: Interval
     psd_1hz: float
+
+    @property
+    def amplitude(self) -> float:
+        """Return the coefficient of the law; that of flicker would be a bias instability."""
+        return sqrt(self.psd_1hz * (2 * pi)**self.exponent)
 
 
 @dataclass(frozen=True)
@@ -305,7 +311,11 @@ class GoodnessOfFit:
 
 @dataclass(frozen=True)
 class Curve:
-    """Allan deviation at octave averaging times; every tuple has the length of `tau_s`."""
+    """
+    Allan deviation at octave averaging times; every tuple has the length of `tau_s`.
+
+    `model_adev` is 0 where no model describes the samples.
+    """
 
     tau_s: tuple[float, ...]
     adev: tuple[float, ...]

@@ -2,19 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several recordings of one axis whose slow noise goes with another exponent in each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import exp
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.random_effects import q_statistic
-from imu_allan.result import AxisResult, Coefficient, GoodnessOfFit, Remark
+from imu_allan.noise.curve import interval
+from imu_allan.noise.terms import power_law_avar
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    GoodnessOfFit,
+    Interval,
+    PowerLaw,
+    Remark,
+)
 import numpy as np
 
 _CHANCE = 1e-3
 """Probability below which exponents differ by more than chance."""
-_BOUNDED = ('quantization_noise', 'bias_instability', 'rate_random_walk')
+_BOUNDED = ('quantization_noise', 'noise_density', 'bias_instability', 'rate_random_walk')
 OF_THE_COMMON_FIT = ('power_law', 'gauss_markov', 'band_limited')
 """Codes of remarks that a fit of one exponent to all recordings makes."""
 
@@ -33,22 +41,27 @@ def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
     Returns
     -------
     bool
-        False where every recording may have flicker, or all tell another exponent, which is one.
+        Where some tell another exponent than flicker's: whether the joint fit tells none, one of
+        theirs is not that of the joint fit, or a recording that tells none shows flicker or has a
+        curve too low for it. Another one is too short to contradict.
 
     """
     laws = [axis.power_law for axis in singles if axis.power_law is not None]
-    if len(laws) < len(singles) or joint.power_law is None:
-        return bool(laws)
-    if len(laws) < 2:
+    if not laws:
         return False
-    errors = [(law.exponent_ci95[1] - law.exponent_ci95[0]) / (2 * NORMAL95) for law in laws]
-    q = q_statistic([law.exponent for law in laws], errors)
-    return float(chi_square.survival(q, len(laws) - 1)) < _CHANCE
+    if joint.power_law is None or any(
+            axis.power_law is None and (axis.coefficients['bias_instability'].observable
+                                        or _is_below(axis, joint.power_law))
+            for axis in singles):
+        return True
+    q = 0.0
+    for law in laws:
+        error = (law.exponent_ci95[1] - law.exponent_ci95[0]) / (2 * NORMAL95)
+        q += ((law.exponent - joint.power_law.exponent) / error)**2
+    return float(chi_square.survival(q, len(laws))) < _CHANCE
 
 
-def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult],
-                       logarithms: Mapping[str, float], errors: Mapping[str, float]
-                       ) -> AxisResult:
+def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult]) -> AxisResult:
     """
     Give an axis what its recordings say one by one.
 
@@ -58,14 +71,13 @@ def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult],
         Of all recordings at once, under one exponent.
     singles : sequence of AxisResult
         Of each that has a fit.
-    logarithms, errors : mapping of path to float
-        Logarithm of the noise density of each that shows it, and its error.
 
     Returns
     -------
     AxisResult
-        The noise density is the weighted mean of the single ones; what the slow noise bears on is
-        bounded by the largest of them. There is no common fit to be good.
+        The noise density is the weighted mean of the single ones; the other terms, and it, too,
+        where none shows it, are bounded by the largest of theirs. There is no common fit to be
+        good, and no model.
 
     """
     coefficients = dict(joint.coefficients)
@@ -75,15 +87,13 @@ def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult],
         coefficients[key] = replace(
             coefficients[key], observable=False, value=None, ci95=None,
             upper95=max(bounds, default=None), observable_in_s=None, ci_halves_in_s=None)
-    if logarithms:
-        weights = np.array([errors[path]**-2 for path in logarithms])
-        middle = float(np.average(list(logarithms.values()), weights=weights))
-        half = NORMAL95 / float(np.sqrt(weights.sum()))
+    if densities := _densities(singles):
+        value, ends = _weighted_mean(densities)
         coefficients['noise_density'] = replace(
-            coefficients['noise_density'], observable=True, value=exp(middle),
-            ci95=(exp(middle - half), exp(middle + half)), upper95=None)
+            coefficients['noise_density'], observable=True, value=value, ci95=ends, upper95=None)
     return replace(joint, coefficients=coefficients, power_law=None, gauss_markov=None,
-                   goodness_of_fit=GoodnessOfFit(None, None, False))
+                   goodness_of_fit=GoodnessOfFit(None, None, False),
+                   curve=replace(joint.curve, model_adev=(0.0,) * len(joint.curve.tau_s)))
 
 
 def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Remark:
@@ -103,10 +113,45 @@ def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Remark:
     said = ', '.join(
         f'{"flicker or none" if axis.power_law is None else _law(axis.power_law.exponent)} in '
         f'{path}' for path, axis in singles.items())
+    what = ('the noise density is the mean of the single results, the other terms are bounded by '
+            'the largest of theirs' if _densities(singles.values()) else
+            'every term is bounded by the largest of the single results')
     return Remark(
-        'power_law', f'the slow noise is not told to be the same in all recordings ({said}); the '
-        'noise density is the mean of the single results, the other terms are bounded by the '
-        'largest of theirs; analyze the recordings without --together for a result of each')
+        'power_law', f'the slow noise is not told to be the same in all recordings ({said}); '
+        f'{what}; analyze the recordings without --together for a result of each')
+
+
+def _is_below(axis: AxisResult, law: PowerLaw) -> bool:
+    """Whether the curve of an axis is lower than a law by itself, beyond chance."""
+    curve = axis.curve
+    _, highest = interval(np.array(curve.adev)**2, np.array(curve.edf), 1 - 2 * _CHANCE)
+    expected = np.sqrt(power_law_avar(law.amplitude, law.exponent, np.array(curve.tau_s)))
+    return bool(np.any(highest < expected))
+
+
+def _densities(singles: Iterable[AxisResult]) -> list[tuple[float, float, float]]:
+    """Return value and both ends of each noise density that has a lower end."""
+    found = [axis.coefficients['noise_density'] for axis in singles]
+    return [(one.value, *one.ci95) for one in found
+            if one.value is not None and one.ci95 is not None and one.ci95[0] > 0]
+
+
+def _weighted_mean(densities: Sequence[tuple[float, float, float]]) -> tuple[float, Interval]:
+    """
+    Return the mean of densities by their logarithms, with its interval.
+
+    What both ends of an interval have is error, and averages out. What one has beyond it is doubt
+    about the exponent, on the same side in every recording, and does not.
+    """
+    middles, *ends = np.log(densities).T
+    lows, highs = np.abs(ends - middles)
+    weights = (lows + highs)**-2
+    weights /= weights.sum()
+    both = np.minimum(lows, highs)
+    half = float(np.sqrt(np.sum((weights * both)**2)))
+    middle = float(weights @ middles)
+    return exp(middle), (exp(middle - half - float(weights @ (lows - both))),
+                         exp(middle + half + float(weights @ (highs - both))))
 
 
 def _law(exponent: float) -> str:

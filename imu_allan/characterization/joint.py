@@ -105,10 +105,9 @@ def joint_result(recordings: Sequence[Characterization],
         singles = {part.path: part.result.axes[name] for part in parts
                    if part.result.axes[name].spectrum is not None}
         if exponents_differ(axis, list(singles.values())):
-            fitted[name] = with_own_exponents(
-                axis, list(singles.values()), *_logarithms(name, 'noise_density', parts)), [
-                    remark_on_exponents(singles),
-                    *(remark for remark in own if remark.code not in OF_THE_COMMON_FIT)]
+            fitted[name] = with_own_exponents(axis, list(singles.values())), [
+                remark_on_exponents(singles),
+                *(remark for remark in own if remark.code not in OF_THE_COMMON_FIT)]
     error = np.max([part.record.summary.density_error for part in parts], axis=0).tolist()
     axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                                   stationarity=_stationarity(name, parts)), *error)
@@ -197,7 +196,7 @@ def _same_band(first: _Part, part: _Part, name: str) -> None:
     """Refuse recordings that were low-passed differently: their white noise is not one."""
     axes = first.result.axes[name], part.result.axes[name]
     if any(axis.power_law is not None for axis in axes) \
-            and all(axis.band_limit_s is None for axis in axes):
+            and all(axis.band_limit_s is None and axis.band_edge_hz is None for axis in axes):
         # Slow noise that reaches so far makes the fast end lower, too.
         return
     one, other = _fast_end(axes[0], first.record.rate_hz), _fast_end(axes[1], part.record.rate_hz)

@@ -7,7 +7,7 @@ Curves, spectra and their limits; nothing here knows how they are drawn.
 """
 
 from collections.abc import Iterable, Mapping
-from math import inf, pi, sqrt
+from math import inf
 
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.terms import AXES, Term, TERMS
@@ -65,8 +65,7 @@ def describe(axis: AxisResult) -> FittedModel:
         processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
     return FittedModel(values, axis.band_limit_s, processes,
                        tuple((tone.frequency_hz, tone.amplitude) for tone in axis.tones),
-                       None if law is None else (
-                           sqrt(law.psd_1hz * (2 * pi)**law.exponent), law.exponent))
+                       None if law is None else (law.amplitude, law.exponent))
 
 
 def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
@@ -84,14 +83,15 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
     -------
     tau, adev : ndarray, shape (n,)
         In seconds, from the shortest time of which the model was fitted, and in the unit of a
-        sample.
+        sample; empty where there is no model.
 
     """
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
-    tau = np.array(axis.curve.tau_s)
-    if (rate is None or len(tau) < 2 or not any(axis.curve.model_adev)
-            or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER):
-        return tau, np.array(axis.curve.model_adev)
+    tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
+    if not coarse.any():
+        return tau[:0], coarse[:0]
+    if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER:
+        return tau, coarse
     model = describe(axis)
     # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
@@ -131,11 +131,13 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
     -------
     ndarray, shape (n,)
         In squared sample units per Hz; NaN above the band that was fitted, of which the model
-        says nothing. The ramp is deterministic and has no spectrum.
+        says nothing, and of an axis that has none. The ramp is deterministic and has no spectrum.
 
     """
     if coefficients is not None:
         return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
+    if not any(axis.curve.model_adev):
+        return np.full(len(frequency_hz), np.nan)
     density = describe(axis).density(frequency_hz, 1 / sample_rate_hz)
     return np.where(frequency_hz > (axis.band_edge_hz or inf), np.nan, density)
 

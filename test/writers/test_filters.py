@@ -18,7 +18,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
+from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Remark, Result, Source, Timeline
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
@@ -775,6 +775,14 @@ def test_slow_noise_that_the_measured_numbers_leave_out_is_named(drifting):
             in export(result, 'kalibr').text.splitlines())
     assert 'LEFT OUT' not in export_as_wished(result, 'kalibr').text
     assert 'LEFT OUT' not in export(drifting, 'kalibr').text
+
+
+def test_slow_noise_that_differs_between_recordings_is_named_as_left_out(drifting):
+    result = replace(drifting, warnings=(Remark(
+        'power_law', 'gyro_y: the slow noise is not told to be the same in all recordings'),))
+    assert ('# LEFT OUT: slow noise that is no flicker (gyro_y not the same in all recordings); '
+            'tuned numbers have it in them.' in export(result, 'kalibr').text.splitlines())
+    assert 'LEFT OUT' not in export_as_wished(result, 'kalibr').text
 
 
 def test_wishes_are_followed_and_written_down(drifting):

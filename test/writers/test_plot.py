@@ -23,6 +23,7 @@ from imu_allan.result import (
 )
 from imu_allan.writers import curves, panels, plot
 from imu_allan.writers.figure_style import COLOURS
+from imu_allan.writers.report import report_html
 import matplotlib
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -48,6 +49,18 @@ def test_every_sheet_is_drawn_on_light_and_on_dark_paper(result, theme):
                    plot.sensor_figure(result, 'accel', theme=theme)):
         image = imread(io.BytesIO(plot.render(figure, 'png', 40)))
         assert tuple(np.round(255 * image[0, 0, :3]).astype(int)) == paper
+
+
+def test_where_no_model_describes_the_samples_none_is_drawn(result):
+    axis = result.axes['gyro_x']
+    axis = replace(axis, curve=replace(axis.curve, model_adev=(0.0,) * len(axis.curve.tau_s)))
+    assert not len(curves.model_curve(axis, result.timeline)[0])
+    assert np.isnan(curves.model_density(axis, np.array([0.1, 1.0]), 100.0)).all()
+    without = replace(result, axes={**result.axes, 'gyro_x': axis})
+    drawn, usual = (plot.render(plot.overview_figure(one), 'png', 40) for one in (without, result))
+    assert drawn != usual
+    assert report_html(without).count('class="curve model"') < report_html(result).count(
+        'class="curve model"')
 
 
 def texts_of(figure):

@@ -367,12 +367,16 @@ class Numbers:
 
     def _left_out(self) -> list[str]:
         """Say which axes have noise that the coefficients leave out."""
-        laws = {name: axis.power_law.exponent for name, axis in self.result.axes.items()
-                if axis.power_law is not None and name not in self.tunings}
+        # Where recordings together have no common exponent, there is a warning alone.
+        told = {warning.message.partition(': ')[0] for warning in self.result.warnings
+                if warning.code == 'power_law'}
+        laws = {name: 'not the same in all recordings' if axis.power_law is None else
+                f'1/f to the power of {axis.power_law.exponent:.2f}'
+                for name, axis in self.result.axes.items()
+                if (axis.power_law is not None or name in told) and name not in self.tunings}
         if not laws or self.share == 'model':
             return []
-        each = ', '.join(f'{name} 1/f to the power of {exponent:.2f}'
-                         for name, exponent in laws.items())
+        each = ', '.join(f'{name} {law}' for name, law in laws.items())
         instead = '; tuned numbers have it in them' if self.wishes.as_measured else ''
         return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
 
