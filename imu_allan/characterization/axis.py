@@ -206,18 +206,19 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         # A longer record would know a power law better, too: of that there is no forecast.
         forecast = ({} if fitted.power_law is not None
                     else outlook(values, seen, dt, finished.samples * dt))
-        if fitted.walk_unclear:
+        walk = fitted.estimates['rate_random_walk']
+        # A large step widens what the record says of a walk until there is none to doubt.
+        asked = of_one_record and (walk.observable or not fitted.mean_is_told)
+        step = bias_step(columns, axis) if asked else None
+        if fitted.walk_unclear or step is not None:
             # A longer record shows what it is, not how large.
             forecast['rate_random_walk'] = None, None
         coefficients = {
             key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
                          between=fitted.between.get(key))
             for key, estimate in fitted.estimates.items()}
-        walk = coefficients['rate_random_walk']
-        asked = walk.observable or (fitted.walk_unclear and not fitted.mean_is_told)
-        step = bias_step(columns, axis) if of_one_record and asked else None
         if step is not None:
-            coefficients['rate_random_walk'] = _upper_bound(walk)
+            coefficients['rate_random_walk'] = _upper_bound(coefficients['rate_random_walk'])
             remarks = [*(remark for remark in remarks if remark.code != 'trend_or_walk'),
                        bias_step_remark(step, dt, quantity)]
         curve = _curve(points, axis, dt, _described(fitted_axis, drift), values,
@@ -267,6 +268,12 @@ def bounded(axis: AxisResult) -> AxisResult:
     return replace(axis, coefficients=dict(axis.coefficients) | {
         key: _upper_bound(axis.coefficients[key])
         for key in ('bias_instability', 'rate_random_walk')})
+
+
+def with_bounded_walk(axis: AxisResult) -> AxisResult:
+    """Return an axis whose random walk is an upper bound: a step may have made it."""
+    return replace(axis, coefficients=dict(axis.coefficients) | {
+        'rate_random_walk': _upper_bound(axis.coefficients['rate_random_walk'])})
 
 
 def unsteady(axis: AxisResult) -> AxisResult:

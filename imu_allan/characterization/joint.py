@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
-from imu_allan.characterization.axis import axis_results, widened
+from imu_allan.characterization.axis import axis_results, widened, with_bounded_walk
 from imu_allan.characterization.exponents import (
     exponents_differ,
     OF_THE_COMMON_FIT,
@@ -101,6 +101,10 @@ def joint_result(recordings: Sequence[Characterization],
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
+    for name in fitted:
+        if _steps(name, parts):
+            axis, own = fitted[name]
+            fitted[name] = with_bounded_walk(axis), own
     for name, (axis, own) in fitted.items():
         singles = {part.path: part.result.axes[name] for part in parts
                    if part.result.axes[name].spectrum is not None}
@@ -278,6 +282,12 @@ def _group_results(parts: Sequence[_Part], groups: Sequence[FinishedGroup], rate
                                        of_one_record=False)
         found.append(of[working][axis])
     return found
+
+
+def _steps(name: str, parts: Sequence[_Part]) -> bool:
+    """Whether the mean of an axis is told to step in a recording."""
+    return any(remark.code == 'bias_step' and remark.message.startswith(f'{name}: ')
+               for part in parts for remark in part.result.warnings)
 
 
 def _merged(estimators: Sequence[Estimator]) -> Estimator:

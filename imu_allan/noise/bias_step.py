@@ -4,8 +4,8 @@
 A single step of the mean, as a knock or a change of the supply makes one, which is no random walk.
 
 The means of the stretches before a border and behind it differ by what the noise leaves, whatever
-its colour: by so much nearly everywhere. A step stands out of that at one border alone. Where many
-do, the walk itself comes in jumps.
+its colour: by so much nearly everywhere. A step stands out of that at one border alone, and lasts.
+Where many do, the walk itself comes in jumps; what is soon over is a bump.
 """
 
 from typing import NamedTuple
@@ -27,6 +27,10 @@ _SIZED = 4
 """Columns on either side that the size is told from."""
 _ALONE = 0.6
 """Share of it that the next largest difference elsewhere stays below."""
+_LASTING = 32
+"""Columns on either side over which it has to last, ..."""
+_LEFT = 0.5
+"""... by the difference of their medians: share of the size."""
 
 
 class BiasStep(NamedTuple):
@@ -60,7 +64,7 @@ def bias_step(columns: Columns, axis: int) -> BiasStep | None:
     Returns
     -------
     BiasStep or None
-        None where no difference stands out, or more than one.
+        None where no difference stands out, or more than one, or what does is soon over.
 
     Examples
     --------
@@ -93,8 +97,11 @@ def bias_step(columns: Columns, axis: int) -> BiasStep | None:
         if np.max(np.abs(step[elsewhere])) < _ALONE * size:
             outstanding, at = size / usual, int(border[largest])
             # The step may lie within the column on either side of the border.
-            found = BiasStep(int(whole[at]) * columns.width, float(
-                np.mean(mean[at + 1:at + 1 + _SIZED]) - np.mean(mean[:at - 1][-_SIZED:])))
+            before, behind = mean[:at - 1][-_LASTING:], mean[at + 1:at + 1 + _LASTING]
+            step_size = float(np.mean(behind[:_SIZED]) - np.mean(before[-_SIZED:]))
+            left = float(np.median(behind) - np.median(before))
+            found = (BiasStep(int(whole[at]) * columns.width, step_size)
+                     if left * step_size > _LEFT * step_size**2 else None)
     return found
 
 

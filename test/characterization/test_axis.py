@@ -231,6 +231,24 @@ def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk():
     assert 'bias_step' not in {remark.code for remark in remarks}
 
 
+@pytest.mark.parametrize('size', [30, 100])
+@pytest.mark.parametrize('walk', [0.0, 4.8e-6])
+def test_a_step_so_large_that_no_walk_shows_beside_it_is_told(size, walk):
+    samples = simulate({'noise_density': 1.4e-4, 'bias_instability': 4.8e-5,
+                        'rate_random_walk': walk}, 36_000, 10.0, seed=1)
+    samples[20_000:] += size * 4.8e-5
+    estimator = Estimator()
+    estimator.update(samples)
+    [(axis, remarks)] = axis_results(estimator, 10.0, [AXES['gyro_x']])
+    message, = (remark.message for remark in remarks if remark.code == 'bias_step')
+    found, = re.findall(r'steps by (\S+) rad/s after about 3[34] min', message)
+    assert float(found) == pytest.approx(size * 4.8e-5, rel=0.1)
+    found = axis.coefficients['rate_random_walk']
+    assert not found.observable
+    assert walk < found.upper95
+    assert found.observable_in_s is None
+
+
 def test_an_error_that_is_no_chance_widens_the_interval_of_the_density():
     axis = characterize(simulate({'noise_density': 1e-3}, 2000, 100.0, 1), 100.0)
     low, high = axis.coefficients['noise_density'].ci95

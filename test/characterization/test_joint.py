@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
+import re
 from types import SimpleNamespace
 
 from imu_allan import characterize, simulate
@@ -52,6 +53,24 @@ def joint(nights):
 def width(result, key):
     found = result.axes['gyro_x'].coefficients[key]
     return (found.ci95[1] - found.ci95[0]) / found.value
+
+
+def test_a_step_that_is_told_in_one_recording_bounds_the_walk_of_all():
+    def stepped(block):
+        late = block.header_ns > 4000e9
+        return replace(block, samples=block.samples + 2.4e-4 * np.outer(late, np.eye(6)[0]))
+
+    model = ('noise_density: 0.0045 deg/s/sqrt(Hz), bias_instability: 5 deg/h, '
+             'rate_random_walk: 54 deg/h/sqrt(h)')
+    found = joint_result([recorded(path, seed, model=model, rate_hz=4.0, samples=28_800, **more)
+                          for path, seed, more in (('knocked', 1, {'changed': stepped}),
+                                                   ('still', 2, {}))])
+    walk = found.axes['gyro_x'].coefficients['rate_random_walk']
+    assert walk.value is None
+    assert walk.upper95 > np.deg2rad(54 / 3600 / 60)
+    said, = (remark.message for remark in found.warnings
+             if remark.code == 'bias_step' and 'gyro_x' in remark.message)
+    assert re.match(r'knocked: gyro_x: the mean steps by 0.000\d+ rad/s after about 67 min', said)
 
 
 def test_four_recordings_know_twice_as_well_as_one(nights, joint):

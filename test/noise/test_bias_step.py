@@ -55,6 +55,12 @@ def test_two_steps_or_a_bump_are_not_one():
     assert bias_step(columns_of(rows), 0) is None
 
 
+def test_what_rises_slowly_and_falls_at_once_is_a_bump():
+    rows = simulate(KINDS['flicker'], 36_000, RATE, 1)
+    rows[20_000:21_200] += 50 * B * np.linspace(0, 1, 1_200)
+    assert bias_step(columns_of(rows), 0) is None
+
+
 @pytest.mark.parametrize('samples', [0, 1, 11, 100])
 def test_a_record_that_is_too_short_to_tell_has_none(samples):
     rows = np.zeros(samples)

@@ -159,3 +159,10 @@ def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
         # Two spreads of 150 each are known to 8 %.
         assert ratio < 1.25
         assert covered[key] > 0.88 * 150
+
+
+@pytest.mark.parametrize('size', [7, 15])
+def test_a_step_in_every_record_is_no_random_walk(size):
+    found = hours(lambda part: size * 3e-4 * (900 + 500 * part < HOUR))
+    assert not found.estimates['rate_random_walk'].observable
+    assert found.walk_unclear
