@@ -31,6 +31,7 @@ def test_a_deadband_is_told(width, step, mean):
         assert deadband(shown(unit * stepped), 0) is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('rounded', [np.round, np.trunc, np.floor])
 def test_noise_in_steps_has_no_deadband(rounded):
     rng = np.random.default_rng(3)

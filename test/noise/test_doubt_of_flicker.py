@@ -28,6 +28,7 @@ def passing_for_flicker(samples, exponent, crossing_hz, seed):
         samples, np.random.default_rng([seed, 77]), exponent)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('minutes', 'exponent', 'crossing_hz'), [(5, 0.7, 1.0), (20, 0.7, 0.1)])
 def test_the_density_holds_in_records_too_short_to_know_the_exponent(minutes, exponent,
                                                                      crossing_hz):

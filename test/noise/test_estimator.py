@@ -241,6 +241,7 @@ def test_memory_does_not_grow_with_the_record():
     assert max(sizes[90:]) <= max(sizes[:90])
 
 
+@pytest.mark.thorough
 def test_thousands_of_tiny_runs_stay_bounded():
     estimator = Estimator()
     for _ in range(9000):

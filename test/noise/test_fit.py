@@ -106,6 +106,7 @@ def test_gauss_markov_process_is_offered_where_no_power_law_fits():
     assert value(axis, 'noise_density') == pytest.approx(1e-3, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_walk_that_levels_off_is_a_gauss_markov_process():
     # Two hours of a minute's correlation: few coefficients know, too few for the whole band's sum.
     model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
@@ -125,6 +126,7 @@ def test_walk_that_levels_off_is_a_gauss_markov_process():
                 assert 0.8 * low < axis.curve.model_adev[index] < 1.25 * high
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('size', 'time_s'), [(2.0, 300.0), (1.5, 100.0)])
 def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, time_s):
     sigma = size * SENSOR['bias_instability']
@@ -141,6 +143,7 @@ def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, t
                for one in some) <= 3
 
 
+@pytest.mark.thorough
 def test_walk_that_goes_on_is_no_gauss_markov_process():
     for model in ({'noise_density': 1e-3, 'rate_random_walk': 3e-4},
                   {**SENSOR, 'rate_random_walk': 5e-4 * DEGREE}):

@@ -74,6 +74,7 @@ def test_slow_noise_through_gaps_has_the_power_that_is_worked_out(name):
             assert found[band].sum() == pytest.approx((full * expected)[band].sum(), rel=0.08)
 
 
+@pytest.mark.thorough
 def test_a_week_of_short_stops_knows_flicker_and_random_walk():
     rate, week = 2.0, 7 * 86400
     true = {'noise_density': 1e-4, 'bias_instability': 2e-5, 'rate_random_walk': 2e-6}
@@ -110,6 +111,7 @@ def test_a_few_cells_alone_beyond_a_gap_are_left_out():
                           np.concatenate([np.arange(20, 60), np.arange(72, 100)]))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('samples', 'pattern'), [
     (20_000, (12, 8)), (20_000, (80, 20)), (6000, (60, 40)), (30_000, (500, 520))])
 def test_repeated_gaps_invent_no_slow_term(samples, pattern):

@@ -95,6 +95,7 @@ def test_forecasts_reach_as_far_as_4096_times_the_record():
     assert 3000 * LENGTH < max(wait for wait in waits if wait is not None) < 4096 * LENGTH
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('key', 'value'), [
     ('bias_instability', 3e-4), ('rate_random_walk', 1e-4)])
 def test_a_term_shows_by_then_in_most_records(key, value):

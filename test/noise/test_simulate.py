@@ -101,6 +101,7 @@ def test_a_streamed_mean_stays_whatever_noise_is_added():
     assert streamed({**everything, 'mean': 1e6}, 1000, 0).mean() == pytest.approx(1e6, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_streamed_flicker_is_as_flat_at_long_times():
     sizes = 2 ** np.array([8, 10, 12, 14])
     found = []

@@ -90,6 +90,7 @@ def test_a_mean_that_bends_with_the_temperature_shows_the_square():
         celsius.min(), celsius.max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('model', [NOISE, WALK])
 def test_an_unrelated_temperature_changes_nothing(model):
     for one, plain in zip(fits(model, warm_up_and_cycle), fits(model, None), strict=True):
@@ -168,6 +169,7 @@ def test_false_coefficients_and_walks_made_of_a_lag_are_rare():
     assert share(walks) <= 0.05
 
 
+@pytest.mark.thorough
 def test_a_ramp_beside_the_temperature_is_told_apart():
     def mean(seed):
         return 1e-3 * warm_up_and_cycle(seed) + 1e-6 * TIME

@@ -91,6 +91,7 @@ def test_interval_of_a_walk_in_jumps_is_wider_than_the_likelihood_has_it(monkeyp
         assert wide.upper95 > narrow.ci95[1]
 
 
+@pytest.mark.thorough
 def test_joint_walk_in_jumps_has_an_interval_that_holds():
     found = [joint_walk([jumping(10 * run + part) for part in range(4)]) for run in range(8)]
     # Six jumps of 7e-3 in an hour; by the likelihood alone one of eight holds it.

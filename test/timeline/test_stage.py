@@ -53,6 +53,7 @@ def test_clean_messages_come_out_as_they_went_in():
     assert summary.start_time == '2023-11-14T22:13:20Z'
 
 
+@pytest.mark.thorough
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 50), edges=st.lists(st.integers(0, 12_100), max_size=40))
 def test_outcome_does_not_depend_on_how_messages_were_split(seed, edges):

@@ -107,6 +107,7 @@ def paths_of(document, before=()):
             yield from paths_of(value, (*before, key))
 
 
+@pytest.mark.thorough
 @settings(max_examples=40, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
