@@ -100,6 +100,32 @@ class Process:
     correlation_time_ci95: tuple[float, float]
 
 
+class _Search:
+    """Fits of the terms and a process to groups, each from the one before it."""
+
+    def __init__(self, groups: Groups, rolling: bool, dt: float) -> None:
+        self._groups, self._rolling, self._dt = groups, rolling, dt
+        self.nearest: Solution | None = None
+        self.shortest, self.longest = _range(groups, dt)
+        self.times = np.linspace(np.log(self.shortest), np.log(self.longest), _TIMES)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there are correlation times to choose from."""
+        return self.longest >= 2 * self.shortest
+
+    def with_process(self, time: float) -> Groups:
+        """Return the groups with a process of a correlation time."""
+        return with_process_column(self._groups, self._rolling, self._dt, time)
+
+    def loss(self, log_time: float) -> float:
+        """Fit a process of a correlation time, which is then the nearest."""
+        self.nearest = maximise(self.with_process(float(np.exp(log_time))), self.nearest,
+                                fixed={} if self._rolling else {QUANTIZATION: 0.0},
+                                trend='restricted', tolerance=1e-3)
+        return self.nearest.loss
+
+
 def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
     """
     Fit the terms and a Gauss-Markov process to the band of a trial.
@@ -119,31 +145,16 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
         None where no process makes the data markedly more likely.
 
     """
-    groups = base.groups
-    shortest, longest = _range(groups, dt)
-    if longest < 2 * shortest:
+    search = _Search(base.groups, base.rolling, dt)
+    if not search.is_possible:
         return None
-
-    def with_process(time: float) -> Groups:
-        return with_process_column(groups, base.rolling, dt, time)
-
-    nearest: Solution | None = None
-
-    def attempt(log_time: float) -> float:
-        nonlocal nearest
-        nearest = maximise(with_process(float(np.exp(log_time))), nearest,
-                           fixed={} if base.rolling else {QUANTIZATION: 0.0},
-                           trend='restricted', tolerance=1e-3)
-        return nearest.loss
-
-    times = np.linspace(np.log(shortest), np.log(longest), _TIMES)
-    losses = [attempt(time) for time in times]
+    losses = [search.loss(time) for time in search.times]
     best = int(np.argmin(losses))
     if 2 * (base.solution.loss - losses[best]) < _OBSERVABLE_PROCESS / 2:
         return None
-    log_time, _ = lowest_near(attempt, times, best, 0.01)
+    log_time, _ = lowest_near(search.loss, search.times, best, 0.01)
     time = float(np.exp(log_time))
-    trial = fit_columns(with_process(time), base.edge_hz, base.rolling)
+    trial = fit_columns(search.with_process(time), base.edge_hz, base.rolling)
     theta = trial.solution.theta
     if not trial.described or theta[WHITE] <= 0 or theta[-1] <= 0:
         return None
@@ -151,23 +162,23 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
         return None
 
     def rise(distance: float, side: int) -> float:
-        lost = attempt(log_time + side * distance) - trial.solution.loss
+        lost = search.loss(log_time + side * distance) - trial.solution.loss
         return 2 * max(lost, 0.0) / trial.dispersion
 
     low, high = (float(np.exp(log_time + side * crossing(partial(rise, side=side), 0.0,
                                                          _LOG_TIME_ERROR, CI95)))
                  for side in (-1, 1))
-    low, high = max(low, dt), min(high, _LONGEST_CORRELATION * longest)
+    low, high = max(low, dt), min(high, _LONGEST_CORRELATION * search.longest)
     sizes = []
     for other in (low, np.sqrt(low * time), time, np.sqrt(time * high), high):
         # Amplitude and time go together, so the interval is that of both at once: for every
         # time what the ratio leaves to the amplitude.
-        left = max(CI95 - 2 * max(attempt(float(np.log(other))) - trial.solution.loss, 0.0)
+        left = max(CI95 - 2 * max(search.loss(float(np.log(other))) - trial.solution.loss, 0.0)
                    / trial.dispersion, 0.0)
-        assert nearest is not None
-        size = max(float(np.sqrt(nearest.theta[-1])), 1e-300)
-        beside = replace(trial, groups=with_process(float(other)))
-        error = np.sqrt(left) * spread(beside, nearest, groups.design.shape[1]) / size
+        assert search.nearest is not None
+        size = max(float(np.sqrt(search.nearest.theta[-1])), 1e-300)
+        beside = replace(trial, groups=search.with_process(float(other)))
+        error = np.sqrt(left) * spread(beside, search.nearest, base.groups.design.shape[1]) / size
         sizes += [size * np.exp(-error), size * np.exp(error)]
     return trial, Process(float(np.sqrt(theta[-1])), time, (min(sizes), max(sizes)), (low, high))
 
@@ -191,20 +202,12 @@ def likeliest_process(groups: Groups, dt: float, start: Solution) -> float:
         The loss: the negative logarithm of the likelihood.
 
     """
-    shortest, longest = _range(groups, dt)
-    if longest < 2 * shortest:
+    search = _Search(groups, False, dt)
+    if not search.is_possible:
         return start.loss
-    near: Solution | None = None
-
-    def attempt(log_time: float) -> float:
-        nonlocal near
-        near = maximise(with_process_column(groups, False, dt, float(np.exp(log_time))), near,
-                        fixed={QUANTIZATION: 0.0}, trend='restricted', tolerance=1e-3)
-        return near.loss
-
-    times = np.linspace(np.log(shortest), np.log(longest), _TIMES)
-    losses = [attempt(time) for time in times]
-    return min(start.loss, lowest_near(attempt, times, int(np.argmin(losses)), 0.01)[1])
+    losses = [search.loss(time) for time in search.times]
+    return min(start.loss,
+               lowest_near(search.loss, search.times, int(np.argmin(losses)), 0.01)[1])
 
 
 def promises_a_process(trial: Trial, dt: float) -> bool:
