@@ -29,9 +29,7 @@ _COVERED = 0.2
 Of the drift in the middle one of the segments. Where one shows less the noise covers its drift,
 and the logarithm of what is left by chance has no end: one of five that showed next to none passed
 for great unsteadiness. One that shows none at all, as many short ones do, says nothing of its size
-and is left out: with a fifth in its place K of ten minutes of real gyroscopes would be up to 27
-times the tuned one, and no filter less often overconfident (`python bench/bench_filter.py --hours`
-has the last tables).
+and is left out: with a fifth in its place short recordings would ask for many times the tuned K.
 """
 _LEAST_DRIFT = 0.5
 """Of the variance of a mean: one that is less was hidden, and the other recording says more."""

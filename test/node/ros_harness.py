@@ -251,7 +251,7 @@ class Ros:
         End every process that is still running.
 
         The test's own nodes go first: where others vanished in the same moment, Fast DDS has
-        crashed in `destroy_node`, twice in some forty runs of all tests.
+        crashed in `destroy_node` now and then.
         """
         self.executor.shutdown()
         for node in (self.node, *self._recorders):
