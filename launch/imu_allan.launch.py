@@ -10,7 +10,8 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-TEXTS = ('gyro_topic', 'accel_topic', 'state_file', 'output_dir', 'spec_file', 'reference')
+TEXTS = ('gyro_topic', 'accel_topic', 'state_file', 'output_dir', 'spec_file', 'reference',
+         'temperature_topic')
 """Parameters that an argument sets where it is not empty; else the parameter file does."""
 
 
@@ -37,6 +38,8 @@ def generate_launch_description() -> LaunchDescription:
                               description='Datasheet that the IMU is held against'),
         DeclareLaunchArgument('reference', default_value='',
                               description='Earlier result that the IMU is held against'),
+        DeclareLaunchArgument('temperature_topic', default_value='',
+                              description='Of the thermometer beside the IMU'),
         DeclareLaunchArgument('log_level', default_value='info',
                               choices=['debug', 'info', 'warn', 'error', 'fatal'],
                               description='Least severity that is logged'),

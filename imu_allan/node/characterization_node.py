@@ -36,7 +36,7 @@ from imu_allan.node.run import Half, Lane
 from imu_allan.node.same_imu import Probation
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
-from imu_allan.node.temperature_topic import TemperatureTopic
+from imu_allan.node.temperature_topic import Neighbour, TemperatureTopic
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rcl_interfaces.msg import SetParametersResult
@@ -102,9 +102,9 @@ class CharacterizationNode(Node):
                                    values['accel_type']])),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
+        self._neighbour = Neighbour(self, subscribed[0])
         thermometer = values['temperature_topic']
-        self._temperature = (TemperatureTopic(self, thermometer, self._facts, len(topics))
-                             if thermometer else None)
+        self._temperature = self._thermometer(thermometer) if thermometer else None
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
         self._reports = Reports(
             self, [_type(values, half)[1] for _, half in topics],
@@ -181,6 +181,9 @@ class CharacterizationNode(Node):
         facts = Facts(subscription.topic, queue, expected, values['state_file'], half)
         return Reception(subscription, facts, decode, self._on_malformed)
 
+    def _thermometer(self, topic: str) -> TemperatureTopic:
+        return TemperatureTopic(self, topic, self._facts, len(self._receptions))
+
     def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
         """Refuse together what the node would not start with; one alone may wait for the other."""
         given = {parameter.name: parameter.value for parameter in parameters}
@@ -216,6 +219,10 @@ class CharacterizationNode(Node):
         if self._storage.checkpoint_due(now, self._run):
             self._storage.checkpoint(self._run)
         if self._reports.due(now):
+            if self._temperature is None and (found := self._neighbour.look()):
+                self._temperature = self._thermometer(found)
+                self._log.info(f'temperature from {found}, the only thermometer in the namespace '
+                               'of the IMU')
             self._reports.report(now, self._run, self._results.latest,
                                  self._storage.checkpoint_age_s(now))
             self._results.draw_if_watched(self._run)

@@ -102,7 +102,7 @@ SETTINGS = (
     Setting('coast', 60.0, 'The longest that the filter must do without, in seconds', 0.01,
             86_400.0),
     Setting('temperature_topic', '', 'Topic (sensor_msgs/Temperature) of the thermometer '
-            'beside the IMU; empty is none', read_only=True),
+            "beside the IMU; empty finds the only one in the IMU's namespace", read_only=True),
     Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that holds an Imu, or '
             'that of a driver, such as px4_msgs/msg/SensorCombined', may_be_empty=False,
             read_only=True),

@@ -6,7 +6,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
-from imu_allan.recordings.thermometers import in_celsius
+from imu_allan.recordings.thermometers import beside, in_celsius
 import numpy as np
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
@@ -18,6 +18,32 @@ QUEUE = 1000
 _MOST_WAITING = 100_000
 """Readings that wait until it is known which stamps the samples have: hours of most sensors."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
+
+
+class Neighbour:
+    """
+    The thermometer that nobody named: the one in the namespace of the IMU, as in a recording.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topic : str
+        Full name of the IMU's.
+
+    """
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self._node = node
+        self._topic = topic
+        self._seen: list[str] = []
+
+    def look(self) -> str | None:
+        """Return its topic once two looks have seen it alone; a driver's do not come at once."""
+        before, self._seen = self._seen, sorted(
+            name for name, types in self._node.get_topic_names_and_types()
+            if 'sensor_msgs/msg/Temperature' in types and beside(self._topic, name)
+            and self._node.count_publishers(name))
+        return self._seen[0] if len(self._seen) == 1 and before == self._seen else None
 
 
 class TemperatureTopic:

@@ -56,14 +56,32 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
     if own or not apart:
         return own[0] if own else None
     source = recording.imu(topic).topic
-    space = source.rpartition('/')[0]
-    near = [heat for heat in apart if space and heat.name.rpartition('/')[0] == space]
+    near = [heat for heat in apart if beside(source, heat.name)]
     if len(near) == 1:
         return near[0]
     frame_id = _frame_id(recording, topic)
     alike = [heat for heat in near or apart
              if frame_id and _frame_id(recording, heat.name) == frame_id]
     return alike[0] if len(alike) == 1 else None
+
+
+def beside(topic: str, thermometer: str) -> bool:
+    """
+    Whether two topics lie in the same namespace, which is no one's where it is the root.
+
+    Parameters
+    ----------
+    topic, thermometer : str
+        Full names.
+
+    Examples
+    --------
+    >>> beside('/imu/data_raw', '/imu/temperature'), beside('/imu', '/temperature')
+    (True, False)
+
+    """
+    space = topic.rpartition('/')[0]
+    return bool(space) and thermometer.rpartition('/')[0] == space
 
 
 def temperatures(recording: Recording, topic: str, clock: Literal['header', 'receive'] | None,

@@ -49,7 +49,8 @@ def test_the_launch_files_declare_their_arguments() -> None:
     assert {file.name: arguments(file) for file in LAUNCH_FILES} == {
         'imu_allan.launch.py': {'name', 'namespace', 'params_file', 'imu_topic', 'gyro_topic',
                                 'accel_topic', 'state_file', 'output_dir', 'spec_file',
-                                'reference', 'log_level', 'respawn', 'use_sim_time'},
+                                'reference', 'temperature_topic', 'log_level', 'respawn',
+                                'use_sim_time'},
         'several_imus.launch.py': {'imus', 'state_dir'},
         'demo.launch.py': {'model', 'rate', 'speed', 'duration'}}
 

@@ -38,6 +38,7 @@ def test_every_argument_reaches_the_node(ros: Ros, reference: Path) -> None:
              'params_file': str(file), 'gyro_topic': 'a/gyro', 'accel_topic': 'a/accel',
              'state_file': str(ros.folder / '2026'), 'output_dir': str(ros.folder / 'out'),
              'spec_file': str(specification), 'reference': str(reference),
+             'temperature_topic': 'a/warmth',
              'log_level': 'debug', 'use_sim_time': 'true', 'respawn': 'false'}
     file = LAUNCH / 'imu_allan.launch.py'
     assert {*given, 'imu_topic'} == set(declared(file))
@@ -54,7 +55,7 @@ def test_every_argument_reaches_the_node(ros: Ros, reference: Path) -> None:
                   or process.poll() is not None)
         assert process.poll() is None, log.read_text()
         names = ['publish_period', 'coast', 'gyro_topic', 'accel_topic', 'state_file',
-                 'output_dir', 'spec_file', 'reference', 'use_sim_time']
+                 'output_dir', 'spec_file', 'reference', 'temperature_topic', 'use_sim_time']
         values = ros.call(GetParameters, 'front/noise/get_parameters',
                           GetParameters.Request(names=names)).values
         found = {name: value.string_value or value.double_value or value.bool_value

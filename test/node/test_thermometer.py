@@ -98,3 +98,33 @@ def test_a_thermometer_in_kelvin_is_taken_as_in_a_recording(monkeypatch: Any) ->
     [(stamps, celsius_taken)] = taken
     assert stamps.tolist() == [START] * 3
     np.testing.assert_allclose(celsius_taken, kelvin - 273.15, rtol=0, atol=1e-9)
+
+
+def test_the_only_thermometer_in_the_namespace_of_the_imu_is_found(ros: Ros) -> None:
+    node = ros.start('imu_allan_node')
+    elsewhere, own = (ros.node.create_publisher(Temperature, ros.name(name), 10)
+                      for name in ('motor/temperature', 'imu/temperature'))
+    ros.until(own.get_subscription_count)
+    assert not elsewhere.get_subscription_count()
+    told = (f'temperature from {own.topic_name}, the only thermometer in the namespace of the '
+            'IMU')
+    ros.until(lambda: told in node.lines)
+
+
+def test_a_thermometer_is_taken_once_two_looks_have_seen_it_alone() -> None:
+    seen: dict[str, str] = {}
+    node: Any = SimpleNamespace(
+        get_topic_names_and_types=lambda: [(name, [kind]) for name, kind in seen.items()],
+        count_publishers=lambda name: int(not name.endswith('/unpublished')))
+    neighbour = temperature_topic.Neighbour(node, '/imu/data_raw')
+    kind = 'sensor_msgs/msg/Temperature'
+    seen |= {'/imu/data_raw': 'sensor_msgs/msg/Imu', '/motor/temperature': kind,
+             '/imu/unpublished': kind, '/imu/a': kind}
+    assert neighbour.look() is None
+    assert neighbour.look() == '/imu/a'
+    seen['/imu/b'] = kind
+    assert neighbour.look() is None
+    assert neighbour.look() is None
+    del seen['/imu/a']
+    assert neighbour.look() is None
+    assert neighbour.look() == '/imu/b'
