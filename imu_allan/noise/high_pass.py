@@ -51,6 +51,11 @@ _OBSERVABLE_CORNER = 12.0
 Likelihood ratio of a corner beside flicker, one parameter that is chosen from several decades. Of
 100 hours of flicker the largest was 7.7, of 12 behind a filter of a minute the smallest 10.4.
 """
+_OVER_EXPONENT = 5.0
+"""
+Likelihood ratio to another exponent without a filter, which has as many parameters: what falls
+short of such noise by chance fits flicker behind a filter, too.
+"""
 _FALLING_SHORT = 0.25
 """Chance at which the slowest coefficients are as small, from which on a corner is looked for."""
 _CORNERS = 16
@@ -190,8 +195,8 @@ def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | N
         return None
     log_corner, least = lowest_near(loss, corners, best, 1e-2)
     if (2 * (plain.loss - least) < _OBSERVABLE_CORNER
-            or least > min(likeliest_process(groups, dt, plain),
-                           likeliest_exponent(groups, dt, plain))):
+            or least > likeliest_process(groups, dt, plain)
+            or 2 * (likeliest_exponent(groups, dt, plain) - least) < _OVER_EXPONENT):
         return None
     corner = float(np.exp(log_corner))
     return corner if fit_columns(_passed(groups, corner), None, False).described else None

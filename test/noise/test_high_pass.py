@@ -11,7 +11,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results
 from imu_allan.cli.main import main
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.simulate import simulate
+from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import Quantity
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
@@ -48,6 +48,31 @@ def test_a_filter_is_told_where_flicker_hides_the_level_of_the_white_noise(time_
     axis = imu_allan.characterize(hour_without_bias(time_s, 3, hours), 10.0)
     assert not any(found.observable or found.upper95 for found in axis.coefficients.values())
     assert axis.high_passed_hz == pytest.approx(1 / (2 * np.pi * time_s), rel=0.5)
+
+
+def slow_noise(exponent: float, minutes: float, seed: int) -> np.ndarray:
+    """Fifty samples a second of white noise that f^-exponent crosses at 0.1 Hz."""
+    count, rate, rng = round(minutes * 3000), 50.0, np.random.default_rng(seed)
+    size = np.sqrt(rate * (2 * np.pi * 0.1 / rate)**exponent)
+    return np.sqrt(rate) * rng.standard_normal(count) + size * flicker(count, rng, exponent)
+
+
+@pytest.mark.parametrize(('exponent', 'minutes', 'seed'), [(0.5, 5, 19), (0.7, 15, 48)])
+def test_another_exponent_that_falls_short_by_chance_is_no_such_filter(exponent, minutes, seed):
+    axis = imu_allan.characterize(slow_noise(exponent, minutes, seed), 50.0)
+    assert axis.high_passed_hz is None
+    assert any(found.observable for found in axis.coefficients.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('exponent', 'minutes'), [
+    (0.5, 5), (0.7, 5), (0.5, 15), (0.7, 15), (0.85, 15), (1.0, 15)])
+def test_shares_of_short_records_of_other_exponents_that_are_taken_for_filtered(exponent, minutes):
+    axes = [imu_allan.characterize(slow_noise(exponent, minutes, seed), 50.0)
+            for seed in range(300)]
+    told = sum(axis.high_passed_hz is not None for axis in axes)
+    print(f'f^-{exponent:g}, {minutes} min: {told} of 300')
+    assert told <= 8  # 1 % but for chance: 3 are expected, more than 8 in 4 of 1000
 
 
 @pytest.mark.parametrize('process', [
