@@ -10,12 +10,10 @@ too: noise that is level again there has come through no low-pass.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
 from imu_allan.noise.intervals import FEWEST_GROUPS, spread
-from imu_allan.noise.likelihood import Solution
-from imu_allan.noise.trial import fit_band, Trial
+from imu_allan.noise.trial import fit_band, start_in_band, Trial
 import numpy as np
 
 _OCTAVES = 10
@@ -63,10 +61,10 @@ def _narrower(groups: Groups, dt: float, last: Trial) -> Iterator[Trial]:
         if last.described:
             # A roll-off of another shape passes unseen while it still bends the density by a
             # multiple of its error; an octave further down the bend is a quarter.
-            yield fit_band(groups, band, rolling=True, start=_start_from(last, True))
+            yield fit_band(groups, band, rolling=True, start=start_in_band(last, True))
             return
         for rolling in (False, True) if octave else (True,):
-            last = fit_band(groups, band, rolling, start=_start_from(last, rolling))
+            last = fit_band(groups, band, rolling, start=start_in_band(last, rolling))
             yield last
             if last.described:
                 break
@@ -89,13 +87,6 @@ def _best(tried: Sequence[Trial]) -> Trial:
         worth = error_of_density(last) < WORTH * error_of_density(before)
         return last if last.described and worth else before
     return min(tried, key=error_of_density)
-
-
-def _start_from(before: Trial, rolling: bool) -> Solution:
-    """Where to begin in another band: at the same terms, the white noise flat to its edge."""
-    theta = before.solution.theta.copy()
-    theta[QUANTIZATION] = theta[WHITE] if rolling else 0.0
-    return replace(before.solution, theta=theta)
 
 
 def error_of_density(trial: Trial) -> float:

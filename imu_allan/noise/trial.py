@@ -11,7 +11,7 @@ Sci. 17 (1931): the cube root of a chi-square.
 
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
@@ -76,6 +76,13 @@ def fit_band(groups: Groups, edge_hz: float | None, rolling: bool = False,
              start: Solution | None = None) -> Trial:
     """Fit the terms over a band, where `rolling` with a roll-off of the white noise."""
     return fit_columns(banded(groups, edge_hz, rolling), edge_hz, rolling, start)
+
+
+def start_in_band(before: Trial, rolling: bool) -> Solution:
+    """Where to begin in another band: at the same terms, the white noise flat to its edge."""
+    theta = before.solution.theta[:4].copy()
+    theta[QUANTIZATION] = theta[WHITE] if rolling else 0.0
+    return replace(before.solution, theta=theta)
 
 
 def banded(groups: Groups, edge_hz: float | None, rolling: bool) -> Groups:
