@@ -43,10 +43,13 @@ def estimate(trial: Trial, column: int, widening: float = 1.0) -> Estimate:
     if column in trial.fixed:
         best = maximise(trial.groups, best, fixed=others, trend='restricted')
 
+    near = best
+
     def rise(coefficient: float) -> float:
-        held = maximise(trial.groups, best, fixed={**others, column: coefficient**2},
+        nonlocal near
+        near = maximise(trial.groups, near, fixed={**others, column: coefficient**2},
                         trend='restricted', tolerance=1e-3)
-        return 2 * (held.loss - best.loss) / trial.dispersion
+        return 2 * (near.loss - best.loss) / trial.dispersion
 
     value = float(np.sqrt(best.theta[column]))
     # That the parts of a record differ makes a value less certain, not its being there.
@@ -181,6 +184,9 @@ def crossing(rise: Callable[[float], float], value: float, scale: float, level: 
     outer, outer_height = value + root * scale, 0.0
     for _ in range(40):
         if scale < 0 and outer <= 0:
+            # Towards zero without end, unless zero itself is too unlikely.
+            if rise(0.0) < (0.99 * root)**2:
+                return 0.0
             outer = inner / 2
         outer_height = float(np.sqrt(max(rise(outer), 0.0))) - root
         if outer_height > -0.01 * root:
