@@ -23,7 +23,7 @@ from imu_allan.noise.correlated import (
     with_gauss_markov,
     with_process_column,
 )
-from imu_allan.noise.courses import Calmed, with_courses
+from imu_allan.noise.courses import Calmed, has_walk, with_courses
 from imu_allan.noise.doubt_of_flicker import with_doubt_of_flicker
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
@@ -270,15 +270,14 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     """Fit one axis with the regressors that its record has, `doubt` about flicker's exponent."""
     plain, process = _chosen(groups, start, dt)
     trial = plain
-    walk = estimate(trial, WALK)
-    walks = walk.observable
+    walks = seen = has_walk(plain)
     mean: MovingMean | None = None
     if record is not None:
         mean = moving_mean(plain, process, record, walks, partial(_chosen, dt=dt),
                            known_hz)
         trial, process, walks = mean.trial, mean.process, mean.walk
         if trial is not plain:
-            walk = estimate(trial, WALK)
+            seen = has_walk(trial)
         if (mean.warmings or mean.cycle is not None) and calmed is not None:
             steady, parts = calmed(mean.course)
     said: dict[str, Agreement] = {}
@@ -286,7 +285,7 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     changes = steady is not None and not steady.steady
     if steady is not None and changes:
         trial = _capped(trial, steady)
-    if steady is not None and parts is not None and (changes or walk.observable):
+    if steady is not None and parts is not None and (changes or seen):
         own = _in_band(trial, [steady.capped(part) if changes else part for part in parts()], dt,
                        process)
     if own:
@@ -295,15 +294,20 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         found = agreements(trial, own, [COLUMNS[key] for key in keys])
         said = {key: one for key, one in zip(keys, found, strict=True)
                 if changes or one.disagrees}
-    if changes or _widening(said, 'rate_random_walk') > 1:
-        walk = estimate(trial, WALK, _widening(said, 'rate_random_walk'))
     ramp = estimate_ramp(trial)
-    if mean is not None and walk.observable:
+    wider = _widening(said, 'rate_random_walk')
+    walk = estimate(trial, WALK, wider) if wider > 1 else None
+    if walk is not None:
+        seen = walk.observable
+    elif changes:
+        seen = has_walk(trial)
+    if mean is not None and seen:
         uneven = uneven_by(trial, mean.record, process.correlation_time_s if process else None)
-        if uneven > _widening(said, 'rate_random_walk'):
+        if uneven > wider:
             walk = estimate(trial, WALK, uneven)
         walks = walks and is_walk(trial, mean.record, own, even=uneven == 1,
                                   moves=ramp.observable or mean.moves)
+    walk = walk or estimate(trial, WALK)
     unclear = walk.observable and not walks
     if unclear:
         walk = replace(walk, observable=False)
