@@ -256,23 +256,62 @@ def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
         The lowest 48 coefficients of every whole-record part stay single.
 
     """
-    weight = bins.dof if keep is None else bins.dof * keep
-    inverse = bins.band
-    dof: Array = np.bincount(inverse, weight).astype(np.float64)
-    some = dof > 0
+    bands = _Bands(bins, keep)
+    still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
+                   np.stack([bands.mean(column) for column in bins.design.T], axis=1),
+                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp))
+    return _regressed(still, bands, bins, axis, regressors)
 
-    def average(values: Array) -> Array:
-        return np.asarray(np.bincount(inverse, weight * values)[some] / dof[some])
 
-    groups = Groups(average(bins.frequency), dof[some], average(bins.power[axis]),
-                    np.stack([average(column) for column in bins.design.T], axis=1),
-                    average(bins.cross[axis]), average(bins.ramp))
+def regressed(still: Groups, bins: Bins, axis: int, keep: NDArray[np.bool_] | None,
+              regressors: Array) -> Groups:
+    """
+    Exchange the regressors of the groups that `grouped` makes of the same bins.
+
+    Parameters
+    ----------
+    still : Groups
+        With any regressors.
+    bins, axis, keep, regressors
+        As for `grouped`.
+
+    Returns
+    -------
+    Groups
+
+    """
+    return _regressed(still, _Bands(bins, keep), bins, axis, regressors)
+
+
+class _Bands:
+    """Means over the bands of some bins, in order of frequency."""
+
+    def __init__(self, bins: Bins, keep: NDArray[np.bool_] | None) -> None:
+        self._weight = bins.dof if keep is None else bins.dof * keep
+        self._band = bins.band
+        dof: Array = np.bincount(self._band, self._weight).astype(np.float64)
+        self._some = np.flatnonzero(dof > 0)
+        self.dof = dof[self._some]
+        self.frequency = self.mean(bins.frequency)
+        order = np.argsort(self.frequency)
+        self._some, self.dof, self.frequency = (
+            self._some[order], self.dof[order], self.frequency[order])
+
+    def mean(self, values: Array) -> Array:
+        """Weigh by degrees of freedom, shape (bands,)."""
+        return np.asarray(np.bincount(self._band, self._weight * values)[self._some] / self.dof)
+
+
+def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: Array | None
+               ) -> Groups:
+    """Lay the ramp and other regressors to groups."""
     columns = [-np.sqrt(np.maximum(bins.ramp, 0)), *([] if regressors is None else regressors.T)]
-    along = [average(bins.coefficient[axis] * column) for column in columns]
-    among = [[average(one * other) for other in columns] for one in columns]
-    groups = replace(groups, along=np.stack(along, axis=1),
-                     among=np.moveaxis(np.array(among), 2, 0))
-    return groups.taken(np.argsort(groups.frequency))
+    along = [bands.mean(bins.coefficient[axis] * column) for column in columns]
+    among = np.empty((len(bands.dof), len(columns), len(columns)))
+    for i, one in enumerate(columns):
+        for j, other in enumerate(columns[:i + 1]):
+            among[:, i, j] = among[:, j, i] = bands.mean(one * other)
+    return replace(still, along=np.stack(along, axis=1), among=among)
 
 
 def joined_groups(parts: Sequence[Groups]) -> Groups:

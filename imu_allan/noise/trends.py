@@ -10,8 +10,9 @@ what the coefficients would be if it were all there is.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
-from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups
+from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups, regressed
 from imu_allan.noise.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np
@@ -107,9 +108,21 @@ class RecordSpectrum:
 
     def groups(self, *courses: Course | EachCourse) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
-        every = [*self.courses, *own_courses(courses)]
-        columns = regressors(self.pieces, self.dt, every) if every else None
-        return grouped(self.bins, self.axis, self.keep, columns)
+        if not courses:
+            return self._still
+        columns = regressors(self.pieces, self.dt, own_courses(courses))
+        return regressed(self._still, self.bins, self.axis, self.keep,
+                         np.column_stack((*self._columns, columns)))
+
+    @cached_property
+    def _columns(self) -> tuple[Array, ...]:
+        """Regressors of the courses that stand in every fit."""
+        return (regressors(self.pieces, self.dt, self.courses),) if self.courses else ()
+
+    @cached_property
+    def _still(self) -> Groups:
+        """Gather the groups without further courses once: they are asked for again and again."""
+        return grouped(self.bins, self.axis, self.keep, *self._columns)
 
     def beside(self, courses: Sequence[Course | EachCourse]) -> 'RecordSpectrum':
         """Return the same spectrum with further courses that stand in every fit."""
