@@ -118,11 +118,11 @@ class _Search:
         """Return the groups with a process of a correlation time."""
         return with_process_column(self._groups, self._rolling, self._dt, time)
 
-    def loss(self, log_time: float) -> float:
+    def loss(self, log_time: float, limit: float = np.inf) -> float:
         """Fit a process of a correlation time, which is then the nearest."""
         self.nearest = maximise(self.with_process(float(np.exp(log_time))), self.nearest,
                                 fixed={} if self._rolling else {QUANTIZATION: 0.0},
-                                trend='restricted', tolerance=1e-3)
+                                trend='restricted', tolerance=1e-3, limit=limit)
         return self.nearest.loss
 
 
@@ -148,9 +148,10 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
     search = _Search(base.groups, base.rolling, dt)
     if not search.is_possible:
         return None
-    losses = [search.loss(time) for time in search.times]
+    limit = base.solution.loss - _OBSERVABLE_PROCESS / 4
+    losses = [search.loss(time, limit) for time in search.times]
     best = int(np.argmin(losses))
-    if 2 * (base.solution.loss - losses[best]) < _OBSERVABLE_PROCESS / 2:
+    if losses[best] > limit:
         return None
     log_time, _ = lowest_near(search.loss, search.times, best, 0.01)
     time = float(np.exp(log_time))

@@ -122,6 +122,8 @@ def about_blocks(groups: Groups, slope: float | Array) -> Array:
     ndarray, shape (groups,)
 
     """
+    if isinstance(slope, float) and slope == 0:
+        return groups.power
     return np.asarray(np.maximum(groups.power + slope**2 * np.minimum(groups.ramp, 0.0),
                                  LEAST_OF_BLOCKS * groups.power))
 
