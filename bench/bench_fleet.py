@@ -36,10 +36,11 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.joint import joint_result
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.bins import Bins, bins_of
 from imu_allan.noise.chi_square import NORMAL90
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS
-from imu_allan.noise.groups import Bins, bins_of, grouped
+from imu_allan.noise.groups import grouped
 from imu_allan.noise.intervals import log_ratio
 from imu_allan.noise.joint import fit_spectra, joint_fits, RecordedSpectrum
 from imu_allan.noise.likelihood import maximise

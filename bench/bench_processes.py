@@ -21,9 +21,10 @@ import os
 import sys
 
 from drawn_spectra import draw, shape_of
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import process_column, with_process_column
 from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.groups import bins_of, grouped, QUANTIZATION
+from imu_allan.noise.groups import grouped, QUANTIZATION
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.shapes import warming

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise import spectrum
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import process_column
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import bins_of, FLICKER
+from imu_allan.noise.groups import FLICKER
 from imu_allan.noise.mean_in_blocks import Course, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.trends import duration, RecordSpectrum

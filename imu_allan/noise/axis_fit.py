@@ -10,10 +10,11 @@ from itertools import pairwise
 from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.alike import pairs
 from imu_allan.noise.axis_fault import axis_fault, steps_hide_noise
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.bridges import Bridges
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.groups import bins_of, grouped, Groups, Spectra
+from imu_allan.noise.groups import grouped, Groups, Spectra
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.mean_in_blocks import Course, without_mean
 from imu_allan.noise.part_of_record import Part

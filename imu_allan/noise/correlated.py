@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.groups import Bins, Groups, QUANTIZATION, WHITE
+from imu_allan.noise.bins import Bins
+from imu_allan.noise.groups import Groups, QUANTIZATION, WHITE
 from imu_allan.noise.intervals import CI95, crossing, spread
 from imu_allan.noise.likelihood import maximise, residual_power, Solution
 from imu_allan.noise.minimum import lowest_near

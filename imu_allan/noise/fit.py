@@ -174,8 +174,9 @@ def fit(groups: Groups, dt: float, start: Solution | None = None,
 
     Examples
     --------
+    >>> from imu_allan.noise.bins import bins_of
     >>> from imu_allan.noise.estimator import Estimator
-    >>> from imu_allan.noise.groups import bins_of, grouped
+    >>> from imu_allan.noise.groups import grouped
     >>> estimator = Estimator()
     >>> estimator.update(np.random.default_rng(1).normal(scale=0.01, size=20_000))
     >>> pieces = estimator.finished().periodogram.pieces()

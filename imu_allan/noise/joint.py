@@ -18,9 +18,10 @@ from dataclasses import dataclass
 
 from imu_allan.noise.axis_fault import axis_fault
 from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import fit
-from imu_allan.noise.groups import bins_of, grouped, joined_groups
+from imu_allan.noise.groups import grouped, joined_groups
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
 from imu_allan.noise.tones import find_lines, Line

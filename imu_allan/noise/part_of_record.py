@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
+from imu_allan.noise.bins import Bins, bins_of
 from imu_allan.noise.bridges import Bridges, NO_BRIDGES
 from imu_allan.noise.cells import Cells
-from imu_allan.noise.groups import Bins, bins_of, grouped, Groups
+from imu_allan.noise.groups import grouped, Groups
 from imu_allan.noise.periodogram import (
     BLOCK,
     HIGHEST_OF_MEANS,

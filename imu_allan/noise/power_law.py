@@ -18,16 +18,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
+from imu_allan.noise.bins import Bins
 from imu_allan.noise.courses import Calmed, Spectrum
-from imu_allan.noise.groups import (
-    Bins,
-    FLICKER,
-    Groups,
-    QUANTIZATION,
-    Spectra,
-    WALK,
-    WHITE,
-)
+from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import CI95, crossing, Estimate, spread
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.low_passes import likeliest_low_passed

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.groups import about_ramp, Bins
+from imu_allan.noise.bins import Bins
+from imu_allan.noise.groups import about_ramp
 from imu_allan.noise.likelihood import Solution
 from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from imu_allan.noise.groups import Bins, grouped, Groups, joined_groups, regressed
+from imu_allan.noise.bins import Bins
+from imu_allan.noise.groups import grouped, Groups, joined_groups, regressed
 from imu_allan.noise.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 import numpy as np

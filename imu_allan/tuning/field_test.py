@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
+from imu_allan.noise.bins import Bins, bins_of
 from imu_allan.noise.drift_model import capped
-from imu_allan.noise.groups import Bins, bins_of, grouped, Groups, WALK, WHITE
+from imu_allan.noise.groups import grouped, Groups, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.periodogram import SHORTEST, SpectrumPiece
 from imu_allan.noise.process_means import dct_power

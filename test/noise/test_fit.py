@@ -7,10 +7,11 @@ from dataclasses import replace
 from imu_allan.characterization.axis import axis_results, characterize
 from imu_allan.characterization.findings import fit_remarks
 from imu_allan.noise import band, intervals
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import levels_off, promises_a_process, with_gauss_markov
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import COLUMNS, Fit, fit
-from imu_allan.noise.groups import bins_of, grouped, WALK, WHITE
+from imu_allan.noise.groups import grouped, WALK, WHITE
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.spectrum import gauss_markov

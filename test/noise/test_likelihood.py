@@ -3,16 +3,9 @@
 from dataclasses import replace
 
 from imu_allan.noise import spectrum
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import (
-    bins_of,
-    FLICKER,
-    grouped,
-    joined_groups,
-    QUANTIZATION,
-    WALK,
-    WHITE,
-)
+from imu_allan.noise.groups import FLICKER, grouped, joined_groups, QUANTIZATION, WALK, WHITE
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.simulate import simulate
 import numpy as np

@@ -4,8 +4,8 @@
 
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import fit as fit_module
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import bins_of
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.shapes import warming
 from imu_allan.noise.simulate import simulate
