@@ -18,7 +18,7 @@ from imu_allan.noise.groups import Groups, QUANTIZATION, WALK
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.minimum import lowest_near
 from imu_allan.noise.power_law import likeliest_exponent
-from imu_allan.noise.trial import fit_columns
+from imu_allan.noise.trial import fit_columns, start_in_band
 import numpy as np
 from numpy.typing import NDArray
 
@@ -175,14 +175,17 @@ def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | N
     if (found.gauss_markov is None and found.power_law is None
             and not falls_short(found.trial, _FALLING_SHORT)):
         return None
-    plain = maximise(groups, fixed={QUANTIZATION: 0.0}, trend='restricted')
+    plain = maximise(groups, start_in_band(found.trial, rolling=False), fixed={QUANTIZATION: 0.0},
+                     trend='restricted')
+    limit = plain.loss - _OBSERVABLE_CORNER / 4
     near: Solution = plain
 
     def loss(log_corner: float) -> float:
         nonlocal near
         # A walk behind such a filter is a Gauss-Markov process, of which a sensor may have one.
         near = maximise(_passed(groups, float(np.exp(log_corner))), near,
-                        fixed={QUANTIZATION: 0.0, WALK: 0.0}, trend='restricted', tolerance=1e-3)
+                        fixed={QUANTIZATION: 0.0, WALK: 0.0}, trend='restricted', tolerance=1e-3,
+                        limit=limit)
         return near.loss
 
     lowest = float(groups.frequency[0])
@@ -191,15 +194,17 @@ def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | N
     corners = np.linspace(np.log(lowest), np.log(_HIGHEST_HZ), _CORNERS)
     losses = [loss(corner) for corner in corners]
     best = int(np.argmin(losses))
-    if 2 * (plain.loss - losses[best]) < _OBSERVABLE_CORNER / 2:
+    if losses[best] > limit:
         return None
     log_corner, least = lowest_near(loss, corners, best, 1e-2)
+    corner = float(np.exp(log_corner))
+    # The last two take the longest.
     if (2 * (plain.loss - least) < _OBSERVABLE_CORNER
+            or not fit_columns(_passed(groups, corner), None, False, near).described
             or least > likeliest_process(groups, dt, plain)
             or 2 * (likeliest_exponent(groups, dt, plain) - least) < _OVER_EXPONENT):
         return None
-    corner = float(np.exp(log_corner))
-    return corner if fit_columns(_passed(groups, corner), None, False).described else None
+    return corner
 
 
 def _passed(groups: Groups, corner_hz: float) -> Groups:
