@@ -7,10 +7,13 @@ Spectra are drawn from the model: white noise and flicker of a consumer gyroscop
 whose standard deviation is a multiple of B. Beside the share of records in which it is found, and
 how often the intervals hold the truth, stands the likelihood ratio that a record without chance
 would give against the best sum of power laws: what no test can do without. Then records without a
-process, and such with a warm-up, in which none is to be found.
+process, and such with a warm-up, in which none is to be found. Last, short records, in which a
+process passes for a random walk: how often the interval of K holds the walk that it begins as,
+and would if it were taken for one that goes on for ever, beside walks that do.
 
     python bench/bench_processes.py                        # minutes
     python bench/bench_processes.py --runs 1000 --clean    # only those without
+    python bench/bench_processes.py --runs 400 --walks     # only those that pass for a walk
 """
 
 import argparse
@@ -24,7 +27,8 @@ from drawn_spectra import draw, shape_of
 from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import process_column, with_process_column
 from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.groups import grouped, QUANTIZATION
+from imu_allan.noise.groups import grouped, QUANTIZATION, WALK
+from imu_allan.noise.intervals import estimate
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.shapes import warming
@@ -42,6 +46,9 @@ TABLE = {1: ((60, (4,)),),
          72: ((1000, (1,)), (2500, (1, 2, 4)))}
 CLEAN = {'N': (0.0, N**2, 0.0, 0.0), 'N+B': SENSOR, 'N+K': (0.0, N**2, 0.0, K**2),
          'N+B+K': (0.0, N**2, B**2, K**2)}
+SHORT_H = 0.7
+PASSING = tuple((time, size) for time in (60, 130, 300) for size in (2, 3))
+WALKS = {'case B': (1, 2.5e-4 * DEGREE), 'K of case B': (3, 2.5e-4 * DEGREE), 'case A': (3, K)}
 
 
 def ratio(pieces: Sequence[SpectrumPiece], sigma: float, time_s: float) -> float:
@@ -91,22 +98,48 @@ def clean(hours: float, name: str, runs: int, warm_up: float = 0.0) -> str:
             f'{sum(one is not None for one in found)} of {runs}')
 
 
+def walk(name: str, hours: float, rise: float, runs: int,
+         process: tuple[float, float] | None = None) -> str:
+    """Return how often the interval of a random walk holds, with doubt about it and without."""
+    theta = SENSOR if process else (0.0, N**2, B**2, rise**2)
+    found = [(one.estimates['rate_random_walk'], one) for one in
+             fitted(hours, theta, runs, 3, process)]
+    seen = [(doubted, estimate(one.trial, WALK)) for doubted, one in found if doubted.observable]
+    line = f'{hours:4} h {name:16} K seen {len(seen) / runs:.2f}'
+    if not seen:
+        return line
+    shares = [np.mean([one.low <= rise <= one.high for one in some]) for some in
+              zip(*seen, strict=True)]
+    doubted, plain = (f'{share:.3f} +- {np.sqrt(share * (1 - share) / len(seen)):.3f}'
+                      for share in shares)
+    wider = np.median([one.high / other.high for one, other in seen])
+    return f'{line}   holds {doubted}, without doubt {plain}   upper end {wider:.2f} times as high'
+
+
 def main() -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--runs', type=int, default=100)
     parser.add_argument('--clean', action='store_true', help='only records without a process')
+    parser.add_argument('--walks', action='store_true', help='only what passes for a walk')
     parser.add_argument('--workers', type=int, default=os.cpu_count())
     options = parser.parse_args()
     with ProcessPoolExecutor(options.workers) as pool:
-        lines = [] if options.clean else [
+        lines = [] if options.clean or options.walks else [
             pool.submit(row, hours, time, size, options.runs)
             for hours, times in TABLE.items() for time, sizes in times for size in sizes]
-        lines += [pool.submit(clean, hours, name, options.runs)
-                  for hours in (1, 3, 12) for name in CLEAN]
-        lines += [pool.submit(clean, 2, name, options.runs, size)
-                  for name in ('N+B', 'N+B+K') for size in (10, 100)]
+        if not options.walks:
+            lines += [pool.submit(clean, hours, name, options.runs)
+                      for hours in (1, 3, 12) for name in CLEAN]
+            lines += [pool.submit(clean, 2, name, options.runs, size)
+                      for name in ('N+B', 'N+B+K') for size in (10, 100)]
+        if not options.clean:
+            lines += [pool.submit(walk, f'{time} s of {size} B', SHORT_H,
+                                  size * B * np.sqrt(2 / time), options.runs, (size * B, time))
+                      for time, size in PASSING]
+            lines += [pool.submit(walk, name, hours, size, options.runs)
+                      for name, (hours, size) in WALKS.items()]
         for line in lines:
             print(line.result(), flush=True)
     return 0

@@ -251,6 +251,11 @@ def promises_a_process(trial: Trial, dt: float) -> bool:
     return False
 
 
+def longest_correlation(groups: Groups) -> float:
+    """Return the longest correlation time that a spectrum can tell, in seconds."""
+    return 1 / (2 * np.pi * float(groups.frequency[0]))
+
+
 def _range(groups: Groups, dt: float) -> tuple[float, float]:
     """Return the shortest and the longest correlation time that are looked for."""
-    return _SHORTEST_CORRELATION * dt, 1 / (2 * np.pi * float(groups.frequency[0]))
+    return _SHORTEST_CORRELATION * dt, longest_correlation(groups)

@@ -25,6 +25,7 @@ from imu_allan.noise.correlated import (
 )
 from imu_allan.noise.courses import Calmed, has_walk, with_courses
 from imu_allan.noise.doubt_of_flicker import with_doubt_of_flicker
+from imu_allan.noise.doubt_of_walk import with_doubt_of_walk
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
     bent_density,
@@ -296,20 +297,22 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         said = {key: one for key, one in zip(keys, found, strict=True)
                 if changes or one.disagrees}
     ramp = estimate_ramp(trial)
-    wider = _widening(said, 'rate_random_walk')
-    walk = estimate(trial, WALK, wider) if wider > 1 else None
+    walk_widening = _widening(said, 'rate_random_walk')
+    walk = estimate(trial, WALK, walk_widening) if walk_widening > 1 else None
     if walk is not None:
         seen = walk.observable
     elif changes:
         seen = has_walk(trial)
     if mean is not None and seen:
         uneven = uneven_by(trial, mean.record, process.correlation_time_s if process else None)
-        if uneven > wider:
+        if uneven > walk_widening:
+            walk_widening = uneven
             walk = estimate(trial, WALK, uneven)
         walks = walks and is_walk(trial, mean.record, own, even=uneven == 1,
                                   moves=ramp.observable or mean.moves)
     walk = walk or estimate(trial, WALK)
     unclear = walk.observable and not walks
+    walk = with_doubt_of_walk(trial, dt, walk, walk_widening)
     if unclear:
         walk = replace(walk, observable=False)
     estimates = {key: walk if column == WALK else estimate(trial, column, _widening(said, key))

@@ -329,6 +329,10 @@ def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_
             assert 3.7 < rise(**{key: estimate.high}) < 60
             continue
         assert rise(**{key: estimate.low}) == pytest.approx(3.841, rel=0.03)
+        if key == 'rate_random_walk':
+            # The highest of all walks that level off later than the record tells.
+            assert 3.7 < rise(**{key: estimate.high}) < 5
+            continue
         assert rise(**{key: estimate.high}) == pytest.approx(3.841, rel=0.03)
     if samples > 1_000_000:
         assert seen == set(truth)
