@@ -57,6 +57,10 @@ class Case:
         Numerator and denominator of a filter in the sensor.
     power_law : tuple or None
         Exponent of slow noise that is no flicker, and where it crosses the white noise, in Hz.
+    louder : float
+        How many times the noise is as large in the second half.
+    opening : float
+        Size of what a sensor does in its first 90 s that no term is, in units of B.
 
     """
 
@@ -66,6 +70,8 @@ class Case:
     bound: dict[str, float]
     low_pass: tuple[Sequence[float], Sequence[float]] | None = None
     power_law: tuple[float, float] | None = None
+    louder: float = 1.0
+    opening: float = 0.0
 
     def truth(self, key: str) -> float:
         """Return the true coefficient, or standard deviation of the process; 0 where absent."""
@@ -82,7 +88,11 @@ class Case:
             return np.asarray(simulate(self.terms, samples, self.rate_hz, seed)
                               + size * np.sqrt(self.rate_hz) * slow)
         if self.low_pass is None:
-            return simulate(self.terms, samples, self.rate_hz, seed)
+            found = simulate(self.terms, samples, self.rate_hz, seed)
+            found[samples // 2:] *= self.louder
+            time = np.arange(round(90 * self.rate_hz)) / self.rate_hz
+            found[:len(time)] += self.opening * self.terms.get(B, 0.0) * np.sin(time / 5)
+            return found
         raw = simulate(self.terms, samples + _SETTLING, self.rate_hz, seed)
         return np.asarray(lfilter(*self.low_pass, raw)[_SETTLING:])
 
@@ -106,16 +116,21 @@ CASES = {
     '4th order 10 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(4, 10, fs=100)),
     'boxcar 8': Case(CONSUMER, 100, 3 * _HOUR, _A, ([1 / 8] * 8, [1.0])),
     'f^-0.7': Case({N: CONSUMER[N]}, 100, _HOUR, {}, power_law=(0.7, 5.0)),
+    'louder by 20 %': Case(CONSUMER, 100, _HOUR, {}, louder=1.2),
+    'louder by 50 %': Case(CONSUMER, 100, _HOUR, {}, louder=1.5),
+    'first 90 s': Case(CONSUMER, 100, _HOUR, {}, opening=20.0),
     'f^-1.3': Case({N: CONSUMER[N]}, 100, _HOUR, {}, power_law=(1.3, 5.0)),
 }
 
 Estimates = dict[str, tuple[float, float, float, bool]]
 """Value, 95 % interval and observable by key; an upper bound is the interval from zero."""
+Words = dict[str, bool]
+"""What is said of the record besides."""
 
 
-def ours(record: Array, rate_hz: float) -> tuple[Estimates, list[tuple[float, ...]]]:
+def ours(record: Array, rate_hz: float) -> tuple[Estimates, list[tuple[float, ...]], Words]:
     """
-    Estimates of this package, and its curve: tau, adev, low, high.
+    Estimates of this package, its curve (tau, adev, low, high), and what it says besides.
 
     Where a coefficient is not observable the result file has no value; here the most likely one
     counts, as it does for the peers, and its interval reaches from zero to the upper bound.
@@ -134,7 +149,8 @@ def ours(record: Array, rate_hz: float) -> tuple[Estimates, list[tuple[float, ..
     axis = characterize(record, rate_hz)
     curve = [(tau, adev, *bounds) for tau, adev, bounds
              in zip(axis.curve.tau_s, axis.curve.adev, axis.curve.ci95, strict=True)]
-    return found, curve
+    steady = axis.stationarity is None or axis.stationarity.steady
+    return found, curve, {'not steady': not steady, 'fits': axis.goodness_of_fit.acceptable}
 
 
 def tangents(record: Array, rate_hz: float) -> Estimates:
@@ -166,13 +182,13 @@ PEERS: dict[str, Callable[[Array, float], Estimates]] = {
 
 
 def trial(name: str, peers: Sequence[str], seed: int
-          ) -> tuple[dict[str, Estimates], list[tuple[float, ...]]]:
+          ) -> tuple[dict[str, Estimates], list[tuple[float, ...]], Words]:
     """One record through every method."""
     case = CASES[name]
     record = case.record(seed)
-    found, curve = ours(record, case.rate_hz)
+    found, curve, words = ours(record, case.rate_hz)
     return ({'imu_allan': found,
-             **{peer: PEERS[peer](record, case.rate_hz) for peer in peers}}, curve)
+             **{peer: PEERS[peer](record, case.rate_hz) for peer in peers}}, curve, words)
 
 
 def run(name: str, runs: int, peers: Sequence[str] = (), first_seed: int = 0,
@@ -198,9 +214,21 @@ def figures(name: str, trials: Sequence[Any], method: str = 'imu_allan'
         if truth:
             error = rows[:, 0] / truth - 1
             line['bias'] = float(error.mean())
-            line['rmse'] = float(np.sqrt(np.mean(error**2)))
+            line['rmse'], line['rmse_error'] = root_mean_square(error)
         summary[key] = line
     return summary
+
+
+def root_mean_square(errors: Array) -> tuple[float, float]:
+    """Return the root of the mean square, and its standard error."""
+    squares = errors**2
+    size = float(np.sqrt(squares.mean()))
+    return size, float(squares.std() / np.sqrt(len(squares)) / (2 * max(size, 1e-300)))
+
+
+def share_with_error(share: float, of: int) -> str:
+    """Write a share of so many records with its standard error."""
+    return f'{share:.3f} +- {np.sqrt(share * (1 - share) / of):.3f}'
 
 
 def right_terms(name: str, trials: Sequence[Any], method: str = 'imu_allan') -> float:
@@ -225,8 +253,8 @@ def curve_coverage(name: str, trials: Sequence[Any]) -> list[tuple[float, float]
 
 def show(name: str, trials: Sequence[Any]) -> None:
     """Print one case."""
-    case = CASES[name]
-    print(f'\n{name}: {case.rate_hz:g} Hz x {case.duration_s / 3600:g} h, {len(trials)} records')
+    case, runs = CASES[name], len(trials)
+    print(f'\n{name}: {case.rate_hz:g} Hz x {case.duration_s / 3600:g} h, {runs} records')
     for method in trials[0][0]:
         print(f'  {method}')
         for key, line in figures(name, trials, method).items():
@@ -234,14 +262,19 @@ def show(name: str, trials: Sequence[Any]) -> None:
                 print(f'    {key:20} not in truth, reported in {100 * line["observable"]:5.1f} %')
                 continue
             bound = case.bound.get(key)
-            over = f'{line["rmse"] / bound:8.2f} x bound' if bound else ''
-            coverage = (f'coverage {line["coverage"]:.3f}'
-                        if method == 'imu_allan' and key != PROCESS else '')
+            over = (f'{line["rmse"] / bound:8.2f} +- {line["rmse_error"] / bound:.2f} x bound'
+                    if bound else '')
+            held = (f'coverage {share_with_error(line["coverage"], runs)}'
+                    if method == 'imu_allan' and key != PROCESS else '')
             print(f'    {key:20} bias {100 * line["bias"]:+8.3f} %  rmse '
                   f'{100 * line["rmse"]:8.3f} %{over}  observable '
-                  f'{100 * line["observable"]:5.1f} %  {coverage}')
+                  f'{100 * line["observable"]:5.1f} %  {held}')
         print(f'    just the true terms in {100 * right_terms(name, trials, method):.1f} %')
-    if case.low_pass is None and case.power_law is None and PROCESS not in case.terms:
+    print('  ' + ', '.join(
+        f'{word} {share_with_error(float(np.mean([words[word] for *_, words in trials])), runs)}'
+        for word in trials[0][2]))
+    if (case.low_pass is None and case.power_law is None and PROCESS not in case.terms
+            and case.louder == 1 and not case.opening):
         worst = [f'{tau:g} s {share:.3f}' for tau, share in curve_coverage(name, trials)]
         print('  coverage of the curve: ' + ', '.join(worst))
 
@@ -251,38 +284,71 @@ _WEAK_Q = CONSUMER[N] * np.sqrt(np.sqrt(2 / 360_000) * 0.01 / 2 * 1.15)
 """Quantization noise whose square is one standard error, in an hour at 100 Hz."""
 
 
-def drawn_cases() -> dict[str, tuple[float, float, dict[str, float], list[Callable[..., Any]]]]:
-    """Sample rate, hours, terms and courses of the mean of the cases that `--drawn` runs."""
+@dataclass(frozen=True)
+class Drawn:
+    """
+    A simulated sensor of which spectra are drawn.
+
+    Attributes
+    ----------
+    rate_hz, hours : float
+    terms : dict
+        SI coefficient by key.
+    courses : tuple of callable
+        What the mean follows over time.
+    low_pass : tuple or None
+        Numerator and denominator of a filter in the sensor.
+
+    """
+
+    rate_hz: float
+    hours: float
+    terms: dict[str, float]
+    courses: tuple[Callable[[Array], Array], ...] = ()
+    low_pass: tuple[Sequence[float], Sequence[float]] | None = None
+
+
+def drawn_cases() -> dict[str, Drawn]:
+    """Sensors by name."""
     still = {N: CONSUMER[N], B: CONSUMER[B]}
     flicker = CONSUMER[B]
 
     def ramp(slope: float) -> Callable[[Array], Array]:
         return lambda time: slope * time
 
+    def warming(size: float, time_s: float) -> Callable[[Array], Array]:
+        return lambda time: size * flicker * np.exp(-time / time_s)
+
+    def turning(time: Array) -> Array:
+        return np.asarray(2 * flicker * np.sin(2 * np.pi * time / 1200))
+
     steep = 3 * WALKING[K] / np.sqrt(_HOUR)
     return {
-        'A': (100, 3, CONSUMER, []),
-        'B': (200, 1, WALKING, []),
-        'N + B': (100, 1, still, []),
-        'N + B + ramp of 5 standard errors': (100, 1, still, [ramp(4.4 * flicker / _HOUR)]),
-        'N + B + K + ramp of 3 standard errors': (100, 1, WALKING, [ramp(steep)]),
-        'warm-up 10 B exp(-t/600 s)': (
-            100, 2, still, [lambda time: 10 * flicker * np.exp(-time / 600)]),
-        'warm-up 1000 B exp(-t/1800 s)': (
-            100, 2, still, [lambda time: 1000 * flicker * np.exp(-time / 1800)]),
-        'warm-up 100 B exp(-t/120 s) + 50 B exp(-t/1800 s)': (
-            100, 2, still, [lambda time: 100 * flicker * np.exp(-time / 120)
-                            + 50 * flicker * np.exp(-time / 1800)]),
-        'warm-up 100 B exp(-t/600 s) beside the weak K of case A': (
-            100, 2, CONSUMER, [lambda time: 100 * flicker * np.exp(-time / 600)]),
-        'sine of 20 min, 2 B, 1 h': (
-            100, 1, still, [lambda time: 2 * flicker * np.sin(2 * np.pi * time / 1200)]),
-        'sine of 20 min, 2 B, 2 h': (
-            100, 2, still, [lambda time: 2 * flicker * np.sin(2 * np.pi * time / 1200)]),
-        **{f'Q of {errors} standard errors': (
-            100, 1, {**still, 'quantization_noise': _WEAK_Q * np.sqrt(errors)}, [])
+        'A': Drawn(100, 3, CONSUMER),
+        'B': Drawn(200, 1, WALKING),
+        'N + B': Drawn(100, 1, still),
+        'N + B + ramp of 5 standard errors': Drawn(100, 1, still, (ramp(4.4 * flicker / _HOUR),)),
+        'N + B + K + ramp of 3 standard errors': Drawn(100, 1, WALKING, (ramp(steep),)),
+        'warm-up 10 B exp(-t/600 s)': Drawn(100, 2, still, (warming(10, 600),)),
+        'warm-up 1000 B exp(-t/1800 s)': Drawn(100, 2, still, (warming(1000, 1800),)),
+        'warm-up 100 B exp(-t/120 s) + 50 B exp(-t/1800 s)': Drawn(
+            100, 2, still, (warming(100, 120), warming(50, 1800))),
+        'warm-up 100 B exp(-t/600 s) beside the weak K of case A': Drawn(
+            100, 2, CONSUMER, (warming(100, 600),)),
+        'sine of 20 min, 2 B, 1 h': Drawn(100, 1, still, (turning,)),
+        'sine of 20 min, 2 B, 2 h': Drawn(100, 2, still, (turning,)),
+        **{f'Q of {errors} standard errors': Drawn(
+            100, 1, {**still, 'quantization_noise': _WEAK_Q * np.sqrt(errors)})
            for errors in (1, 2, 3, 4)},
+        **{f'white noise {percent} % lower at the band edge': Drawn(
+            100, 1, still, low_pass=_mean_of_two(percent / 100)) for percent in (1, 2, 3)},
     }
+
+
+def _mean_of_two(share: float) -> tuple[Sequence[float], Sequence[float]]:
+    """Return a weighted mean with the sample before, which takes a share of the highest power."""
+    other = (1 - np.sqrt(1 - share)) / 2
+    return [1 - other, other], [1.0]
 
 
 def coverage(fits: Sequence[Fit], key: str, truth: float) -> float:
@@ -295,34 +361,32 @@ def show_drawn(name: str, records: int) -> None:
     """Draw spectra of a case, fit them, and print the figures with their standard errors."""
     from drawn_spectra import draw, shape_of
     from imu_allan.noise.fit import fit
-    rate, hours, terms, courses = drawn_cases()[name]
-    dt = 1 / rate
-    theta = [terms.get(key, 0.0)**2 for key in TERMS_OF_DRAWN]
-    spectra = draw(shape_of(round(rate * hours * _HOUR)), theta, dt, records,
-                   np.random.default_rng(0), courses)
+    case = drawn_cases()[name]
+    dt = 1 / case.rate_hz
+    theta = [case.terms.get(key, 0.0)**2 for key in TERMS_OF_DRAWN]
+    spectra = draw(shape_of(round(case.rate_hz * case.hours * _HOUR)), theta, dt, records,
+                   np.random.default_rng(0), case.courses, low_pass=case.low_pass)
     found = [fit(one.groups(), dt, None, one) for one in spectra]
-    print(f'\n{name}: {rate:g} Hz x {hours:g} h, {records} drawn spectra')
+    print(f'\n{name}: {case.rate_hz:g} Hz x {case.hours:g} h, {records} drawn spectra')
     for key in TERMS_OF_DRAWN:
         estimates = [one.estimates[key] for one in found]
-        seen = np.mean([one.observable for one in estimates])
-        share = f'observable {seen:.3f} +- {np.sqrt(seen * (1 - seen) / records):.3f}'
-        truth = terms.get(key, 0.0)
+        seen = 'observable ' + share_with_error(
+            float(np.mean([one.observable for one in estimates])), records)
+        truth = case.terms.get(key, 0.0)
         if not truth:
-            print(f'    {key:20} not in truth, {share}')
+            print(f'    {key:20} not in truth, {seen}')
             continue
-        squares = np.array([(one.value / truth - 1)**2 for one in estimates])
-        rmse = float(np.sqrt(squares.mean()))
-        error = float(squares.std() / np.sqrt(records) / (2 * rmse))
-        inside = coverage(found, key, truth)
-        print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {share}  coverage '
-              f'{inside:.3f} +- {np.sqrt(inside * (1 - inside) / records):.3f}')
+        rmse, error = root_mean_square(np.array([one.value / truth - 1 for one in estimates]))
+        print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {seen}  coverage '
+              f'{share_with_error(coverage(found, key, truth), records)}')
     words = {'two exponentials': [len(one.warmings) > 1 for one in found],
              'low-pass': [one.window_s is not None for one in found],
              'warm-up': [bool(one.warmings) for one in found],
              'cycle': [one.cycle_s is not None for one in found],
              'trend or walk': [one.walk_unclear for one in found],
              'Gauss-Markov': [one.gauss_markov is not None for one in found],
-             'ramp': [one.estimates['rate_ramp'].observable for one in found]}
+             'ramp': [one.estimates['rate_ramp'].observable for one in found],
+             'fits': [one.acceptable for one in found]}
     print('    ' + ', '.join(f'{word} {np.mean(said):.3f}' for word, said in words.items()))
 
 
