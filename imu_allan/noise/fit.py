@@ -284,7 +284,7 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
             steady, parts = calmed(mean.course)
     said: dict[str, Agreement] = {}
     own: list[Groups] = []
-    changes = steady is not None and not steady.steady
+    changes = steady is not None and steady.differs
     if steady is not None and changes:
         trial = _capped(trial, steady)
     if steady is not None and parts is not None and (changes or seen):
@@ -295,7 +295,7 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         keys = ('noise_density', *_SLOW) if changes else _SLOW
         found = agreements(trial, own, [COLUMNS[key] for key in keys])
         said = {key: one for key, one in zip(keys, found, strict=True)
-                if changes or one.disagrees}
+                if one.disagrees or (steady is not None and not steady.steady)}
     ramp = estimate_ramp(trial)
     walk_widening = _widening(said, 'rate_random_walk')
     walk = estimate(trial, WALK, walk_widening) if walk_widening > 1 else None

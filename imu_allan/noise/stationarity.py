@@ -122,6 +122,9 @@ class Steadiness:
     Attributes
     ----------
     steady : bool
+        Whether the noise is the same but for chance, or for less than a user cares about.
+    differs : bool
+        Whether it differs by more than chance, be it little.
     p_value : float
         Of equal noise in all segments.
     changes : tuple of Change
@@ -132,6 +135,7 @@ class Steadiness:
     """
 
     steady: bool
+    differs: bool
     p_value: float
     changes: tuple[Change, ...]
     frequency_hz: Array
@@ -307,7 +311,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     half = _by_band(np.floor(2 * np.log2(frequency)).astype(np.int64), ratio, dof, frequency, keep)
     if half is None:
         nothing = np.array([1.0])
-        return Steadiness(True, 1.0, (), nothing, np.zeros(1), nothing)
+        return Steadiness(True, False, 1.0, (), nothing, np.zeros(1), nothing)
     at, middle, count = half
     p_value, least = equal_variances(at, count), _SHORT_P if white_alone else _SMALLEST_P
     spread = _spread(at, count)
@@ -327,8 +331,9 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
         band = int(np.digitize(centre[place], _SPLITS_HZ))
         changes.append(Change(edges[band], edges[band + 1], float(wide[place]) / 2,
                               np.sqrt(at[:, place])))
-    steady = p_value >= least or not changes
-    return Steadiness(steady, p_value, () if steady else tuple(changes), middle, smooth,
+    differs = p_value < least
+    steady = not (differs and changes)
+    return Steadiness(steady, differs, p_value, () if steady else tuple(changes), middle, smooth,
                       count.sum(axis=0))
 
 

@@ -187,3 +187,30 @@ def test_fewer_than_one_short_record_in_a_hundred_alarms(kind):
 @pytest.mark.parametrize('samples', [100, 20_000])
 def test_a_record_too_short_for_parts_says_nothing_of_them(samples):
     assert characterize(simulate(SENSOR, samples, RATE, 3), RATE).stationarity is None
+
+
+def halves_and_whole(seed, samples=300_000):
+    """Return N of a record that is 3 % louder in its second half, and of its halves."""
+    record = np.random.default_rng(seed).normal(0, 1e-2, samples)
+    record[samples // 2:] *= 1.03
+    whole, *halves = (
+        characterize(part, RATE) for part in (record, *np.split(record, 2)))
+    return whole, [half.coefficients['noise_density'].ci95 for half in halves]
+
+
+def test_a_change_too_small_to_be_told_contradicts_no_part():
+    whole, halves = halves_and_whole(1)
+    assert whole.stationarity.steady
+    low, high = whole.coefficients['noise_density'].ci95
+    assert all(low < end and start < high for start, end in halves)
+
+
+@pytest.mark.slow
+def test_the_whole_contradicts_hardly_a_half_that_is_a_little_louder():
+    apart = 0
+    for seed in range(100):
+        whole, halves = halves_and_whole(seed)
+        low, high = whole.coefficients['noise_density'].ci95
+        apart += any(low > end or start > high for start, end in halves)
+    print(f'the whole contradicts a half in {apart} of 100')
+    assert apart <= 5
