@@ -23,8 +23,10 @@ from typing import Any
 
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
+from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import FLICKER_FLOOR
 import numpy as np
@@ -35,6 +37,7 @@ Array = NDArray[np.float64]
 
 DEGREE = np.pi / 180
 N, B, K = 'noise_density', 'bias_instability', 'rate_random_walk'
+SPECTRAL = ('quantization_noise', N, B, K)
 PROCESS = 'gauss_markov'
 CONSUMER = {N: 0.0045 * DEGREE, B: 0.0014 * DEGREE, K: 6.5e-5 * DEGREE}
 WALKING = {**CONSUMER, K: 2.5e-4 * DEGREE}
@@ -51,8 +54,6 @@ class Case:
     terms : dict
         SI coefficient by key; a Gauss-Markov process as `simulate` wants it.
     rate_hz, duration_s : float
-    bound : dict
-        Relative Cramer-Rao bound by key.
     low_pass : tuple or None
         Numerator and denominator of a filter in the sensor.
     power_law : tuple or None
@@ -67,7 +68,6 @@ class Case:
     terms: dict[str, Any]
     rate_hz: float
     duration_s: float
-    bound: dict[str, float]
     low_pass: tuple[Sequence[float], Sequence[float]] | None = None
     power_law: tuple[float, float] | None = None
     louder: float = 1.0
@@ -97,29 +97,26 @@ class Case:
         return np.asarray(lfilter(*self.low_pass, raw)[_SETTLING:])
 
 
-_A = {N: 0.00069, B: 0.044, K: 0.30}
-_B = {N: 0.00084, B: 0.10, K: 0.17}
 _HOUR = 3600.0
 CASES = {
-    'A': Case(CONSUMER, 100, 3 * _HOUR, _A),
-    'B': Case(WALKING, 200, _HOUR, _B),
-    'N': Case({N: CONSUMER[N]}, 100, _HOUR, {}),
-    'NK': Case({N: CONSUMER[N], K: WALKING[K]}, 100, 3 * _HOUR, {}),
-    'NB': Case({N: CONSUMER[N], B: CONSUMER[B]}, 100, 3 * _HOUR, {}),
-    'NBK': Case(WALKING, 100, 3 * _HOUR, {}),
-    'QNB': Case({'quantization_noise': 3e-6, N: CONSUMER[N], B: CONSUMER[B]}, 100, 3 * _HOUR,
-                {}),
-    'GM': Case({N: 1e-3, PROCESS: {'sigma': 1e-3, 'correlation_time_s': 60.0}}, 100, _HOUR, {}),
-    '1st order 20 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(1, 20, fs=100)),
-    '2nd order 20 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(2, 20, fs=100)),
-    '2nd order 5 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(2, 5, fs=100)),
-    '4th order 10 Hz': Case(CONSUMER, 100, 3 * _HOUR, _A, butter(4, 10, fs=100)),
-    'boxcar 8': Case(CONSUMER, 100, 3 * _HOUR, _A, ([1 / 8] * 8, [1.0])),
-    'f^-0.7': Case({N: CONSUMER[N]}, 100, _HOUR, {}, power_law=(0.7, 5.0)),
-    'louder by 20 %': Case(CONSUMER, 100, _HOUR, {}, louder=1.2),
-    'louder by 50 %': Case(CONSUMER, 100, _HOUR, {}, louder=1.5),
-    'first 90 s': Case(CONSUMER, 100, _HOUR, {}, opening=20.0),
-    'f^-1.3': Case({N: CONSUMER[N]}, 100, _HOUR, {}, power_law=(1.3, 5.0)),
+    'A': Case(CONSUMER, 100, 3 * _HOUR),
+    'B': Case(WALKING, 200, _HOUR),
+    'N': Case({N: CONSUMER[N]}, 100, _HOUR),
+    'NK': Case({N: CONSUMER[N], K: WALKING[K]}, 100, 3 * _HOUR),
+    'NB': Case({N: CONSUMER[N], B: CONSUMER[B]}, 100, 3 * _HOUR),
+    'NBK': Case(WALKING, 100, 3 * _HOUR),
+    'QNB': Case({'quantization_noise': 3e-6, N: CONSUMER[N], B: CONSUMER[B]}, 100, 3 * _HOUR),
+    'GM': Case({N: 1e-3, PROCESS: {'sigma': 1e-3, 'correlation_time_s': 60.0}}, 100, _HOUR),
+    '1st order 20 Hz': Case(CONSUMER, 100, 3 * _HOUR, low_pass=butter(1, 20, fs=100)),
+    '2nd order 20 Hz': Case(CONSUMER, 100, 3 * _HOUR, low_pass=butter(2, 20, fs=100)),
+    '2nd order 5 Hz': Case(CONSUMER, 100, 3 * _HOUR, low_pass=butter(2, 5, fs=100)),
+    '4th order 10 Hz': Case(CONSUMER, 100, 3 * _HOUR, low_pass=butter(4, 10, fs=100)),
+    'boxcar 8': Case(CONSUMER, 100, 3 * _HOUR, low_pass=([1 / 8] * 8, [1.0])),
+    'f^-0.7': Case({N: CONSUMER[N]}, 100, _HOUR, power_law=(0.7, 5.0)),
+    'f^-1.3': Case({N: CONSUMER[N]}, 100, _HOUR, power_law=(1.3, 5.0)),
+    'louder by 20 %': Case(CONSUMER, 100, _HOUR, louder=1.2),
+    'louder by 50 %': Case(CONSUMER, 100, _HOUR, louder=1.5),
+    'first 90 s': Case(CONSUMER, 100, _HOUR, opening=20.0),
 }
 
 Estimates = dict[str, tuple[float, float, float, bool]]
@@ -219,6 +216,25 @@ def figures(name: str, trials: Sequence[Any], method: str = 'imu_allan'
     return summary
 
 
+def bounds(terms: dict[str, Any], rate_hz: float, duration_s: float) -> dict[str, float]:
+    """
+    Return the relative Cramer-Rao bound of every term of a sensor, by Whittle's likelihood.
+
+    It is that of all coefficients of the record, the mean being all else that is unknown.
+    """
+    samples = round(rate_hz * duration_s)
+    nothing = np.zeros((1, samples))
+    bins = bins_of([SpectrumPiece(1, samples, 1, 1, samples, nothing, nothing)], 1 / rate_hz)
+    keys = [key for key in SPECTRAL if key in terms]
+    parts = bins.design[:, [SPECTRAL.index(key) for key in keys]] \
+        * [terms[key]**2 for key in keys]
+    shares = parts / parts.sum(axis=1, keepdims=True)
+    information = (shares * bins.dof[:, None] / 2).T @ shares
+    # Of a square the relative error is twice that of its root.
+    errors = np.sqrt(np.diag(np.linalg.inv(information))) / 2
+    return dict(zip(keys, errors.tolist(), strict=True))
+
+
 def root_mean_square(errors: Array) -> tuple[float, float]:
     """Return the root of the mean square, and its standard error."""
     squares = errors**2
@@ -255,15 +271,15 @@ def show(name: str, trials: Sequence[Any]) -> None:
     """Print one case."""
     case, runs = CASES[name], len(trials)
     print(f'\n{name}: {case.rate_hz:g} Hz x {case.duration_s / 3600:g} h, {runs} records')
+    bound = {} if PROCESS in case.terms else bounds(case.terms, case.rate_hz, case.duration_s)
     for method in trials[0][0]:
         print(f'  {method}')
         for key, line in figures(name, trials, method).items():
             if 'rmse' not in line:
                 print(f'    {key:20} not in truth, reported in {100 * line["observable"]:5.1f} %')
                 continue
-            bound = case.bound.get(key)
-            over = (f'{line["rmse"] / bound:8.2f} +- {line["rmse_error"] / bound:.2f} x bound'
-                    if bound else '')
+            over = ('' if key not in bound else f'{line["rmse"] / bound[key]:8.2f} +- '
+                    f'{line["rmse_error"] / bound[key]:.2f} x bound')
             held = (f'coverage {share_with_error(line["coverage"], runs)}'
                     if method == 'imu_allan' and key != PROCESS else '')
             print(f'    {key:20} bias {100 * line["bias"]:+8.3f} %  rmse '
@@ -279,7 +295,6 @@ def show(name: str, trials: Sequence[Any]) -> None:
         print('  coverage of the curve: ' + ', '.join(worst))
 
 
-TERMS_OF_DRAWN = ('quantization_noise', N, B, K)
 _WEAK_Q = CONSUMER[N] * np.sqrt(np.sqrt(2 / 360_000) * 0.01 / 2 * 1.15)
 """Quantization noise whose square is one standard error, in an hour at 100 Hz."""
 
@@ -363,12 +378,13 @@ def show_drawn(name: str, records: int) -> None:
     from imu_allan.noise.fit import fit
     case = drawn_cases()[name]
     dt = 1 / case.rate_hz
-    theta = [case.terms.get(key, 0.0)**2 for key in TERMS_OF_DRAWN]
+    theta = [case.terms.get(key, 0.0)**2 for key in SPECTRAL]
     spectra = draw(shape_of(round(case.rate_hz * case.hours * _HOUR)), theta, dt, records,
                    np.random.default_rng(0), case.courses, low_pass=case.low_pass)
     found = [fit(one.groups(), dt, None, one) for one in spectra]
+    bound = bounds(case.terms, case.rate_hz, case.hours * _HOUR)
     print(f'\n{name}: {case.rate_hz:g} Hz x {case.hours:g} h, {records} drawn spectra')
-    for key in TERMS_OF_DRAWN:
+    for key in SPECTRAL:
         estimates = [one.estimates[key] for one in found]
         seen = 'observable ' + share_with_error(
             float(np.mean([one.observable for one in estimates])), records)
@@ -377,7 +393,8 @@ def show_drawn(name: str, records: int) -> None:
             print(f'    {key:20} not in truth, {seen}')
             continue
         rmse, error = root_mean_square(np.array([one.value / truth - 1 for one in estimates]))
-        print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} %  {seen}  coverage '
+        print(f'    {key:20} rmse {100 * rmse:.3f} +- {100 * error:.3f} % '
+              f'{rmse / bound[key]:6.2f} +- {error / bound[key]:.2f} x bound  {seen}  coverage '
               f'{share_with_error(coverage(found, key, truth), records)}')
     words = {'two exponentials': [len(one.warmings) > 1 for one in found],
              'low-pass': [one.window_s is not None for one in found],
@@ -387,7 +404,8 @@ def show_drawn(name: str, records: int) -> None:
              'Gauss-Markov': [one.gauss_markov is not None for one in found],
              'ramp': [one.estimates['rate_ramp'].observable for one in found],
              'fits': [one.acceptable for one in found]}
-    print('    ' + ', '.join(f'{word} {np.mean(said):.3f}' for word, said in words.items()))
+    print('    ' + ', '.join(f'{word} {share_with_error(float(np.mean(said)), records)}'
+                             for word, said in words.items()))
 
 
 def main() -> int:
