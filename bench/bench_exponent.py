@@ -19,7 +19,7 @@ import sys
 from bench_accuracy import B, CONSUMER, coverage, K, N
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.high_pass import corner_beside_flicker_hz
+from imu_allan.noise.high_pass import high_pass_beside_flicker
 from imu_allan.noise.trends import RecordSpectrum
 import numpy as np
 from scipy.signal import butter
@@ -54,8 +54,9 @@ def show(name: str, spectra: Iterable[RecordSpectrum]) -> None:
     spectra = list(spectra)
     found = fitted(spectra)
     levels = np.mean([one.plateau is not None for one in found])
-    falls = np.mean([corner_beside_flicker_hz(one.groups(), DT, own) is not None
-                     for one, own in zip(spectra, found, strict=True)])
+    behind = [high_pass_beside_flicker(one.groups(), DT, own)
+              for one, own in zip(spectra, found, strict=True)]
+    falls = np.mean([one is not None and one.certain for one in behind])
     print(f'| {name} | {told(found):.3f} | {levels:.3f} | {falls:.3f} |', flush=True)
 
 

@@ -13,6 +13,7 @@ from imu_allan.characterization.findings import (
     fit_remarks,
     high_pass_remark,
     leaving_remark,
+    perhaps_high_passed_remark,
     saturated_remark,
     steadiness_remarks,
     step_remarks,
@@ -35,7 +36,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.fitted_model import FittedModel
 from imu_allan.noise.groups import Groups, WHITE
-from imu_allan.noise.high_pass import corner_beside_flicker_hz, high_pass_corner_hz
+from imu_allan.noise.high_pass import high_pass_beside_flicker, high_pass_corner_hz
 from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.saturation import CutOff
@@ -183,8 +184,9 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                 base, remarks = _with_fault(base, fault, quantity, dt)
             found.append((replace(base, curve=curve), remarks))
             continue
+        filtered = high_pass_beside_flicker(fitted_axis.groups, dt, fitted_axis.fit)
         corner_hz = ((corners_hz[axis] if corners_hz is not None else None)
-                     or corner_beside_flicker_hz(fitted_axis.groups, dt, fitted_axis.fit)
+                     or (filtered.corner_hz if filtered and filtered.certain else None)
                      or _high_pass_corner_hz(fitted_axis.whole))
         if corner_hz is not None:
             found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
@@ -193,8 +195,12 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                           [high_pass_remark(corner_hz)]))
             continue
         fitted, lines = fitted_axis.fit, fitted_axis.lines
+        if filtered is not None:
+            fitted = replace(fitted, estimates=filtered.with_and_without(fitted.estimates))
         steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
         remarks = [*fit_remarks(fitted, quantity), *steps]
+        if filtered is not None:
+            remarks.append(perhaps_high_passed_remark(filtered.corner_hz))
         values = {key: e.value for key, e in fitted.estimates.items()}
         drift = fit_drift_model(fitted_axis.groups, dt,
                                 fitted.gauss_markov.correlation_time_s if fitted.gauss_markov

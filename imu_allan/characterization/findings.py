@@ -91,6 +91,15 @@ def high_pass_remark(corner_hz: float) -> Remark:
                   'raw topic')
 
 
+def perhaps_high_passed_remark(corner_hz: float) -> Remark:
+    """Say that a filter may have taken out what is slow."""
+    return Remark('perhaps_high_passed',
+                  f'below about {corner_hz:.2g} Hz the noise may fall away, as behind a filter '
+                  'that subtracts a bias it estimates, or is small by chance: bias instability '
+                  'and rate random walk are as uncertain as such a filter would make them; record '
+                  'for longer, or take the raw topic if there is one')
+
+
 def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:
     """Say where the output steps by more than the noise of one sample; `step` may be infinite."""
     if not noise < step < inf or noise <= 0:

@@ -344,7 +344,8 @@ def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Rem
     constant = tuple(f'{name}: ' for name, axis in axes.items() if axis.constant)
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'power_law',
-           'coarse_resolution', 'warm_up', 'trend_or_walk', 'temperature', 'high_passed')
+           'coarse_resolution', 'warm_up', 'trend_or_walk', 'temperature', 'high_passed',
+           'perhaps_high_passed')
     return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
             for remark in part.result.warnings if remark.code not in own
             and (remark.code != 'constant_axis' or not remark.message.startswith(constant))]

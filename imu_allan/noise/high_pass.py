@@ -8,17 +8,23 @@ there or rises, but for quantization noise, which has no level part above it. Be
 subtracts a moving estimate of the bias (``imu_complementary_filter``, and sensors that calibrate
 their zero while they rest), the level of the white noise falls by the square of the frequency.
 Flicker falls as well, and hides the level: there the terms behind such a filter are held against
-the terms as they are, by their likelihood.
+the terms as they are, by their likelihood. Where that leaves open whether there is one, the slow
+coefficients hold with it and without.
 """
+
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.correlated import falls_short, likeliest_process
 from imu_allan.noise.fit import Fit
-from imu_allan.noise.groups import Groups, QUANTIZATION, WALK
+from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, WALK
+from imu_allan.noise.intervals import CI95, crossing, Estimate, estimate
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.minimum import lowest_near
 from imu_allan.noise.power_law import likeliest_exponent
-from imu_allan.noise.trial import fit_columns, start_in_band
+from imu_allan.noise.trial import fit_columns, OBSERVABLE, start_in_band, Trial
+from imu_allan.noise.walk_in_parts import either
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,6 +66,8 @@ _FALLING_SHORT = 0.25
 """Chance at which the slowest coefficients are as small, from which on a corner is looked for."""
 _CORNERS = 16
 """From the slowest coefficient to `_HIGHEST_HZ`; the best is refined."""
+_ERROR = 0.2
+"""Of the logarithm of a corner, where the search for the end of its interval begins."""
 _LEAST = 1e-4
 """Of what is passed: a filter that starts leaves something."""
 
@@ -151,9 +159,36 @@ def _falls_somewhere(frequency: Array, density: Array, dof: Array) -> bool:
     return bool((means[:-1] < _FALLEN * above).any())
 
 
-def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | None:
+@dataclass(frozen=True)
+class HighPass:
     """
-    Find the corner of a first-order high-pass in white noise and flicker.
+    A first-order high-pass that white noise and flicker may have come through.
+
+    Attributes
+    ----------
+    corner_hz : float
+    certain : bool
+        Whether they have. Otherwise they may have.
+    behind : Trial
+        The terms behind it; where it is not certain, behind one at the upper end of the 95 %
+        interval of its corner.
+
+    """
+
+    corner_hz: float
+    certain: bool
+    behind: Trial
+
+    def with_and_without(self, estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        """Make the slow terms hold behind the filter, too."""
+        return {**estimates, **{
+            key: either(estimates[key], estimate(self.behind, column))
+            for key, column in (('bias_instability', FLICKER), ('rate_random_walk', WALK))}}
+
+
+def high_pass_beside_flicker(groups: Groups, dt: float, found: Fit) -> HighPass | None:
+    """
+    Find a first-order high-pass in white noise and flicker.
 
     Parameters
     ----------
@@ -166,9 +201,9 @@ def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | N
 
     Returns
     -------
-    float or None
-        In Hz; None where a filter makes the data no likelier by far, a Gauss-Markov process or
-        another exponent makes it likelier yet, or the terms behind the filter do not describe it.
+    HighPass or None
+        None where a filter makes the data hardly likelier, a Gauss-Markov process or another
+        exponent makes it likelier yet by far, or the terms behind the filter do not describe it.
 
     """
     assert found.trial is not None
@@ -177,10 +212,10 @@ def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | N
         return None
     plain = maximise(groups, start_in_band(found.trial, rolling=False), fixed={QUANTIZATION: 0.0},
                      trend='restricted')
-    limit = plain.loss - _OBSERVABLE_CORNER / 4
+    promising = plain.loss - OBSERVABLE / 4
     near: Solution = plain
 
-    def loss(log_corner: float) -> float:
+    def loss(log_corner: float, limit: float = np.inf) -> float:
         nonlocal near
         # A walk behind such a filter is a Gauss-Markov process, of which a sensor may have one.
         near = maximise(_passed(groups, float(np.exp(log_corner))), near,
@@ -192,19 +227,35 @@ def corner_beside_flicker_hz(groups: Groups, dt: float, found: Fit) -> float | N
     if lowest >= _HIGHEST_HZ:
         return None
     corners = np.linspace(np.log(lowest), np.log(_HIGHEST_HZ), _CORNERS)
-    losses = [loss(corner) for corner in corners]
+    losses = [loss(corner, promising) for corner in corners]
     best = int(np.argmin(losses))
-    if losses[best] > limit:
+    if losses[best] > promising:
         return None
     log_corner, least = lowest_near(loss, corners, best, 1e-2)
-    corner = float(np.exp(log_corner))
-    # The last two take the longest.
-    if (2 * (plain.loss - least) < _OBSERVABLE_CORNER
-            or not fit_columns(_passed(groups, corner), None, False, near).described
-            or least > likeliest_process(groups, dt, plain)
-            or 2 * (likeliest_exponent(groups, dt, plain) - least) < _OVER_EXPONENT):
+    gain = 2 * (plain.loss - least)
+    if gain < OBSERVABLE:
         return None
-    return corner
+    corner = float(np.exp(log_corner))
+    behind = fit_columns(_passed(groups, corner), None, False, near)
+    if not behind.described:
+        return None
+    # These two take the longest.
+    over_process = 2 * (likeliest_process(groups, dt, plain) - least)
+    if over_process < -OBSERVABLE:
+        return None
+    over_exponent = 2 * (likeliest_exponent(groups, dt, plain) - least)
+    if over_exponent < -OBSERVABLE:
+        return None
+    if gain >= _OBSERVABLE_CORNER and over_process >= 0 and over_exponent >= _OVER_EXPONENT:
+        return HighPass(corner, True, behind)
+
+    def rise(distance: float) -> float:
+        return 2 * max(loss(log_corner + distance) - least, 0.0)
+
+    # A filter has taken out the more the higher it stands.
+    highest = np.exp(log_corner + crossing(rise, 0.0, _ERROR, CI95))
+    behind = fit_columns(_passed(groups, min(float(highest), _HIGHEST_HZ)), None, False, near)
+    return HighPass(corner, False, behind)
 
 
 def _passed(groups: Groups, corner_hz: float) -> Groups:
