@@ -166,13 +166,14 @@ class _Search:
         self._offset: Array | float = 0.0
         for i, value in fixed.items():
             self._theta[i] = value
-            self._offset = self._offset + value * groups.design[:, i]
+            if value:
+                self._offset = self._offset + value * groups.design[:, i]
         self._slope: float | Array = (ramp if ramp is not None and trend is None
                                       else start.slope if start and groups.record is None else 0.0)
         self._power = (about_blocks(groups, self._slope) if trend
                        else groups.at_ramp(float(self._slope)))
         self._about = self._power
-        self._tiny = 1e-12 * float(np.max(self._power)) if len(self._power) else 0.0
+        self._tiny = 1e-12 * float(self._power.max(initial=0.0))
 
     def unfitted(self) -> _Point:
         """Return where nothing is known: the data is what is expected."""
@@ -220,7 +221,7 @@ class _Search:
         weighted = self._design * (current.weight / current.expected)
         # Which coefficients are above zero seldom changes from one step to the next.
         goal = non_negative(weighted @ self._design.T, weighted @ (self._about - self._offset),
-                            np.flatnonzero(current.part).tolist())
+                            [i for i, value in enumerate(current.part.tolist()) if value])
         return self._backtracked(current, goal, value)
 
     def _backtracked(self, current: _Point, goal: Array, value: float) -> tuple[_Point, float]:

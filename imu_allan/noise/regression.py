@@ -62,12 +62,13 @@ def explained_by_regressors(groups: Groups, weight: Array, restricted: bool) -> 
     assert groups.among is not None
     if groups.record is not None:
         return _in_each_record(groups, weight, restricted)
-    target = weight @ groups.along
-    if len(target) == 1:
+    if groups.along.shape[1] == 1:
         # The ramp alone: nearly every fit, and plain numbers are several times faster.
-        single, along = max(float(weight @ groups.among[:, 0, 0]), 1e-300), float(target[0])
+        single = max(float(weight @ groups.among[:, 0, 0]), 1e-300)
+        along = float(weight @ groups.along[:, 0])
         return Explained(0.5 * (along**2 / single - restricted * log(single)),
                          np.array([along / single]), np.array([[1 / single]]))
+    target = weight @ groups.along
     gram = np.tensordot(weight, groups.among, 1)
     scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
     # The ridge is for a regressor that no coefficient sees, or that repeats another.
