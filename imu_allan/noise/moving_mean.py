@@ -162,15 +162,17 @@ def _beside_cycle(trial: Trial, process: Process | None, record: Spectrum, walks
     doubtful = in_each(_DOUBTFUL_CYCLE, 2, len(record.records))
     frequency, gain = likeliest_cycle(trial, record, still)
     if gain >= doubtful:
-        found = slow_cycle(trial, process, record, frequency, choose) if turning is None else None
+        beside = with_courses(trial, record, cycle(frequency))
+        ratio = likelihood_ratio(trial, beside)
+        found = (slow_cycle(trial, process, record, frequency, choose, ratio=ratio)
+                 if turning is None else None)
         if found is not None and warm is None:
             # It has hidden what a warm-up would explain.
             return _beside_cycle(trial, process, whole, walks, choose, known_hz, found)
         if found is not None:
             return MovingMean(found.trial, found.process, found.record, has_walk(found.trial),
                               warmings, found)
-        beside = with_courses(trial, record, cycle(frequency))
-        if likelihood_ratio(trial, beside) >= doubtful:
+        if ratio >= doubtful:
             return MovingMean(trial, process, record, has_walk(beside), warmings, turning)
     return MovingMean(trial, process, record, True, warmings, turning)
 

@@ -126,7 +126,8 @@ def is_harmonic(frequency_hz: float, period_s: float) -> bool:
 
 
 def slow_cycle(trial: Trial, process: Process | None, record: Spectrum, frequency_hz: float,
-               choose: Choose, *, known: bool = False) -> SlowCycle | None:
+               choose: Choose, *, known: bool = False, ratio: float | None = None
+               ) -> SlowCycle | None:
     """
     Fit a cycle, beginning at a frequency, and the noise without it.
 
@@ -144,6 +145,8 @@ def slow_cycle(trial: Trial, process: Process | None, record: Spectrum, frequenc
         Chooses the model anew beside it.
     known : bool, optional
         Whether the frequency is that of another axis, not searched in this one.
+    ratio : float, optional
+        Likelihood ratio of a cycle of that frequency, where it is known.
 
     Returns
     -------
@@ -153,7 +156,9 @@ def slow_cycle(trial: Trial, process: Process | None, record: Spectrum, frequenc
     """
     level = in_each(KNOWN if known else _CYCLING, 2, len(record.records))
     variances = _variances(trial, process, record)
-    certain = likelihood_ratio(trial, with_courses(trial, record, cycle(frequency_hz))) >= level
+    if ratio is None:
+        ratio = likelihood_ratio(trial, with_courses(trial, record, cycle(frequency_hz)))
+    certain = ratio >= level
     if not certain:
         if known:
             return None
