@@ -8,8 +8,9 @@ whose standard deviation is a multiple of B. Beside the share of records in whic
 how often the intervals hold the truth, stands the likelihood ratio that a record without chance
 would give against the best sum of power laws: what no test can do without. Then records without a
 process, and such with a warm-up, in which none is to be found. Last, short records, in which a
-process passes for a random walk: how often the interval of K holds the walk that it begins as,
-and would if it were taken for one that goes on for ever, beside walks that do.
+process passes for a random walk: how often it is one all the same, and is a bound as it levels
+off; how often the interval of K holds the walk that it begins as, and would if it were taken for
+one that goes on for ever; beside walks that do.
 
     python bench/bench_processes.py                        # minutes
     python bench/bench_processes.py --runs 1000 --clean    # only those without
@@ -26,6 +27,7 @@ import sys
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import process_column, with_process_column
+from imu_allan.noise.doubt_of_walk import with_doubt_of_walk
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.groups import grouped, QUANTIZATION, WALK
 from imu_allan.noise.intervals import estimate
@@ -46,8 +48,7 @@ TABLE = {1: ((60, (4,)),),
          72: ((1000, (1,)), (2500, (1, 2, 4)))}
 CLEAN = {'N': (0.0, N**2, 0.0, 0.0), 'N+B': SENSOR, 'N+K': (0.0, N**2, 0.0, K**2),
          'N+B+K': (0.0, N**2, B**2, K**2)}
-SHORT_H = 0.7
-PASSING = tuple((time, size) for time in (60, 130, 300) for size in (2, 3))
+PASSING = (*((0.7, time, size) for time in (60, 130, 300) for size in (2, 3)), (3, 300, 3))
 WALKS = {'case B': (1, 2.5e-4 * DEGREE), 'K of case B': (3, 2.5e-4 * DEGREE), 'case A': (3, K)}
 
 
@@ -102,18 +103,20 @@ def walk(name: str, hours: float, rise: float, runs: int,
          process: tuple[float, float] | None = None) -> str:
     """Return how often the interval of a random walk holds, with doubt about it and without."""
     theta = SENSOR if process else (0.0, N**2, B**2, rise**2)
-    found = [(one.estimates['rate_random_walk'], one) for one in
-             fitted(hours, theta, runs, 3, process)]
-    seen = [(doubted, estimate(one.trial, WALK)) for doubted, one in found if doubted.observable]
-    line = f'{hours:4} h {name:16} K seen {len(seen) / runs:.2f}'
+    fits = fitted(hours, theta, runs, 3, process)
+    found = [(one, one.estimates['rate_random_walk'], estimate(one.trial, WALK)) for one in fits]
+    seen = [(doubted, plain) for _, doubted, plain in found if doubted.observable]
+    off = [one.walk_unclear and with_doubt_of_walk(one.trial, STEP_S, plain)[1]
+           for one, _, plain in found]
+    line = f'{hours:4} h {name:16} K in {len(seen) / runs:.2f}, levels off in {np.mean(off):.2f}'
     if not seen:
         return line
     shares = [np.mean([one.low <= rise <= one.high for one in some]) for some in
               zip(*seen, strict=True)]
-    doubted, plain = (f'{share:.3f} +- {np.sqrt(share * (1 - share) / len(seen)):.3f}'
-                      for share in shares)
+    doubted, sure = (f'{share:.3f} +- {np.sqrt(share * (1 - share) / len(seen)):.3f}'
+                     for share in shares)
     wider = np.median([one.high / other.high for one, other in seen])
-    return f'{line}   holds {doubted}, without doubt {plain}   upper end {wider:.2f} times as high'
+    return f'{line}   holds {doubted}, without doubt {sure}   upper end {wider:.2f} times as high'
 
 
 def main() -> int:
@@ -135,9 +138,9 @@ def main() -> int:
             lines += [pool.submit(clean, 2, name, options.runs, size)
                       for name in ('N+B', 'N+B+K') for size in (10, 100)]
         if not options.clean:
-            lines += [pool.submit(walk, f'{time} s of {size} B', SHORT_H,
+            lines += [pool.submit(walk, f'{time} s of {size} B', hours,
                                   size * B * np.sqrt(2 / time), options.runs, (size * B, time))
-                      for time, size in PASSING]
+                      for hours, time, size in PASSING]
             lines += [pool.submit(walk, name, hours, size, options.runs)
                       for name, (hours, size) in WALKS.items()]
         for line in lines:

@@ -349,10 +349,10 @@ def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
     if fitted.walk_unclear:
         remarks.append(Remark(
             'trend_or_walk',
-            'the slowest part of the signal may be a random walk, or a mean that bends, settles, '
-            'steps or follows the temperature in another way than was told: the rate random walk '
-            'is given as an upper bound. A longer recording of the warm sensor at one '
-            'temperature tells them apart'))
+            'the slowest part of the signal may be a random walk, noise that levels off, or a '
+            'mean that bends, settles, steps or follows the temperature in another way than was '
+            'told: the rate random walk is given as an upper bound. A longer recording of the '
+            'warm sensor at one temperature tells them apart'))
     return remarks
 
 

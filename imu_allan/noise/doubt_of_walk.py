@@ -22,7 +22,7 @@ from imu_allan.noise.correlated import longest_correlation, with_process_column
 from imu_allan.noise.groups import WALK
 from imu_allan.noise.intervals import CI95, crossing, Estimate, spread
 from imu_allan.noise.likelihood import maximise
-from imu_allan.noise.trial import Trial
+from imu_allan.noise.trial import OBSERVABLE, Trial
 import numpy as np
 
 _HALVINGS = 10
@@ -30,7 +30,7 @@ _HALVINGS = 10
 
 
 def with_doubt_of_walk(trial: Trial, dt: float, plain: Estimate, widening: float = 1.0
-                       ) -> Estimate:
+                       ) -> tuple[Estimate, bool]:
     """
     Widen the interval of a random walk by what it would be if it levelled off.
 
@@ -47,13 +47,15 @@ def with_doubt_of_walk(trial: Trial, dt: float, plain: Estimate, widening: float
 
     Returns
     -------
-    Estimate
+    widened : Estimate
         Its upper end is the highest of all correlation times: a process of standard deviation
         sigma and correlation time T is over less than T a walk of ``sigma sqrt(2 / T)``.
+    levels_off : bool
+        Whether one of them is as much likelier than the walk as a term that is observable.
 
     """
     if not plain.observable:
-        return plain
+        return plain, False
     dispersion = trial.dispersion * widening
     level = CI95 * dispersion / 2
     tried, best = [trial], trial.solution.loss
@@ -72,9 +74,10 @@ def with_doubt_of_walk(trial: Trial, dt: float, plain: Estimate, widening: float
         error = spread(one, one.solution, WALK) * float(np.sqrt(2 * left / one.dispersion))
         return float(np.sqrt(one.solution.theta[WALK])) + error
 
+    levels_off = trial.solution.loss >= best + OBSERVABLE * dispersion / 2
     highest = max(tried, key=guessed)
     if highest is trial:
-        return plain
+        return plain, levels_off
     start = highest.solution
 
     def rise(coefficient: float) -> float:
@@ -84,7 +87,7 @@ def with_doubt_of_walk(trial: Trial, dt: float, plain: Estimate, widening: float
 
     value, guess = float(np.sqrt(start.theta[WALK])), guessed(highest)
     upper = max(plain.high, crossing(rise, value, (guess - value) / float(np.sqrt(CI95)), CI95))
-    return replace(plain, high=upper, upper=upper)
+    return replace(plain, high=upper, upper=upper), levels_off
 
 
 def _levelling_off(trial: Trial, start: Trial, dt: float, time: float) -> Trial:

@@ -82,7 +82,7 @@ class Fit:
     gauss_markov : Process or None
         An additional Gauss-Markov term.
     walk_unclear : bool
-        Whether what looks like a random walk may as well be a course of the mean.
+        Whether what looks like a random walk may as well be a course of the mean, or levels off.
     warmings : tuple of Warming
         The parts of a warm-up, the largest first, which the coefficients are given without.
     cycle_s : float or None
@@ -311,8 +311,8 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         walks = walks and is_walk(trial, mean.record, own, even=uneven == 1,
                                   moves=ramp.observable or mean.moves)
     walk = walk or estimate(trial, WALK)
-    unclear = walk.observable and not walks
-    walk = with_doubt_of_walk(trial, dt, walk, walk_widening)
+    walk, levels = with_doubt_of_walk(trial, dt, walk, walk_widening)
+    unclear = walk.observable and (levels or not walks)
     if unclear:
         walk = replace(walk, observable=False)
     estimates = {key: walk if column == WALK else estimate(trial, column, _widening(said, key))
