@@ -497,6 +497,17 @@ def test_interval_without_an_end_goes_on_for_ever():
     assert intervals.crossing(lambda _: 0.0, 1.0, -0.1, 3.84) == 0
 
 
+def test_a_lower_end_is_not_sought_for_long_where_zero_is_likely_enough():
+    asked = []
+
+    def rise(value):
+        asked.append(value)
+        return 3.0 * (1 - value)
+
+    assert intervals.crossing(rise, 1.0, -0.4, 3.84) == 0
+    assert len(asked) <= 3
+
+
 def test_without_bins_that_know_the_ramp_nothing_is_said_of_it():
     estimator = Estimator()
     estimator.update(simulate({'noise_density': 1e-3}, 30_000, 100.0, seed=1))
