@@ -212,9 +212,9 @@ def likeliest_process(groups: Groups, dt: float, start: Solution) -> float:
                lowest_near(search.loss, search.times, int(np.argmin(losses)), 0.01)[1])
 
 
-def promises_a_process(trial: Trial, dt: float) -> bool:
+def promising_time(trial: Trial, dt: float) -> float | None:
     """
-    Whether a search for a process is worth its time.
+    Find whether a search for a process is worth its time.
 
     Parameters
     ----------
@@ -225,30 +225,32 @@ def promises_a_process(trial: Trial, dt: float) -> bool:
 
     Returns
     -------
-    bool
-        By the score of its power at every correlation time that a search begins with: how steeply
-        the likelihood rises, the other terms following.
+    float or None
+        The most promising of the correlation times that a search begins with, in seconds, by the
+        score of the process's power: how steeply the likelihood rises, the other terms following.
+        None where none of them promises enough.
 
     """
     groups = trial.groups
     shortest, longest = _range(groups, dt)
     if longest < 2 * shortest:
-        return False
+        return None
     theta = trial.solution.theta
     expected = np.maximum(groups.design @ theta, 1e-300)
     root = np.sqrt(groups.dof / 2)
     seen = (theta > 0) & ~np.isin(np.arange(len(theta)), list(trial.fixed))
     basis = np.linalg.qr((groups.design[:, seen] / expected[:, None]) * root[:, None])[0]
     off = root * (residual_power(groups, theta) / expected - 1)
+    best, found = _PROMISING, None
     for time in np.geomspace(shortest, longest, _TIMES):
         column = with_process_column(groups, trial.rolling, dt, float(time)).design[:, -1]
         column = root * column / expected
         column = column - basis @ (basis.T @ column)
         size = float(column @ column)
         score = float(column @ off)
-        if size > 0 and score > 0 and score**2 / size > _PROMISING:
-            return True
-    return False
+        if size > 0 and score > 0 and score**2 / size > best:
+            best, found = score**2 / size, float(time)
+    return found
 
 
 def longest_correlation(groups: Groups) -> float:

@@ -19,12 +19,13 @@ from imu_allan.noise.band import effective_window, narrowed, plateau
 from imu_allan.noise.correlated import (
     levels_off,
     Process,
-    promises_a_process,
+    promising_time,
     with_gauss_markov,
     with_process_column,
 )
 from imu_allan.noise.courses import Calmed, has_walk, with_courses
 from imu_allan.noise.doubt_of_flicker import with_doubt_of_flicker
+from imu_allan.noise.doubt_of_process import with_doubt_of_process
 from imu_allan.noise.doubt_of_walk import with_doubt_of_walk
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
@@ -326,6 +327,9 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         still = estimate(without_walk(in_parts(trial, own)), FLICKER,
                          _widening(said, 'bias_instability'))
         estimates['bias_instability'] = either(estimates['bias_instability'], still)
+    if process is None:
+        estimates['bias_instability'] = with_doubt_of_process(
+            trial, dt, estimates['bias_instability'], _widening(said, 'bias_instability'))
     window = None
     if trial.bent:
         # At the edge of the band the first column no longer is quantization noise.
@@ -380,6 +384,6 @@ def _chosen(groups: Groups, start: Solution | None, dt: float
 
 def _levelled_off(trial: Trial, dt: float) -> tuple[Trial, Process | None]:
     """Add a process where the slow end of the spectrum asks for one, or a walk may be one."""
-    if levels_off(trial) or promises_a_process(trial, dt):
+    if levels_off(trial) or promising_time(trial, dt) is not None:
         return with_gauss_markov(trial, dt) or (trial, None)
     return trial, None
