@@ -395,7 +395,8 @@ def watched(model: dict[str, float], key: str, limit: float, margin: float, rate
         (found,) = fit_axes(estimator.finished(), 1 / rate)
         if found.fit.acceptable:
             decision = decide(found.fit.trial, COLUMNS[key], limit, margin=margin,
-                              pass_error=.05, fail_error=.05)
+                              pass_error=.05, fail_error=.05,
+                              dt=1 / rate if key == 'noise_density' else None)
             if key == 'noise_density':
                 own = found.fit.estimates[key]
                 decision = borne_out(decision, limit, own.value, (own.low, own.high), .05)

@@ -14,7 +14,9 @@ margin, and waiting longer would not help soon. A limit that is exceeded by octa
 against the octave below the estimate.
 
 The other coefficients are fitted anew under each value, so that the bounds hold as nearly as those
-of a profile likelihood do; the Monte Carlo in docs/statistics.md says how nearly.
+of a profile likelihood do; the Monte Carlo in docs/statistics.md says how nearly. Beside the noise
+density so is the exponent of the slow noise: where it is not flicker's, white noise stands in for
+the difference.
 
 References
 ----------
@@ -23,15 +25,22 @@ decisions.
 
 """
 
+from collections.abc import Callable
+from functools import cache
 from math import floor, log, log2, sqrt
 from typing import Literal
 
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.intervals import log_ratio
+from imu_allan.noise.likelihood import maximise
+from imu_allan.noise.minimum import lowest_near
+from imu_allan.noise.power_law import TRIED, with_exponent
 from imu_allan.noise.trial import Trial
-from numpy import logaddexp
+from numpy import argmin, logaddexp
 
 Decision = Literal['below', 'above', 'near', 'open']
+_Ratio = Callable[[float, float], float]
+"""Logarithm of how much likelier the first of two values makes the data than the second."""
 
 _FAR = 0.1
 """Share of the error that goes to limits exceeded by octaves: plain cases, which need little."""
@@ -40,7 +49,7 @@ SMALLEST_RECORD = 1024
 
 
 def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error: float,
-           fail_error: float) -> Decision:
+           fail_error: float, dt: float | None = None) -> Decision:
     """
     Hold one coefficient against its limit.
 
@@ -60,6 +69,9 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
         Probability of passing at the limit, or above, at most.
     fail_error : float
         Probability of failing at the limit, or below, at most.
+    dt : float, optional
+        Sample interval in seconds. With it nothing is decided but what holds whatever the exponent
+        of the slow noise is.
 
     Returns
     -------
@@ -83,18 +95,25 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     ['below', 'above']
 
     """
-    below = log_ratio(trial, column, limit / (1 + margin), limit)
-    if below >= -log(pass_error):
-        return 'below'
-    above, beyond = (log_ratio(trial, column, limit * (1 + margin)**steps, limit)
-                     for steps in (1, 2))
-    # The mean of two likelihoods is as good an alternative: near the margin the first speaks,
-    # further off the second, which the data tells from the limit much sooner.
-    if (logaddexp(above, beyond) - log(2) >= -log(fail_error * (1 - _FAR))
-            or _is_far(trial, column, limit, fail_error)):
-        return 'above'
-    near = below <= log(pass_error) and above <= log(fail_error)
-    return 'near' if near else 'open'
+    value = float(sqrt(trial.solution.theta[column]))
+
+    def decided(ratio: _Ratio) -> Decision:
+        below = ratio(limit / (1 + margin), limit)
+        if below >= -log(pass_error):
+            return 'below'
+        above, beyond = (ratio(limit * (1 + margin)**steps, limit) for steps in (1, 2))
+        # The mean of two likelihoods is as good an alternative: near the margin the first speaks,
+        # further off the second, which the data tells from the limit much sooner.
+        if (logaddexp(above, beyond) - log(2) >= -log(fail_error * (1 - _FAR))
+                or _is_far(ratio, value, limit, fail_error)):
+            return 'above'
+        near = below <= log(pass_error) and above <= log(fail_error)
+        return 'near' if near else 'open'
+
+    decision = decided(lambda one, other: log_ratio(trial, column, one, other))
+    if dt is None or decision == 'open':
+        return decision
+    return decided(_of_any_exponent(trial, column, dt))
 
 
 def borne_out(decision: Decision, limit: float, value: float, interval: tuple[float, float],
@@ -102,8 +121,8 @@ def borne_out(decision: Decision, limit: float, value: float, interval: tuple[fl
     """
     Leave open what the interval of a coefficient does not bear out.
 
-    The test takes slow noise for flicker. Where it has another exponent, white noise stands in
-    for the difference, which the interval of the noise density knows and the test does not.
+    The interval holds doubt that the test does not know: what a bend at the edge of the band or
+    noise that changes may do to the noise density.
 
     Parameters
     ----------
@@ -135,15 +154,34 @@ def borne_out(decision: Decision, limit: float, value: float, interval: tuple[fl
     return 'open' if denied else decision
 
 
-def _is_far(trial: Trial, column: int, limit: float, fail_error: float) -> bool:
+def _of_any_exponent(trial: Trial, column: int, dt: float) -> _Ratio:
+    """Compare values of a coefficient where the exponent of the slow noise is fitted anew, too."""
+    near = trial.solution
+
+    @cache
+    def least(value: float) -> float:
+        def loss(exponent: float) -> float:
+            nonlocal near
+            near = maximise(with_exponent(trial.groups, dt, exponent), near,
+                            fixed={**trial.fixed, column: value**2}, trend='restricted',
+                            tolerance=1e-3)
+            return near.loss
+
+        losses = [loss(exponent) for exponent in TRIED]
+        return min(*losses, lowest_near(loss, TRIED, int(argmin(losses)), 1e-2)[1])
+
+    return lambda one, other: (least(other) - least(one)) / trial.dispersion
+
+
+def _is_far(ratio: _Ratio, value: float, limit: float, fail_error: float) -> bool:
     """
     Hold the limit against the power of two times it that is nearest below the estimate.
 
     Far above the limit neither it nor a value within the margin describes the record, because the
     other coefficients stand in for what is missing. Each octave has its share of the error.
     """
-    octave = floor(log2(max(sqrt(trial.solution.theta[column]) / limit, 1.0)))
+    octave = floor(log2(max(value / limit, 1.0)))
     if octave == 0:
         return False
     share = _FAR / 2**octave
-    return log_ratio(trial, column, limit * 2**octave, limit) >= -log(fail_error * share)
+    return ratio(limit * 2**octave, limit) >= -log(fail_error * share)

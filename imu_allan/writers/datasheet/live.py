@@ -102,7 +102,10 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     # The test knows the terms of a sensor, not what a filter behind it leaves of them.
     raw = {name: fit for name, fit in fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
-    settled = [_settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
+    spacing = {name: 1 / record.rate_hz for half, record in records.items() if record is not None
+               for name in raw if name.startswith(half)}
+    settled = [_settled(verdict, raw.get(verdict.axis), spacing.get(verdict.axis), margin, error,
+                        max(limited, 1), recorded)
                if verdict.key in COLUMNS and not hidden
                else (verdict, hidden or verdict.verdict != 'cannot tell')
                for verdict in verdicts for hidden in [_hidden(result, verdict)]]
@@ -131,8 +134,8 @@ def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | N
     return fits
 
 
-def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float, limited: int,
-             recorded_s: float) -> tuple[Verdict, bool]:
+def _settled(verdict: Verdict, fitted: AxisFit | None, dt: float | None, margin: float,
+             error: float, limited: int, recorded_s: float) -> tuple[Verdict, bool]:
     """One coefficient by the sequential test, and whether it is done with."""
     trial = None if fitted is None else fitted.fit.trial
     if trial is None or fitted is None:
@@ -150,7 +153,7 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: flo
     # Any of the limits may fail by chance; a bad unit passes only if its one bad term does.
     fail_error = error / limited
     decision = decide(trial, column, verdict.limit, margin=margin, pass_error=error,
-                      fail_error=fail_error)
+                      fail_error=fail_error, dt=dt if verdict.key == 'noise_density' else None)
     if verdict.key == 'noise_density' and verdict.value is not None and verdict.ci95 is not None:
         decision = borne_out(decision, verdict.limit, verdict.value, verdict.ci95,
                              fail_error if decision == 'above' else error)
