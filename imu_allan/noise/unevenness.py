@@ -65,7 +65,7 @@ def uneven_by(trial: Trial, spectrum: RecordSpectrum | JointSpectrum,
     A walk that goes on evenly, and one that makes all its way in two steps:
 
     >>> from imu_allan.noise.estimator import Estimator
-    >>> from imu_allan.noise.groups import bins_of
+    >>> from imu_allan.noise.bins import bins_of
     >>> from imu_allan.noise.trial import fit_band
     >>> def widening(steps):
     ...     estimator = Estimator()
