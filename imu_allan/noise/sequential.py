@@ -70,8 +70,8 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     fail_error : float
         Probability of failing at the limit, or below, at most.
     dt : float, optional
-        Sample interval in seconds. With it nothing is decided but what holds whatever the exponent
-        of the slow noise is.
+        Sample interval in seconds. With it no side of the limit is decided on but what holds
+        whatever the exponent of the slow noise is.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
         return 'near' if near else 'open'
 
     decision = decided(lambda one, other: log_ratio(trial, column, one, other))
-    if dt is None or decision == 'open':
+    if dt is None or decision not in ('below', 'above'):
         return decision
     return decided(_of_any_exponent(trial, column, dt))
 
