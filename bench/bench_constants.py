@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from functools import lru_cache
 import sys
 
-from bench_accuracy import CONSUMER, drawn_cases, TERMS_OF_DRAWN, WALKING
+from bench_accuracy import CONSUMER, drawn_cases, SPECTRAL, WALKING
 from bench_settling import fitted as settling
 from drawn_spectra import draw, shape_of
 from imu_allan.block import ImuBlock
@@ -63,10 +63,11 @@ def scaled(name: str, factor: float) -> Iterator[None]:
 
 @lru_cache(maxsize=4)
 def _spectra(case: str, runs: int) -> tuple[float, list[RecordSpectrum]]:
-    rate, hours, terms, courses = drawn_cases()[case]
-    theta = [terms.get(key, 0.0) ** 2 for key in TERMS_OF_DRAWN]
-    return 1 / rate, draw(shape_of(round(rate * hours * 3600)), theta, 1 / rate, runs,
-                          np.random.default_rng(0), courses)
+    drawn = drawn_cases()[case]
+    dt, samples = 1 / drawn.rate_hz, round(drawn.rate_hz * drawn.hours * 3600)
+    theta = [drawn.terms.get(key, 0.0) ** 2 for key in SPECTRAL]
+    return dt, draw(shape_of(samples), theta, dt, runs, np.random.default_rng(0), drawn.courses,
+                    low_pass=drawn.low_pass)
 
 
 def _said(case: str, says: Callable[[Fit], bool]) -> Measure:

@@ -126,6 +126,22 @@ def test_every_library_that_is_imported_is_declared() -> None:
             assert DISTRIBUTIONS.get(name, name).lower() in declared, (path, name)
 
 
+def test_every_name_that_a_benchmark_imports_is_there() -> None:
+    """Their figures stand in the documentation, and no test runs them all."""
+    files = {path.stem: ast.parse(path.read_text()) for path in (ROOT / 'bench').glob('*.py')}
+    own = {stem: {name.id for node in tree.body for name in ast.walk(node)
+                  if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+           | {node.name for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+           for stem, tree in files.items()}
+    missing = [
+        f'{stem}: {node.module}.{alias.name}' for stem, tree in files.items()
+        for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
+        if (node.module in own and alias.name not in own[node.module])
+        or (str(node.module).startswith('imu_allan') and 'node' not in str(node.module)
+            and not hasattr(import_module(str(node.module)), alias.name))]
+    assert missing == []
+
+
 @pytest.mark.parametrize('path', SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_source_file_begins_with_copyright_and_licence(path: Path) -> None:
     lines = [line for line in path.read_text().splitlines() if not line.startswith('#!')]
