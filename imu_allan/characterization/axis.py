@@ -184,10 +184,13 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                 base, remarks = _with_fault(base, fault, quantity, dt)
             found.append((replace(base, curve=curve), remarks))
             continue
-        filtered = high_pass_beside_flicker(fitted_axis.groups, dt, fitted_axis.fit)
+        steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
+        # Counts that come one by one leave little below their rate, as a filter does.
+        filtered = (None if steps else
+                    high_pass_beside_flicker(fitted_axis.groups, dt, fitted_axis.fit))
         corner_hz = ((corners_hz[axis] if corners_hz is not None else None)
                      or (filtered.corner_hz if filtered and filtered.certain else None)
-                     or _high_pass_corner_hz(fitted_axis.whole))
+                     or (None if steps else _high_pass_corner_hz(fitted_axis.whole)))
         if corner_hz is not None:
             found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
                                   spectrum=_spectrum(fitted_axis.whole),
@@ -197,7 +200,6 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         fitted, lines = fitted_axis.fit, fitted_axis.lines
         if filtered is not None:
             fitted = replace(fitted, estimates=filtered.with_and_without(fitted.estimates))
-        steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
         remarks = [*fit_remarks(fitted, quantity), *steps]
         if filtered is not None:
             remarks.append(perhaps_high_passed_remark(filtered.corner_hz))

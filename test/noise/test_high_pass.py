@@ -258,3 +258,16 @@ def test_a_vibration_above_a_quiet_floor_is_no_such_filter():
     shaken = 3e-3 * np.diff(rng.normal(size=COUNT + 1))
     axis = imu_allan.characterize(sensor(6) + shaken, RATE_HZ)
     assert axis.goodness_of_fit.p_value is not None
+
+
+def test_counts_of_a_quiet_sensor_that_come_one_by_one_are_no_such_filter():
+    # An angle in counts of 3.6 arc seconds, of which a hundredth of the samples has one.
+    density, count = 6e-7, 1.732e-5
+    samples = round(3600 * RATE_HZ)
+    angle = np.cumsum(2e-5 + simulate({'noise_density': density}, samples, RATE_HZ, 4)) / RATE_HZ
+    estimator = Estimator()
+    estimator.update(np.diff(np.floor(angle / count), prepend=0.0) * count * RATE_HZ)
+    [(axis, remarks)] = axis_results(estimator, RATE_HZ, [Quantity.ANGULAR_VELOCITY])
+    assert axis.high_passed_hz is None
+    assert {'coarse_resolution', 'poor_fit'} <= {remark.code for remark in remarks}
+    assert axis.coefficients['noise_density'].upper95 > density
