@@ -33,6 +33,11 @@ Likelihood ratio of a process. Its time is chosen from several decades, so that 
 one exp(-ratio / 2) reach a ratio (Davies' bound, where the time goes past as many independent
 values as here): one in ten thousand this one.
 """
+_BY_SELECTION = 1.5**2
+"""
+On the ratios of the intervals below twice that threshold. Where a process is as likely as not to
+be told, it is where it looks stronger and faster than it is.
+"""
 _TIMES = 12
 """From the shortest to the longest; the best is refined, if half the threshold is reached."""
 _PROMISING = 2.0
@@ -160,22 +165,24 @@ def with_gauss_markov(base: Trial, dt: float) -> tuple[Trial, Process] | None:
     theta = trial.solution.theta
     if not trial.described or theta[WHITE] <= 0 or theta[-1] <= 0:
         return None
-    if 2 * (base.solution.loss - trial.solution.loss) < _OBSERVABLE_PROCESS:
+    gain = 2 * (base.solution.loss - trial.solution.loss)
+    if gain < _OBSERVABLE_PROCESS:
         return None
+    level = CI95 * (_BY_SELECTION if gain < 2 * _OBSERVABLE_PROCESS else 1.0)
 
     def rise(distance: float, side: int) -> float:
         lost = search.loss(log_time + side * distance) - trial.solution.loss
         return 2 * max(lost, 0.0) / trial.dispersion
 
     low, high = (float(np.exp(log_time + side * crossing(partial(rise, side=side), 0.0,
-                                                         _LOG_TIME_ERROR, CI95)))
+                                                         _LOG_TIME_ERROR, level)))
                  for side in (-1, 1))
     low, high = max(low, dt), min(high, _LONGEST_CORRELATION * search.longest)
     sizes = []
     for other in (low, np.sqrt(low * time), time, np.sqrt(time * high), high):
         # Amplitude and time go together, so the interval is that of both at once: for every
         # time what the ratio leaves to the amplitude.
-        left = max(CI95 - 2 * max(search.loss(float(np.log(other))) - trial.solution.loss, 0.0)
+        left = max(level - 2 * max(search.loss(float(np.log(other))) - trial.solution.loss, 0.0)
                    / trial.dispersion, 0.0)
         assert search.nearest is not None
         size = max(float(np.sqrt(search.nearest.theta[-1])), 1e-300)

@@ -149,6 +149,17 @@ def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, t
                for one in some) <= 3
 
 
+@pytest.mark.parametrize('seed', [28, 57])
+def test_a_process_that_is_told_because_it_looks_fast_has_intervals_that_hold(seed):
+    # In an hour it is told in less than half of the records.
+    model = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5,
+             'gauss_markov': {'sigma': 9.6e-5, 'correlation_time_s': 60.0}}
+    told = characterize(simulate(model, 36_000, 10.0, seed), 10.0).gauss_markov
+    assert told.correlation_time_s < 35
+    assert told.correlation_time_ci95[1] > 60
+    assert told.sigma_ci95[0] < 9.6e-5 < told.sigma_ci95[1]
+
+
 @pytest.mark.thorough
 def test_walk_that_goes_on_is_no_gauss_markov_process():
     for model in ({'noise_density': 1e-3, 'rate_random_walk': 3e-4},
