@@ -27,7 +27,7 @@ import sys
 from drawn_spectra import draw, shape_of
 from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import process_column, with_process_column
-from imu_allan.noise.doubt_of_walk import with_doubt_of_walk
+from imu_allan.noise.doubt_of_walk import doubt_of_walk
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.groups import grouped, QUANTIZATION, WALK
 from imu_allan.noise.intervals import estimate
@@ -106,7 +106,7 @@ def walk(name: str, hours: float, rise: float, runs: int,
     fits = fitted(hours, theta, runs, 3, process)
     found = [(one, one.estimates['rate_random_walk'], estimate(one.trial, WALK)) for one in fits]
     seen = [(doubted, plain) for _, doubted, plain in found if doubted.observable]
-    off = [one.walk_unclear and with_doubt_of_walk(one.trial, STEP_S, plain)[1]
+    off = [one.walk_unclear and doubt_of_walk(one.trial, STEP_S, plain).is_likelier
            for one, _, plain in found]
     line = f'{hours:4} h {name:16} K in {len(seen) / runs:.2f}, levels off in {np.mean(off):.2f}'
     if not seen:

@@ -185,11 +185,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             found.append((replace(base, curve=curve), remarks))
             continue
         steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
+        known_hz = corners_hz[axis] if corners_hz is not None else None
         # Counts that come one by one leave little below their rate, as a filter does.
-        filtered = (None if steps else
+        filtered = (None if steps or known_hz is not None else
                     high_pass_beside_flicker(fitted_axis.groups, dt, fitted_axis.fit))
-        corner_hz = ((corners_hz[axis] if corners_hz is not None else None)
-                     or (filtered.corner_hz if filtered and filtered.certain else None)
+        corner_hz = (known_hz or (filtered.corner_hz if filtered and filtered.certain else None)
                      or (None if steps else _high_pass_corner_hz(fitted_axis.whole)))
         if corner_hz is not None:
             found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
@@ -221,6 +221,9 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         if fitted.walk_unclear or step is not None:
             # A longer record shows what it is, not how large.
             forecast['rate_random_walk'] = None, None
+        if filtered is not None:
+            forecast = {**forecast, 'bias_instability': (None, None),
+                        'rate_random_walk': (None, None)}
         coefficients = {
             key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
                          between=fitted.between.get(key))

@@ -221,8 +221,8 @@ def _same_slow_end(parts: Sequence[_Part], name: str) -> None:
     raw = next((part for part in fitted if part not in filtered), None)
     if filtered and raw is not None:
         raise ImuAllanError(
-            f'{filtered[0].path}: a filter has taken out the slow part of {name}, which does '
-            f'not show in {raw.path}; analyze the raw topic of each')
+            f'{filtered[0].path}: a filter has taken out the slow part of {name}, which is not '
+            f'certain in {raw.path}; analyze the raw topic of each')
 
 
 def _corner_hz(name: str, parts: Sequence[_Part]) -> float | None:

@@ -102,7 +102,7 @@ class CharacterizationNode(Node):
                                    values['accel_type']])),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
-        self._neighbour = Neighbour(self, subscribed[0])
+        self._neighbour: Neighbour | None = Neighbour(self, subscribed[0])
         thermometer = values['temperature_topic']
         self._temperature = self._thermometer(thermometer) if thermometer else None
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
@@ -184,6 +184,21 @@ class CharacterizationNode(Node):
     def _thermometer(self, topic: str) -> TemperatureTopic:
         return TemperatureTopic(self, topic, self._facts, len(self._receptions))
 
+    def _look_for_thermometer(self) -> None:
+        """Take the temperature from the only thermometer beside the IMU, once it is there."""
+        if self._temperature is not None or self._neighbour is None:
+            return
+        if found := self._neighbour.look():
+            try:
+                self._temperature = self._thermometer(found)
+            except ImuAllanError as error:
+                # Nobody has asked for it: the run goes on without, and says so once.
+                self._neighbour = None
+                self._log.warning(f'no temperature: {error}')
+                return
+            self._log.info(f'temperature from {found}, the only thermometer in the namespace of '
+                           'the IMU')
+
     def _check(self, parameters: Iterable[Parameter]) -> SetParametersResult:
         """Refuse together what the node would not start with; one alone may wait for the other."""
         given = {parameter.name: parameter.value for parameter in parameters}
@@ -219,10 +234,7 @@ class CharacterizationNode(Node):
         if self._storage.checkpoint_due(now, self._run):
             self._storage.checkpoint(self._run)
         if self._reports.due(now):
-            if self._temperature is None and (found := self._neighbour.look()):
-                self._temperature = self._thermometer(found)
-                self._log.info(f'temperature from {found}, the only thermometer in the namespace '
-                               'of the IMU')
+            self._look_for_thermometer()
             self._reports.report(now, self._run, self._results.latest,
                                  self._storage.checkpoint_age_s(now))
             self._results.draw_if_watched(self._run)

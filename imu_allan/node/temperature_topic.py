@@ -10,6 +10,7 @@ from imu_allan.recordings.thermometers import beside, in_celsius
 import numpy as np
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Temperature
 
@@ -38,7 +39,7 @@ class Neighbour:
         self._seen: list[str] = []
 
     def look(self) -> str | None:
-        """Return its topic once two looks have seen it alone; a driver's do not come at once."""
+        """Return its topic once two looks have seen it alone: a driver's come one by one."""
         before, self._seen = self._seen, sorted(
             name for name, types in self._node.get_topic_names_and_types()
             if 'sensor_msgs/msg/Temperature' in types and beside(self._topic, name)
@@ -70,8 +71,10 @@ class TemperatureTopic:
     def __init__(self, node: Node, topic: str, facts: Facts, lanes: int) -> None:
         try:
             self._subscription = DrainedSubscription(node, Temperature, topic, QUEUE)
-        except (NameValidationException, RuntimeError) as error:
+        except NameValidationException as error:
             raise ImuAllanError(f'parameter temperature_topic: {in_one_line(error)}') from error
+        except (InvalidQosOverridesError, RuntimeError) as error:
+            raise ImuAllanError(f'qos_overrides of {topic}: {in_one_line(error)}') from error
         self._facts = facts
         self._waiting = [_NONE] * lanes
         facts.temperature_topic = self._subscription.topic

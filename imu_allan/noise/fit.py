@@ -26,7 +26,7 @@ from imu_allan.noise.correlated import (
 from imu_allan.noise.courses import Calmed, has_walk, with_courses
 from imu_allan.noise.doubt_of_flicker import with_doubt_of_flicker
 from imu_allan.noise.doubt_of_process import with_doubt_of_process
-from imu_allan.noise.doubt_of_walk import with_doubt_of_walk
+from imu_allan.noise.doubt_of_walk import doubt_of_walk
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
 from imu_allan.noise.intervals import (
     bent_density,
@@ -312,8 +312,9 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         walks = walks and is_walk(trial, mean.record, own, even=uneven == 1,
                                   moves=ramp.observable or mean.moves)
     walk = walk or estimate(trial, WALK)
-    walk, levels = with_doubt_of_walk(trial, dt, walk, walk_widening)
-    unclear = walk.observable and (levels or not walks)
+    levelling = doubt_of_walk(trial, dt, walk, walk_widening)
+    walk = levelling.walk
+    unclear = walk.observable and (levelling.is_likelier or not walks)
     if unclear:
         walk = replace(walk, observable=False)
     estimates = {key: walk if column == WALK else estimate(trial, column, _widening(said, key))
@@ -327,6 +328,8 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
         still = estimate(without_walk(in_parts(trial, own)), FLICKER,
                          _widening(said, 'bias_instability'))
         estimates['bias_instability'] = either(estimates['bias_instability'], still)
+    estimates['bias_instability'] = levelling.of_flicker(
+        estimates['bias_instability'], _widening(said, 'bias_instability'))
     if process is None:
         estimates['bias_instability'] = with_doubt_of_process(
             trial, dt, estimates['bias_instability'], _widening(said, 'bias_instability'))

@@ -113,7 +113,8 @@ def decide(trial: Trial, column: int, limit: float, *, margin: float, pass_error
     decision = decided(lambda one, other: log_ratio(trial, column, one, other))
     if dt is None or decision not in ('below', 'above'):
         return decision
-    return decided(_of_any_exponent(trial, column, dt))
+    beside = decided(_of_any_exponent(trial, column, dt))
+    return beside if beside in (decision, 'near') else 'open'
 
 
 def borne_out(decision: Decision, limit: float, value: float, interval: tuple[float, float],

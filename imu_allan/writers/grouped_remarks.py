@@ -28,7 +28,7 @@ TITLES = {
     'noise_level_changed': 'noise level changes',
     'not_steady': 'not steady', 'poor_fit': 'poor fit', 'rate_changed': 'rate changed',
     'recordings_disagree': 'recordings disagree', 'several_publishers': 'several publishers',
-    'perhaps_high_passed': 'slow part removed?', 'power_law': 'no flicker',
+    'perhaps_high_passed': 'perhaps filtered', 'power_law': 'no flicker',
     'short_part': 'short part', 'short_recording': 'short recording',
     'temperature': 'temperature', 'tones': 'tones',
     'clock_speed': 'speed of clocks', 'field_absent': 'absent field', 'frozen': 'frozen sensor',

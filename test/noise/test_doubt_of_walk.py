@@ -58,3 +58,12 @@ def test_of_a_walk_that_goes_on_it_is_hardly_wider_and_its_value_is_the_same():
         assert walk.low <= plain.low < plain.high <= walk.high
         wider.append((walk.high - walk.low) / (plain.high - plain.low))
     assert np.median(wider) < 1.2
+
+
+def test_flicker_holds_where_what_passes_for_a_walk_levels_off():
+    terms = {**NOISE, 'gauss_markov': {'sigma': 1e-3, 'correlation_time_s': 60.0}}
+    fits = [fitted(terms, 2500, seed) for seed in range(20)]
+    flicker = [fit.estimates['bias_instability'] for fit in fits if fit.gauss_markov is None]
+    above = [one.observable and one.low > NOISE['bias_instability'] for one in flicker]
+    assert len(above) >= 12
+    assert sum(above) <= 1

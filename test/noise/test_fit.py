@@ -344,12 +344,13 @@ def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_
             assert 3.7 < rise(**{key: estimate.low}) < 60
             assert 3.7 < rise(**{key: estimate.high}) < 60
             continue
-        assert rise(**{key: estimate.low}) == pytest.approx(3.841, rel=0.03)
-        if key == 'rate_random_walk':
-            # The highest of all walks that level off later than the record tells.
-            assert 3.7 < rise(**{key: estimate.high}) < 5
-            continue
-        assert rise(**{key: estimate.high}) == pytest.approx(3.841, rel=0.03)
+        # Walks that level off later than the record tells rise higher, and leave less flicker.
+        hull = {'rate_random_walk': estimate.high, 'bias_instability': estimate.low}.get(key)
+        for end in (estimate.low, estimate.high):
+            if end == hull:
+                assert 3.7 < rise(**{key: end}) < 5
+            else:
+                assert rise(**{key: end}) == pytest.approx(3.841, rel=0.03)
     if samples > 1_000_000:
         assert seen == set(truth)
 

@@ -154,9 +154,13 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, dt: float | None, margin:
     fail_error = error / limited
     decision = decide(trial, column, verdict.limit, margin=margin, pass_error=error,
                       fail_error=fail_error, dt=dt if verdict.key == 'noise_density' else None)
-    if verdict.key == 'noise_density' and verdict.value is not None and verdict.ci95 is not None:
+    if verdict.value is not None and verdict.ci95 is not None:
         decision = borne_out(decision, verdict.limit, verdict.value, verdict.ci95,
                              fail_error if decision == 'above' else error)
+    elif decision == 'above' or (decision == 'below' and verdict.upper95 is not None
+                                 and verdict.upper95 > verdict.limit):
+        # Of a bound nothing is known to be above, and what the bound reaches is not below.
+        decision = 'open'
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
 
 
