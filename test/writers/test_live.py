@@ -6,6 +6,7 @@ from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet.live import standing
 import numpy as np
+import pytest
 
 
 def test_slow_noise_that_passes_for_white_noise_fails_no_unit_on_the_bench():
@@ -25,3 +26,21 @@ def test_slow_noise_that_passes_for_white_noise_fails_no_unit_on_the_bench():
     assert {share: one.verdicts[0].verdict for share, one in found.items()} == {
         0.7: 'pass', 1.0: 'cannot tell', 1.5: 'fail'}
     assert not found[1.0].decided
+
+
+@pytest.mark.parametrize('seed', [0, 1, 2])
+def test_a_walk_that_may_level_off_fails_no_unit_on_the_bench(seed):
+    """Of a process of a minute the record says no more than a bound for the walk."""
+    flicker_size, count = 2.4e-5, 25_000
+    rows = np.full((count, 6), np.nan)
+    rows[:, 0] = simulate(
+        {'noise_density': 7.9e-5, 'bias_instability': flicker_size,
+         'gauss_markov': {'sigma': 3 * flicker_size, 'correlation_time_s': 60.0}},
+        count, 10.0, seed)
+    stamps = np.int64(1.7e18) + np.arange(count) * np.int64(1e8)
+    stream = Characterization(kind='topic', topic='/imu')
+    stream.update(ImuBlock(stamps, stamps, rows, np.tile([False, True], (count, 1)), 'imu'))
+    limit = parse_model('gyro: {x: {rate_random_walk: 4.0e-6 rad/s^2/sqrt(Hz)}}')
+    found = standing(stream, limit).verdicts[0]
+    assert stream.result().axes['gyro_x'].coefficients['rate_random_walk'].upper95 is not None
+    assert found.verdict == 'cannot tell'
