@@ -29,7 +29,7 @@ from imu_allan.noise.bins import bins_of
 from imu_allan.noise.correlated import process_column, with_process_column
 from imu_allan.noise.doubt_of_walk import doubt_of_walk
 from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.groups import grouped, QUANTIZATION, WALK
+from imu_allan.noise.groups import FLICKER, grouped, QUANTIZATION, WALK
 from imu_allan.noise.intervals import estimate
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import SpectrumPiece
@@ -116,7 +116,13 @@ def walk(name: str, hours: float, rise: float, runs: int,
     doubted, sure = (f'{share:.3f} +- {np.sqrt(share * (1 - share) / len(seen)):.3f}'
                      for share in shares)
     wider = np.median([one.high / other.high for one, other in seen])
-    return f'{line}   holds {doubted}, without doubt {sure}   upper end {wider:.2f} times as high'
+    flicker = [one.estimates['bias_instability'] for one, walk, _ in found if walk.observable]
+    sure_of_it = [estimate(one.trial, FLICKER) for one, walk, _ in found if walk.observable]
+    above, without = (sum(one.observable and one.low > B for one in some)
+                      for some in (flicker, sure_of_it))
+    return (f'{line}   holds {doubted}, without doubt {sure}   upper end {wider:.2f} times as high'
+            f'   B of {len(seen)} too large in {above}, without doubt {without}, '
+            f'a bound in {sum(not one.observable for one in flicker)}')
 
 
 def main() -> int:
