@@ -42,7 +42,7 @@ from imu_allan.noise.outlook import outlook
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
-from imu_allan.noise.terms import Quantity, TERMS
+from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import (
     AxisResult,
@@ -80,6 +80,8 @@ _FEW = 64.0
 """Degrees of freedom up to which a point of the curve belongs to the slow end."""
 _MOST_TOO_LOW = 0.9
 """Share: beyond, the interval has no upper end that says anything. A judgment."""
+_OF_SLOW_NOISE_S = 300.0
+"""From a shorter record nobody expects to learn of slow noise, nor of a filter behind it."""
 _DIGITS_OF_RANGE = 5
 """Decimal digits of the signal over time, counted from those of its range."""
 
@@ -201,7 +203,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         if filtered is not None:
             fitted = replace(fitted, estimates=filtered.with_and_without(fitted.estimates))
         remarks = [*fit_remarks(fitted, quantity), *steps]
-        if filtered is not None:
+        if filtered is not None and finished.samples * dt >= _OF_SLOW_NOISE_S:
             remarks.append(perhaps_high_passed_remark(filtered.corner_hz))
         values = {key: e.value for key, e in fitted.estimates.items()}
         drift = fit_drift_model(fitted_axis.groups, dt,
@@ -277,8 +279,7 @@ def _with_fault(axis: AxisResult, fault: AxisFault, quantity: Quantity, dt: floa
 def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis whose slow terms are upper bounds: something else may have made them."""
     return replace(axis, coefficients=dict(axis.coefficients) | {
-        key: _upper_bound(axis.coefficients[key])
-        for key in ('bias_instability', 'rate_random_walk')})
+        key: _upper_bound(axis.coefficients[key]) for key in SLOW_TERMS})
 
 
 def with_bounded_walk(axis: AxisResult) -> AxisResult:

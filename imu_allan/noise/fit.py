@@ -47,6 +47,7 @@ from imu_allan.noise.temperature import (
     follows,
 )
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
+from imu_allan.noise.terms import SLOW_TERMS
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.noise.trial import banded, BENT_P, fit_band, Trial
 from imu_allan.noise.unevenness import uneven_by
@@ -57,7 +58,6 @@ import numpy as np
 COLUMNS = {'quantization_noise': QUANTIZATION, 'noise_density': WHITE,
            'bias_instability': FLICKER, 'rate_random_walk': WALK}
 
-_SLOW = ('bias_instability', 'rate_random_walk')
 _DEEP = 1 / 12
 """Band edge in cycles per sample below which something else than a low-pass may be the reason."""
 
@@ -293,7 +293,7 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
                        process)
     if own:
         # The level of the slow noise changes on real sensors while that above stays the same.
-        keys = ('noise_density', *_SLOW) if changes else _SLOW
+        keys = ('noise_density', *SLOW_TERMS) if changes else SLOW_TERMS
         found = agreements(trial, own, [COLUMNS[key] for key in keys])
         said = {key: one for key, one in zip(keys, found, strict=True)
                 if one.disagrees or (steady is not None and not steady.steady)}

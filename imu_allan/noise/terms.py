@@ -124,6 +124,8 @@ TERMS: dict[str, Term] = {
 
 LASTING_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
 """N, B and K: what is the sensor's own. Q is its output's, R this record's."""
+SLOW_TERMS = ('bias_instability', 'rate_random_walk')
+"""Those of them that a filter follows as a bias, and that take the longest record."""
 
 
 def gauss_markov_avar(sigma: float, correlation_time_s: float,
