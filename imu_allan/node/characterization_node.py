@@ -36,7 +36,7 @@ from imu_allan.node.run import Half, Lane
 from imu_allan.node.same_imu import Probation
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
-from imu_allan.node.temperature_topic import Neighbour, TemperatureTopic
+from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rcl_interfaces.msg import SetParametersResult
@@ -102,7 +102,7 @@ class CharacterizationNode(Node):
                                    values['accel_type']])),
             accel_topic=''.join(subscribed[1:]),
             finds_unit=not (values['accel_unit'] or values['accel_field']))
-        self._neighbour: Neighbour | None = Neighbour(self, subscribed[0])
+        self._thermometer_beside: ThermometerBeside | None = ThermometerBeside(self, subscribed[0])
         thermometer = values['temperature_topic']
         self._temperature = self._thermometer(thermometer) if thermometer else None
         self._storage = Storage(name, self._setup, self._worker, self._facts, self._log, values)
@@ -186,14 +186,14 @@ class CharacterizationNode(Node):
 
     def _look_for_thermometer(self) -> None:
         """Take the temperature from the only thermometer beside the IMU, once it is there."""
-        if self._temperature is not None or self._neighbour is None:
+        if self._temperature is not None or self._thermometer_beside is None:
             return
-        if found := self._neighbour.look():
+        if found := self._thermometer_beside.look():
             try:
                 self._temperature = self._thermometer(found)
             except ImuAllanError as error:
                 # Nobody has asked for it: the run goes on without, and says so once.
-                self._neighbour = None
+                self._thermometer_beside = None
                 self._log.warning(f'no temperature: {error}')
                 return
             self._log.info(f'temperature from {found}, the only thermometer in the namespace of '

@@ -21,7 +21,7 @@ _MOST_WAITING = 100_000
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
-class Neighbour:
+class ThermometerBeside:
     """
     The thermometer that nobody named: the one in the namespace of the IMU, as in a recording.
 

@@ -116,15 +116,15 @@ def test_a_thermometer_is_taken_once_two_looks_have_seen_it_alone() -> None:
     node: Any = SimpleNamespace(
         get_topic_names_and_types=lambda: [(name, [kind]) for name, kind in seen.items()],
         count_publishers=lambda name: int(not name.endswith('/unpublished')))
-    neighbour = temperature_topic.Neighbour(node, '/imu/data_raw')
+    beside = temperature_topic.ThermometerBeside(node, '/imu/data_raw')
     kind = 'sensor_msgs/msg/Temperature'
     seen |= {'/imu/data_raw': 'sensor_msgs/msg/Imu', '/motor/temperature': kind,
              '/imu/unpublished': kind, '/imu/a': kind}
-    assert neighbour.look() is None
-    assert neighbour.look() == '/imu/a'
+    assert beside.look() is None
+    assert beside.look() == '/imu/a'
     seen['/imu/b'] = kind
-    assert neighbour.look() is None
-    assert neighbour.look() is None
+    assert beside.look() is None
+    assert beside.look() is None
     del seen['/imu/a']
-    assert neighbour.look() is None
-    assert neighbour.look() == '/imu/b'
+    assert beside.look() is None
+    assert beside.look() == '/imu/b'
