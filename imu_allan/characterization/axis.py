@@ -224,8 +224,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             # A longer record shows what it is, not how large.
             forecast['rate_random_walk'] = None, None
         if filtered is not None:
-            forecast = {**forecast, 'bias_instability': (None, None),
-                        'rate_random_walk': (None, None)}
+            forecast |= dict.fromkeys(SLOW_TERMS, (None, None))
         coefficients = {
             key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
                          between=fitted.between.get(key))

@@ -221,7 +221,7 @@ def likeliest_process(groups: Groups, dt: float, start: Solution) -> float:
 
 def promising_time(trial: Trial, dt: float) -> float | None:
     """
-    Find whether a search for a process is worth its time.
+    Find the correlation time for which a search for a process is worth its time.
 
     Parameters
     ----------

@@ -323,16 +323,13 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     density = bent_density(trial, dt, estimates['noise_density'], wider)
     estimates['noise_density'] = (with_doubt_of_flicker(trial, dt, density, wider) if doubt
                                   else density)
+    flicker, wider = estimates['bias_instability'], _widening(said, 'bias_instability')
     if unclear and own:
         # What seems a walk takes from the flicker, wherever it comes from.
-        still = estimate(without_walk(in_parts(trial, own)), FLICKER,
-                         _widening(said, 'bias_instability'))
-        estimates['bias_instability'] = either(estimates['bias_instability'], still)
-    estimates['bias_instability'] = levelling.of_flicker(
-        estimates['bias_instability'], _widening(said, 'bias_instability'))
-    if process is None:
-        estimates['bias_instability'] = with_doubt_of_process(
-            trial, dt, estimates['bias_instability'], _widening(said, 'bias_instability'))
+        flicker = either(flicker, estimate(without_walk(in_parts(trial, own)), FLICKER, wider))
+    flicker = levelling.of_flicker(flicker, wider)
+    estimates['bias_instability'] = (flicker if process is not None else
+                                     with_doubt_of_process(trial, dt, flicker, wider))
     window = None
     if trial.bent:
         # At the edge of the band the first column no longer is quantization noise.

@@ -67,7 +67,7 @@ def thermometer_of(recording: Recording, topic: str) -> ImuTopic | None:
 
 def beside(topic: str, thermometer: str) -> bool:
     """
-    Whether two topics lie in the same namespace, which is no one's where it is the root.
+    Whether two topics lie in the same namespace; those in the root share none.
 
     Parameters
     ----------
