@@ -70,10 +70,23 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Tone:
-    """A narrow line in the spectrum: frequency in Hz, amplitude in the unit of a sample."""
+    """
+    A narrow line in the spectrum, or the sum of several.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Of a sum: of one line that leaves as much as all of them in the mean over a long time.
+    amplitude : float
+        In the unit of a sample; of a sum: that of the power of all.
+    lines : int
+        How many lines are summed.
+
+    """
 
     frequency_hz: float
     amplitude: float
+    lines: int = 1
 
 
 @dataclass(frozen=True)
@@ -387,10 +400,11 @@ class AxisResult:
     the highest frequency that was fitted, where what lies above was left out. An axis that
     `stood_still` gave one value for so long, and has no coefficients; no more has one that is
     `saturated`, has a `deadband`, or came through a filter that takes out what is slower than
-    `high_passed_hz`, of the mean too. `coarse_step` is that of an output which steps by more than
-    the noise of one sample, `copy_of` the axis whose every sample it repeats, with a minus where
-    the sign is the other. Of several recordings the one with the fault gives no
-    coefficients; those of the others are told.
+    `high_passed_hz`, of the mean too. `tones` are the strongest lines, and `weaker_tones` sums of
+    the others by octave. `coarse_step` is that of an output which steps by more than the noise of
+    one sample, `copy_of` the axis whose every sample it repeats, with a minus where the sign is
+    the other. Of several recordings the one with the fault gives no coefficients; those of the
+    others are told.
     """
 
     quantity: str
@@ -417,6 +431,12 @@ class AxisResult:
     coarse_step: float | None = None
     copy_of: str | None = None
     power_law: PowerLaw | None = None
+    weaker_tones: tuple[Tone, ...] = ()
+
+    @property
+    def all_tones(self) -> tuple[Tone, ...]:
+        """All that was left out of the fit as lines: what the noise of a sample has besides."""
+        return self.tones + self.weaker_tones
 
     @property
     def constant(self) -> bool:

@@ -43,6 +43,7 @@ from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
+from imu_allan.noise.tones import strongest
 from imu_allan.noise.warm_up import Warming
 from imu_allan.result import (
     AxisResult,
@@ -63,7 +64,6 @@ from imu_allan.result import (
     Spectrum,
     Stationarity,
     TemperatureDependence,
-    Tone,
     Trend,
     WarmUp,
 )
@@ -192,14 +192,15 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         filtered = (None if steps or known_hz is not None else
                     high_pass_beside_flicker(fitted_axis.groups, dt, fitted_axis.fit))
         corner_hz = (known_hz or (filtered.corner_hz if filtered and filtered.certain else None)
-                     or (None if steps else _high_pass_corner_hz(fitted_axis.whole)))
+                     or (None if steps else _high_pass_corner_hz(fitted_axis.groups)))
         if corner_hz is not None:
             found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
                                   spectrum=_spectrum(fitted_axis.whole),
                                   high_passed_hz=corner_hz),
                           [high_pass_remark(corner_hz)]))
             continue
-        fitted, lines = fitted_axis.fit, fitted_axis.lines
+        fitted = fitted_axis.fit
+        named, weaker = strongest(fitted_axis.lines)
         if filtered is not None:
             fitted = replace(fitted, estimates=filtered.with_and_without(fitted.estimates))
         remarks = [*fit_remarks(fitted, quantity), *steps]
@@ -243,7 +244,8 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             base,
             band_limit_s=fitted.window_s,
             band_edge_hz=fitted.edge_hz,
-            tones=tuple(Tone(line.frequency_hz, line.amplitude) for line in lines),
+            tones=named,
+            weaker_tones=weaker,
             coefficients={key: coefficients[key] for key in TERMS},
             goodness_of_fit=GoodnessOfFit(fitted.p_value, fitted.misfit,
                                           fitted.acceptable and leaves_at is None),
@@ -478,8 +480,7 @@ def _described(found: AxisFit, drift: DriftModel | None) -> FittedModel:
     elif found.fit.gauss_markov:
         process = found.fit.gauss_markov
         processes = ((process.sigma, process.correlation_time_s),)
-    lines = tuple((line.frequency_hz, line.amplitude) for line in found.lines)
-    return FittedModel(values, found.fit.window_s, processes, lines, law)
+    return FittedModel(values, found.fit.window_s, processes, tuple(found.lines), law)
 
 
 def _curve(points: Octaves, axis: int, dt: float, model: FittedModel,

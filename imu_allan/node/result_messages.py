@@ -198,6 +198,10 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Remark],
     for i, tone in enumerate(axis.tones):
         entries |= {f'tones/{i}/frequency_hz': tone.frequency_hz,
                     f'tones/{i}/amplitude': tone.amplitude}
+    for i, tone in enumerate(axis.weaker_tones):
+        entries |= {f'weaker_tones/{i}/frequency_hz': tone.frequency_hz,
+                    f'weaker_tones/{i}/amplitude': tone.amplitude,
+                    f'weaker_tones/{i}/lines': tone.lines}
     entries |= _forecast_values(axis)
     entries |= {f'remarks/{remark.code}': live_text(remark).partition(': ')[2]
                 for remark in remarks}

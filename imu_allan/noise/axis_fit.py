@@ -28,8 +28,9 @@ from imu_allan.noise.stationarity import (
     steadiness,
 )
 from imu_allan.noise.temperature_course import TemperatureCourse
-from imu_allan.noise.tones import find_lines, Line
+from imu_allan.noise.tones import find_lines, NAMED
 from imu_allan.noise.trends import RecordSpectrum
+from imu_allan.result import Tone
 
 SHORTEST_RECORD = 64
 """Samples below which no coefficient is estimated."""
@@ -44,7 +45,7 @@ class AxisFit:
     ----------
     fit : Fit
         The fitted terms.
-    lines : list of Line
+    lines : list of Tone
         What was left out of the fit, the strongest first.
     groups : Groups
         What was fitted: the spectrum without the lines.
@@ -58,7 +59,7 @@ class AxisFit:
     """
 
     fit: Fit
-    lines: list[Line]
+    lines: list[Tone]
     groups: Groups
     whole: Groups
     steadiness: Steadiness | None = None
@@ -104,7 +105,7 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         whole = grouped(bins, axis)
         first = maximise(whole, ramp=None)
         lines, keep = find_lines(pieces, bins, axis, dt, first)
-        lines_hz = [line.frequency_hz for line in lines]
+        lines_hz = [line.frequency_hz for line in lines[:NAMED]]
         steady = steadiness(segments, axis, dt, lines_hz) if segments else None
         own = segments
         if brief is not None and not coarse[axis]:

@@ -128,7 +128,7 @@ def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> 
     for process in model.processes:
         total = total + gauss_markov_avar(process.sigma, process.correlation_time_s, tau)
     for tone in tones:
-        total = total + line_avar(tone.frequency_hz, tone.amplitude, tau)
+        total = total + line_avar(tone.frequency_hz, tone.amplitude, tau, tone.lines)
     return np.asarray(total)
 
 

@@ -13,6 +13,7 @@ from imu_allan.noise.terms import (
     low_passed_avar,
     power_law_avar,
 )
+from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -38,9 +39,8 @@ class FittedModel:
         Width of the boxcar that bends the white noise as the low-pass does.
     processes : tuple of (float, float)
         Standard deviation and correlation time of every Gauss-Markov process.
-    lines : tuple of (float, float)
-        Frequency and amplitude of every line. They stand in the Allan variance, but have no
-        density.
+    lines : tuple of Tone
+        They stand in the Allan variance, but have no density.
     power_law : (float, float) or None
         Amplitude and exponent of slow noise that is no flicker.
 
@@ -57,7 +57,7 @@ class FittedModel:
     coefficients: Mapping[str, float]
     window_s: float | None = None
     processes: tuple[tuple[float, float], ...] = ()
-    lines: tuple[tuple[float, float], ...] = ()
+    lines: tuple[Tone, ...] = ()
     power_law: tuple[float, float] | None = None
 
     def allan_variance(self, size: ArrayLike, dt: float) -> Array:
@@ -86,8 +86,8 @@ class FittedModel:
             total = total + low_passed_avar(density, self.window_s, size, dt)
         for sigma, time in self.processes:
             total = total + gauss_markov_avar(sigma, time, tau)
-        for frequency, amplitude in self.lines:
-            total = total + line_avar(frequency, amplitude, tau)
+        for line in self.lines:
+            total = total + line_avar(line.frequency_hz, line.amplitude, tau, line.lines)
         if self.power_law is not None:
             total = total + power_law_avar(*self.power_law, tau)
         return np.asarray(total + allan_variance(values, tau))

@@ -24,8 +24,9 @@ from imu_allan.noise.fit import fit
 from imu_allan.noise.groups import grouped, joined_groups
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
-from imu_allan.noise.tones import find_lines, Line
+from imu_allan.noise.tones import find_lines
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
+from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,7 +95,7 @@ class RecordedSpectrum:
     Attributes
     ----------
     spectrum : RecordSpectrum
-    lines : list of Line
+    lines : list of Tone
         What is left out of it.
     theta : ndarray, shape (columns,)
         Squared coefficients to begin at.
@@ -103,7 +104,7 @@ class RecordedSpectrum:
     """
 
     spectrum: RecordSpectrum
-    lines: list[Line]
+    lines: list[Tone]
     theta: Array
     samples: int
 
@@ -148,9 +149,9 @@ def fit_spectra(spectra: Sequence[RecordedSpectrum], dt: float,
     return AxisFit(fitted, _lines_of(spectra), groups, whole)
 
 
-def _lines_of(spectra: Sequence[RecordedSpectrum]) -> list[Line]:
+def _lines_of(spectra: Sequence[RecordedSpectrum]) -> list[Tone]:
     """Lines of all records, each once at its largest, the strongest first."""
-    kept: list[Line] = []
+    kept: list[Tone] = []
     for line in sorted((line for spectrum in spectra for line in spectrum.lines),
                        key=lambda line: -line.amplitude):
         if all(abs(line.frequency_hz - other.frequency_hz) > _SAME_LINE * other.frequency_hz

@@ -205,7 +205,8 @@ def power_law_avar(amplitude: float, exponent: float, tau: ArrayLike) -> NDArray
                       * np.asarray(tau, dtype=np.float64) ** (exponent - 1))
 
 
-def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> NDArray[np.float64]:
+def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int = 1
+              ) -> NDArray[np.float64]:
     """
     Allan variance of a sine wave.
 
@@ -215,11 +216,14 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> NDArray[
         Of the sine wave.
     tau : array_like, shape (n,)
         Averaging times in seconds.
+    lines : int, optional
+        How many sine waves about that frequency have together the power of that amplitude.
 
     Returns
     -------
     ndarray, shape (n,)
-        [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods.
+        [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods. Several lines are
+        at all phases of theirs, where the mean of sin^4 is 3/8.
 
     References
     ----------
@@ -232,6 +236,8 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike) -> NDArray[
 
     """
     x = np.pi * frequency_hz * np.asarray(tau, dtype=np.float64)
+    if lines > 1:
+        return np.asarray((amplitude * x) ** 2 / (1 + 8 * x**4 / 3))
     return np.asarray((amplitude * np.sin(x) ** 2 / x) ** 2)
 
 

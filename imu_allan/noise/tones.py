@@ -8,14 +8,16 @@ are left out and the line is named. A line is what rises above the median of its
 more than chance allows, seen at three resolutions: a quantizer's idle tone is a few hertz wide.
 """
 
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import groupby, pairwise
+from math import log2, sqrt
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.bins import Bins
 from imu_allan.noise.groups import about_ramp
 from imu_allan.noise.likelihood import Solution
 from imu_allan.noise.periodogram import SpectrumPiece
+from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
@@ -29,8 +31,11 @@ _SHORTEST_PIECE = 512
 """Points of a block below which lines are not sought: eight neighbourhoods, a judgment."""
 _FALSE_ALARM = 1e-4
 """Probability that a part of the spectrum shows a line by chance: shared among all its bins."""
-_LEAK = 0.02
-"""Share of the floor above which a side lobe still spoils a bin, which is then left out."""
+_LEAKS = (0.02, 0.3, 4.0)
+"""
+Share of the floor above which a side lobe still spoils a bin, which is then left out. The next one
+is taken where the one before leaves too little: of 80 lines of three times N half a spectrum.
+"""
 _WIDEST_SHARE = 0.3
 """Where more bins than that rise, it is the shape of the spectrum, not lines. A judgment."""
 _LEAST_RISE = 1.3
@@ -41,8 +46,8 @@ _SCALES = (1, 32, 8)
 """Bins averaged: sharp lines first, then humps as broad as the idle tones of a quantizer."""
 _LOWEST_INDEX = 32
 """Coefficients below belong to the slow terms, whose steep rise would pass for a line."""
-_MOST = 32
-"""A result names the strongest; all of them are left out of the fit."""
+NAMED = 32
+"""So many lines, the strongest, have their own frequency and amplitude in a result."""
 _MANY = 8
 """Blocks from which on an average is smooth enough for broad lines and few neighbours."""
 _BROAD = 64
@@ -57,16 +62,8 @@ _LOBE_MARGIN_OF_ONE = 4.0
 """... and so many in a few blocks, where side lobes scatter."""
 
 
-@dataclass(frozen=True)
-class Line:
-    """A line: frequency in Hz, amplitude in the unit of a sample."""
-
-    frequency_hz: float
-    amplitude: float
-
-
 def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
-               first: Solution) -> tuple[list[Line], Mask]:
+               first: Solution) -> tuple[list[Tone], Mask]:
     """
     Find the lines of one axis.
 
@@ -85,16 +82,58 @@ def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
 
     Returns
     -------
-    lines : list of Line
-        The strongest first.
+    lines : list of Tone
+        All of them, the strongest first.
     keep : ndarray of bool, shape (bins,)
         False where a line or its side lobes are.
 
     """
+    for leak in _LEAKS:
+        lines, keep = _find_lines(pieces, bins, axis, dt, first, leak)
+        if keep.mean() >= _LEAST_LEFT:
+            return lines, keep
+    # What is left is no spectrum to fit: the fit shall see all of it and say so.
+    return lines, np.ones(len(bins.frequency), dtype=bool)
+
+
+def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]]:
+    """
+    Choose the lines that a result names, and sum the others by octave.
+
+    Parameters
+    ----------
+    lines : sequence of Tone
+        The strongest first.
+
+    Returns
+    -------
+    named, weaker : tuple of Tone
+        Their power and, where they are averaged for long, what they leave are those of `lines`.
+
+    Examples
+    --------
+    >>> named, weaker = strongest([Tone(f, 1.0) for f in np.linspace(1.0, 1.9, 34)])
+    >>> len(named), [(tone.lines, round(tone.amplitude ** 2, 9)) for tone in weaker]
+    (32, [(2, 2.0)])
+
+    """
+    weaker = []
+    for _, octave in groupby(sorted(lines[NAMED:], key=lambda line: line.frequency_hz),
+                             lambda line: log2(line.frequency_hz) // 1):
+        some = list(octave)
+        power = sum(line.amplitude**2 for line in some)
+        late = sum((line.amplitude / line.frequency_hz)**2 for line in some)
+        weaker.append(Tone(sqrt(power / late), sqrt(power), len(some)))
+    return tuple(lines[:NAMED]), tuple(weaker)
+
+
+def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, first: Solution,
+                leak: float) -> tuple[list[Tone], Mask]:
+    """Find lines, with the bins that they and their side lobes above a leak take."""
     keep = np.ones(len(bins.frequency), dtype=bool)
     expected = np.maximum(bins.design @ first.theta, 1e-300)
     power = about_ramp(bins.power[axis], bins.cross[axis], bins.ramp, first.slope)
-    lines: list[Line] = []
+    lines: list[Tone] = []
     spans: list[tuple[float, float]] = []
     longest = {piece.step: max(p.length for p in pieces if p.step == piece.step)
                for piece in pieces}
@@ -107,7 +146,7 @@ def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
         if len(here) < _NEIGHBOURHOOD:
             continue
         frequency, level = bins.frequency[here], expected[here]
-        found, taken = _lines_of(power[here], level, piece.blocks)
+        found, taken = _lines_of(power[here], level, piece.blocks, leak)
         keep[here[taken]] = False
         width = 1 / (2 * piece.length * piece.step * dt)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False]))))
@@ -119,7 +158,7 @@ def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
             middle = slice(max(top - 2, 0), top + 3) if len(excess) < _BROAD else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
             if piece.step == 1 or not folded(centre, lines, 1 / (piece.step * dt), 3 * width):
-                lines.append(Line(centre, float(np.sqrt(2 * excess.sum() / piece.length))))
+                lines.append(Tone(centre, float(np.sqrt(2 * excess.sum() / piece.length))))
     # Shorter blocks of the same stage see the same lines, only less sharply.
     for number, piece in enumerate(pieces):
         if piece.length == longest[piece.step]:
@@ -130,13 +169,10 @@ def find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float,
             inside = (bins.frequency[here] > low - width) & (bins.frequency[here] < high + width)
             keep[here[inside]] = False
     lines.sort(key=lambda line: -line.amplitude)
-    if keep.mean() < _LEAST_LEFT:
-        # What is left is no spectrum to fit: the fit shall see all of it and say so.
-        keep[:] = True
-    return lines[:_MOST], keep
+    return lines, keep
 
 
-def _lines_of(power: Array, expected: Array, blocks: int
+def _lines_of(power: Array, expected: Array, blocks: int, leak: float
               ) -> tuple[list[tuple[slice, Array]], Mask]:
     """Find the lines: where each is, the power it adds there, and the bins that all spoil."""
     taken = np.zeros(len(power), dtype=bool)
@@ -146,13 +182,21 @@ def _lines_of(power: Array, expected: Array, blocks: int
         # and make a hump of the knee, so broad ones are sought in the spectrum as it is.
         level = expected if scale == 1 else np.ones(len(power))
         candidates = []
-        for begin, end, floor in rises(np.where(taken, np.nan, power / level), blocks, scale):
+        places = rises(np.where(taken, np.nan, power / level), blocks, scale)
+        counted = taken.copy()
+        for begin, end, _ in places:
+            counted[begin:end] = True
+        for begin, end, floor in places:
             excess = np.maximum(power[begin:end] - floor * level[begin:end], 0)
             peak = float(np.max(excess / level[begin:end])) / floor
             # A sharp line leaks into side lobes; a broad one has skirts of its own width.
-            reach = 1 + (int(np.ceil(np.sqrt(peak / _LEAK) / np.pi))
+            reach = 1 + (int(np.ceil(np.sqrt(peak / leak) / np.pi))
                          if scale == 1 else end - begin)
-            taken[max(0, begin - reach):end + reach] = True
+            around = slice(max(0, begin - reach), end + reach)
+            # What leaks is of the line, too; where two lines leak into a bin it counts once.
+            leaked = (power[around] - floor * level[around])[~counted[around]].sum()
+            excess *= 1 + max(float(leaked), 0.0) / float(excess.sum())
+            counted[around] = taken[around] = True
             for part in _peaks(excess) if scale == 1 else [slice(0, end - begin)]:
                 candidates.append((slice(begin + part.start, begin + part.stop), excess[part]))
         candidates.sort(key=lambda c: -float(c[1].max()))
@@ -233,7 +277,7 @@ def _peaks(level: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 
 
-def folded(frequency: float, lines: list[Line], rate: float, width: float) -> bool:
+def folded(frequency: float, lines: list[Tone], rate: float, width: float) -> bool:
     """Whether a line is the image of a known one at a lower sample rate."""
     return any(abs(abs(line.frequency_hz - rate * round(line.frequency_hz / rate)) - frequency)
                < width for line in lines)

@@ -47,10 +47,10 @@ def coasting_variance(axis: AxisResult, aiding_s: float, horizons: Array) -> Arr
 
     """
     model = drift_model_of(axis)
-    covariance = steady_covariance(space_of(model, axis.tones, aiding_s))
+    covariance = steady_covariance(space_of(model, axis.all_tones, aiding_s))
     found = []
     for horizon in horizons.tolist():
-        weight, rest = coasting_weights(model, axis.tones, horizon)
+        weight, rest = coasting_weights(model, axis.all_tones, horizon)
         found.append(float(weight @ covariance @ weight) + rest)
     return np.array(found)
 

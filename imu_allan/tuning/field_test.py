@@ -131,7 +131,7 @@ def field_test(axes: Mapping[str, AxisResult], means: Means, aiding_interval_s: 
                             'short to run a filter over')
     fed = [(model, tones) for axis in kept.values() for model, tones in (
         (_as_model(tune(axis, aiding_interval_s, coast_s, bias)), ()),
-        (drift_model_of(axis), axis.tones))]
+        (drift_model_of(axis), axis.all_tones))]
     # Long ones begin anew, too: what a filter keeps of every step is much.
     met = filtered(fed, (np.repeat(part[:, at:at + MOST_STEPS], 2, axis=0) for part in parts
                          for at in range(0, part.shape[1], MOST_STEPS)), means.cell_s)
@@ -164,7 +164,7 @@ def _as_predicted(bins: Bins, pieces: Sequence[SpectrumPiece], axis: AxisResult,
                   ) -> Bins:
     """Return the spectrum with two columns: what a model predicts of noise, and of drift."""
     model = drift_model_of(axis)
-    lines = step_s * float(line_power(axis.tones, step_s))
+    lines = step_s * float(line_power(axis.all_tones, step_s))
     drift = bins.design[:, WALK] * model.rate_random_walk**2
     for process in model.processes:
         # A stop is short beside a slow process: the spectrum of an endless record is not its.
@@ -232,7 +232,8 @@ def _scaled(axis: AxisResult, noise: float, drift: float) -> AxisResult:
         rate_random_walk=drift * model.rate_random_walk,
         processes=tuple(replace(process, sigma=drift * process.sigma)
                         for process in model.processes))
+    tones, weaker = (tuple(replace(tone, amplitude=noise * tone.amplitude) for tone in some)
+                     for some in (axis.tones, axis.weaker_tones))
     # Of the curve only what lies above the band is used, which is noise.
-    return replace(axis, drift_model=more, tones=tuple(
-        replace(tone, amplitude=noise * tone.amplitude) for tone in axis.tones),
-        curve=replace(curve, adev=tuple(noise * value for value in curve.adev)))
+    return replace(axis, drift_model=more, tones=tones, weaker_tones=weaker, curve=replace(
+        curve, adev=tuple(noise * value for value in curve.adev)))

@@ -118,7 +118,7 @@ def _pairs(sigma: Array, wide: Array) -> tuple[Interval, ...]:
 def _mean_about_mean(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
     """Variance of the mean over h about that over c just before."""
     total = (model.noise_density**2 * (1 / h + 1 / c) + model.rate_random_walk**2 * (h + c) / 3
-             + line_power(axis.tones, h) + line_power(axis.tones, c))
+             + line_power(axis.all_tones, h) + line_power(axis.all_tones, c))
     for process in model.processes:
         time = process.correlation_time_s
         total = total + process.sigma**2 * (
@@ -132,7 +132,7 @@ def _position(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
     lever = h**2 / 2
     total = (model.noise_density**2 * (h**3 / 3 + lever**2 / c)
              + model.rate_random_walk**2 * (h**5 / 20 + lever**2 * c / 3)
-             + lever**2 * line_power(axis.tones, c))
+             + lever**2 * line_power(axis.all_tones, c))
     for process in model.processes:
         time = process.correlation_time_s
         # Weight of the state at the beginning in the double integral.
@@ -140,7 +140,7 @@ def _position(axis: AxisResult, model: DriftModel, h: Array, c: float) -> Array:
         total = total + process.sigma**2 * (
             _double_integral(time, h) + lever**2 * mean_variance(time, c)
             - 2 * lever * start * on_mean(time, c))
-    for tone in axis.tones:
+    for tone in axis.all_tones:
         w = 2j * np.pi * tone.frequency_hz
         total = total + tone.amplitude**2 / 2 * np.abs(np.expm1(w * h) / w**2 - h / w) ** 2
     return np.asarray(total)

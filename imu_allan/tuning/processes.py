@@ -36,5 +36,8 @@ def line_power(tones: tuple[Tone, ...], interval_s: ArrayLike) -> Array:
     interval = np.asarray(interval_s, dtype=np.float64)
     total = np.zeros(interval.shape)
     for tone in tones:
-        total = total + tone.amplitude**2 / 2 * np.sinc(tone.frequency_hz * interval) ** 2
+        # Several lines are at all phases of their side lobes, where the mean of sin^2 is a half.
+        share = (np.sinc(tone.frequency_hz * interval) ** 2 if tone.lines == 1 else
+                 1 / (1 + 2 * (np.pi * tone.frequency_hz * interval) ** 2))
+        total = total + tone.amplitude**2 / 2 * share
     return total

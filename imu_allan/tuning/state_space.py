@@ -125,7 +125,7 @@ def state_space(axis: AxisResult, step_s: float) -> StateSpace:
         raise ImuAllanError(f'step_s {step_s:g} s is beyond {model.to_s:g} s, a third of the '
                             'recording: it does not know how the sensor drifts over longer; '
                             'choose a shorter step')
-    return space_of(model, axis.tones, step_s)
+    return space_of(model, axis.all_tones, step_s)
 
 
 def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> StateSpace:

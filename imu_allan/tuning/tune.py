@@ -356,7 +356,7 @@ class Truth:
 
     def allan_variance(self, interval_s: float) -> float:
         """Allan variance of the model with its lines, and what is measured above the band."""
-        return (float(drift_avar(self.model, self.axis.tones, interval_s))
+        return (float(drift_avar(self.model, self.axis.all_tones, interval_s))
                 + self._above_band(interval_s))
 
     def _above_band(self, interval_s: float) -> float:
@@ -366,7 +366,7 @@ class Truth:
             return 0.0
         measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
                                         np.log(np.maximum(curve.adev, 1e-300))))
-        model = float(drift_avar(self.model, self.axis.tones, interval_s))
+        model = float(drift_avar(self.model, self.axis.all_tones, interval_s))
         return max(float(measured) - model, 0.0)
 
     def _shows_s(self, walk: float) -> float:
@@ -401,8 +401,8 @@ class Truth:
         # What is above the band averages out as its phase does.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
                      + above * (weight**2 * memory + (t / h) ** 2))
-        yield 0.0, (weight**2 * memory * line_power(self.axis.tones, t)
-                    + line_power(self.axis.tones, h)
+        yield 0.0, (weight**2 * memory * line_power(self.axis.all_tones, t)
+                    + line_power(self.axis.all_tones, h)
                     + hidden_variance(self.axis, horizons)[:, None])
         walk = self.model.rate_random_walk
         # Over short times a process is a walk, too.

@@ -107,7 +107,7 @@ def hidden_variance(axis: AxisResult, horizons: Array) -> Array:
 
     """
     model = drift_model_of(axis)
-    level = float(drift_avar(model, axis.tones, model.to_s))
+    level = float(drift_avar(model, axis.all_tones, model.to_s))
     return np.asarray(level * np.maximum(horizons / model.to_s - 1, 0))
 
 
@@ -178,7 +178,7 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     """
     model = drift_model_of(axis)
     drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
-                  / drift_avar(model, axis.tones, coast_s))
+                  / drift_avar(model, axis.all_tones, coast_s))
     spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, _LEAST_DRIFT)
     by = chi_square.NORMAL95 * spread
     low, high = ends

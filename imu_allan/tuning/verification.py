@@ -125,7 +125,7 @@ def _excess(axis: AxisResult, other: AxisResult) -> tuple[Excess, ...]:
     model, curve = drift_model_of(axis), other.curve
     tau = np.array(curve.tau_s)
     known = (tau >= model.from_s * (1 - 1e-6)) & (tau <= model.to_s) & (np.array(curve.edf) >= 3)
-    predicted = np.sqrt(drift_avar(model, axis.tones, tau))
+    predicted = np.sqrt(drift_avar(model, axis.all_tones, tau))
     found = []
     for low, high in _BANDS_S:
         here = np.flatnonzero(known & (tau >= low) & (tau < high))

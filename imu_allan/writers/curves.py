@@ -64,7 +64,7 @@ def describe(axis: AxisResult) -> FittedModel:
                   'rate_random_walk': drift.rate_random_walk}
         processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
     return FittedModel(values, axis.band_limit_s, processes,
-                       tuple((tone.frequency_hz, tone.amplitude) for tone in axis.tones),
+                       axis.all_tones,
                        None if law is None else (law.amplitude, law.exponent))
 
 
@@ -96,7 +96,7 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
     # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
     avar = model.allan_variance(size, 1 / rate)
-    if axis.tones:
+    if axis.all_tones:
         window = min(_BETWEEN, len(avar))
         smooth = np.convolve(avar, np.ones(window) / window, 'same')
         avar = np.where(size > size[0] * 64, smooth, avar)

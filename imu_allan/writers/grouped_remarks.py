@@ -201,6 +201,7 @@ def _frequencies(axis: AxisResult, shown: int) -> str:
     texts = [f'{tone.frequency_hz:.4g} Hz '
              f'({number(engineering(tone.amplitude, axis.unit)[0], 3)} {unit})'
              for tone in sorted(axis.tones, key=lambda tone: -tone.amplitude)[:shown]]
-    if len(axis.tones) > shown:
-        texts.append(f'{len(axis.tones) - shown} weaker')
+    weaker = len(axis.tones) - shown + sum(tone.lines for tone in axis.weaker_tones)
+    if weaker > 0:
+        texts.append(f'{weaker} weaker')
     return listed(texts)

@@ -4,7 +4,10 @@ from imu_allan.noise.bins import bins_of
 from imu_allan.noise.groups import grouped
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.periodogram import Periodogram, SpectrumPiece
-from imu_allan.noise.tones import find_lines, folded, higher_side, Line, rises
+from imu_allan.noise.terms import line_avar
+from imu_allan.noise.tones import find_lines, folded, higher_side, rises, strongest
+from imu_allan.result import Tone
+from imu_allan.tuning.processes import line_power
 import numpy as np
 import pytest
 
@@ -52,6 +55,35 @@ def test_bins_of_a_line_are_left_out_of_long_and_short_blocks_and_no_others(freq
         assert near.any()
         assert not keep[near].any()
         assert keep[here & (np.abs(bins.frequency - frequency) > 2.5)].all()
+
+
+@pytest.mark.parametrize('amplitude', [0.1, 0.3])
+def test_the_power_of_eighty_lines_is_in_those_named_and_the_sums_of_the_others(amplitude):
+    rng = np.random.default_rng(1)
+    time = np.arange(360_000) * DT
+    sizes = amplitude * np.exp(rng.normal(0, 0.4, 80))
+    samples = rng.normal(size=len(time))
+    for frequency, size in zip(rng.uniform(0.6, 45.0, 80), sizes, strict=True):
+        samples += size * np.sin(2 * np.pi * frequency * time + rng.uniform(0, 6))
+    lines, keep = lines_of(samples)
+    assert keep.mean() > 0.5
+    named, weaker = strongest(lines)
+    assert len(named) == 32
+    # Neighbours closer than the resolution of a block are one.
+    assert len(lines) == 32 + sum(tone.lines for tone in weaker) == pytest.approx(80, abs=6)
+    power = sum(tone.amplitude**2 for tone in named + weaker)
+    assert power == pytest.approx(sum(sizes**2), rel=0.1)
+
+
+def test_a_sum_of_lines_leaves_in_long_averages_what_they_leave():
+    lines = [Tone(frequency, 0.1) for frequency in np.linspace(1.0, 30.0, 300)]
+    _, weaker = strongest(lines)
+    tau = np.geomspace(3.0, 3000.0, 200)
+    each = sum(line_avar(line.frequency_hz, 0.1, tau) for line in lines[32:])
+    summed = sum(line_avar(tone.frequency_hz, tone.amplitude, tau, tone.lines) for tone in weaker)
+    assert np.mean(summed) == pytest.approx(np.mean(each), rel=0.1)
+    exact = line_power(tuple(lines[32:]), tau)
+    assert np.mean(line_power(weaker, tau)) == pytest.approx(np.mean(exact), rel=0.1)
 
 
 def test_white_noise_has_no_line():
@@ -111,7 +143,7 @@ def test_amplitude_of_a_line_is_free_of_the_noise_below_it():
 @pytest.mark.parametrize(('frequency', 'image'), [(1.3, 0.3), (1.3, 1.3 - 0.9), (4.9, 0.1)])
 def test_a_line_folded_by_a_lower_rate_is_known_again(frequency, image):
     rate = 1.0 if frequency != 1.3 or image == 0.3 else 0.9
-    lines = [Line(17.4, 1.0), Line(frequency, 1.0)]
+    lines = [Tone(17.4, 1.0), Tone(frequency, 1.0)]
     assert folded(image, lines, rate, 0.01)
     assert not folded(image + 0.02, lines[1:], rate, 0.01)
 

@@ -3,10 +3,12 @@
 """Filters of true models: what they claim is what happens; many run as each does alone."""
 
 from drifting_axes import axis_of
+from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.tuning.coasting import coasting_variance, steady_covariance
 from imu_allan.tuning.kalman import run_filters
 from imu_allan.tuning.state_space import state_space
+from imu_allan.tuning.tune import tune
 import numpy as np
 import pytest
 
@@ -33,6 +35,23 @@ def test_innovations_of_a_true_model_are_white_and_of_the_claimed_size():
     assert np.mean(z**2) == pytest.approx(1, abs=0.03)
     for lag in (1, 2, 5, 20):
         assert abs(np.mean(z[lag:] * z[:-lag])) < 0.03
+
+
+@pytest.mark.parametrize(('amplitude', 'within'), [(1e-3, 0.1), (3e-3, 0.2)])
+def test_innovations_beside_eighty_lines_are_of_the_expected_size(amplitude, within):
+    rng = np.random.default_rng(1)
+    time = np.arange(360_000) / 100.0
+    samples = simulate({'noise_density': 1e-3, 'bias_instability': 1e-5}, len(time), 100.0, seed=1)
+    for frequency in rng.uniform(0.6, 45.0, 80):
+        samples += amplitude * rng.lognormal(0, 0.4) * np.sin(
+            2 * np.pi * frequency * time + rng.uniform(0, 6))
+    axis = characterize(samples, 100.0)
+    tuning = tune(axis, 0.2, 60.0)
+    given = axis_of(tuning.noise_density, tuning.random_walk)
+    for space, expected in ((state_space(axis, 0.2), 1.0), (state_space(given, 0.2), tuning.nis)):
+        innovation, variance = innovations(space, samples.reshape(-1, 20).mean(axis=1))
+        nis = np.mean(innovation[20:]**2 / variance[20:])
+        assert nis == pytest.approx(expected, rel=within)
 
 
 def test_a_missing_mean_leaves_a_gap_and_more_doubt():

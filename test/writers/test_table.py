@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 
-from imu_allan.result import Curve, Remark, Saturation, Source, Span
+from imu_allan.result import Curve, Remark, Saturation, Source, Span, Tone
 from imu_allan.writers.grouped_remarks import told_once
 from imu_allan.writers.table import print_result
 import pytest
@@ -182,6 +182,15 @@ def test_remarks_of_one_kind_are_one_sentence(result):
         'tones: gyro z 23.4 Hz (41.3 deg/h) and 1 weaker: vibration, mains or an idle tone of a '
         'converter, not noise; left out of the fit']
     assert '1,200 missing, 2 gaps (6 s), 2 stretches of motion (5 min 45 s)' in text
+
+
+def test_all_weaker_lines_are_counted(result):
+    sums = (Tone(3.0, 1e-4, 30), Tone(40.0, 1e-4, 16))
+    axes = {**result.axes, 'gyro_z': replace(result.axes['gyro_z'], weaker_tones=sums)}
+    text = printed(replace(result, axes=axes), 200)
+    assert text.splitlines()[-1] == (
+        'tones: gyro z 23.4 Hz (41.3 deg/h) and 47 weaker: vibration, mains or an idle tone of a '
+        'converter, not noise; left out of the fit')
 
 
 @pytest.mark.parametrize(('times', 'said'), [
