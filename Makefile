@@ -12,6 +12,7 @@
 # make docs             the documentation as HTML, warnings are errors
 # make bench            speed and memory;  make bench-accuracy  coefficients against the bound
 # make bench-filter     what a filter with these numbers is worth on data nobody fitted
+# make battery          what is said of a frozen set of sensors (BASE=checkout tells where it differs)
 # make clean            remove what the other targets made
 #
 # PYTHON, VENV and CONSTRAINTS choose another interpreter, folder and set of pinned versions:
@@ -29,6 +30,8 @@ RECORDING ?=
 TOPIC ?=
 DEMO_OUTPUT ?= demo_output
 MUTANTS ?=
+BASE ?=
+BATTERY_ARGS ?=
 
 # The wheels of ROS 2 Jazzy exist for Python 3.10 to 3.14.
 PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python3.10; do \
@@ -54,7 +57,8 @@ DEMO_STAMP := $(if $(STAMP),$(VENV)/.installed-demo)
 SPEED := analyze reading messages timeline report node
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-fast test-slow mutation coverage lint docs bench bench-accuracy bench-filter clean
+.PHONY: help setup demo test test-fast test-slow mutation coverage lint docs bench bench-accuracy bench-filter \
+	battery clean
 
 help:
 	@sed -n 's/^# make/  make/p' Makefile
@@ -124,6 +128,9 @@ bench: $(STAMP)
 
 bench-filter: $(STAMP)
 	$(RUN)/python bench/bench_filter.py
+
+battery: $(STAMP)
+	@PYTHONPATH=bench $(RUN)/python -m battery $(if $(BASE),--base '$(BASE)') $(BATTERY_ARGS)
 
 bench-accuracy: $(STAMP)
 	$(RUN)/python bench/bench_accuracy.py

@@ -1,0 +1,155 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The battery: its simulators, its bounds, its scores, and where it finds two runs to differ."""
+
+from battery import bounds, simulated
+from battery.cases import CONSUMER, RECORDS, SPECTRA, WALKING
+from battery.doors import Answer, Said
+from battery.outcomes import of_record, of_spectra, outcome, verdict
+from battery.sensors import B, Filter, K, N, Q, Sensor, TERMS
+from battery.tables import differences, table
+import numpy as np
+import pytest
+from scipy.fft import dct
+
+
+def octave_ratios(draw, power, samples=16384, records=60):
+    """Mean power of records in octaves, over what it should be; the slowest left out."""
+    rng = np.random.default_rng(3)
+    seen = np.zeros(samples)
+    for _ in range(records):
+        drawn = draw(samples, rng)
+        # Of noise that grows for ever the ends differ; a ramp between them takes little else.
+        seen += dct(drawn - np.linspace(drawn[0], drawn[-1], samples), norm='ortho')**2 / records
+    nu = np.arange(1, samples) / (2 * samples)
+    ratio = seen[1:] / power(nu)
+    return np.array([ratio[first:2 * first].mean() for first in 2**np.arange(6, 13)])
+
+
+@pytest.mark.parametrize(('draw', 'power'), [
+    (simulated.white, lambda nu: bounds.term_power(N, nu, 1.0)),
+    (simulated.walk, lambda nu: bounds.term_power(K, nu, 1.0)),
+    (lambda samples, rng: simulated.power_law(samples, 1.0, rng),
+     lambda nu: bounds.term_power(B, nu, 1.0)),
+    (lambda samples, rng: simulated.power_law(samples, 0.7, rng),
+     lambda nu: bounds.slow_power(nu, 0.7)),
+    (lambda samples, rng: simulated.power_law(samples, 1.3, rng),
+     lambda nu: bounds.slow_power(nu, 1.3)),
+    (lambda samples, rng: simulated.process(samples, 20.0, rng),
+     lambda nu: bounds.process_power(nu, 20.0)),
+    (lambda samples, rng: simulated.process(samples, 0.3, rng),
+     lambda nu: bounds.process_power(nu, 0.3)),
+], ids=['white', 'walk', 'flicker', 'f^-0.7', 'f^-1.3', 'process of 20 samples',
+        'process of 0.3 samples'])
+def test_simulated_noise_has_the_spectrum_of_the_bounds(draw, power):
+    # Of 60 records the slowest octave holds 3840 values: 2.3 % is one standard error.
+    assert octave_ratios(draw, power) == pytest.approx(1.0, abs=0.08)
+
+
+def test_simulated_quantization_noise_has_the_variance_of_the_bounds():
+    drawn = simulated.quantization(100_000, np.random.default_rng(3))
+    nu = (np.arange(1000) + 0.5) / 2000
+    assert drawn.var() == pytest.approx(bounds.term_power(Q, nu, 1.0).mean(), rel=0.02)
+    assert abs(drawn.sum()) < 10
+
+
+def test_bounds_of_case_a_and_b_are_the_known_ones():
+    case_a = bounds.reference_widths(Sensor(100, 10_800, CONSUMER))
+    case_b = bounds.reference_widths(Sensor(200, 3600, WALKING))
+    relative = [width[key] / (2 * bounds.NORMAL95 * terms[key])
+                for width, terms in ((case_a, CONSUMER), (case_b, WALKING)) for key in (N, B, K)]
+    assert relative == pytest.approx([0.00069, 0.044, 0.30, 0.00084, 0.100, 0.174], rel=0.02)
+
+
+def test_process_and_exponent_cost_what_else_is_slow_its_sharpness():
+    alone = bounds.reference_widths(Sensor(20, 3600, CONSUMER))
+    beside = bounds.reference_widths(Sensor(20, 3600, CONSUMER, process=(5e-5, 60.0)))
+    assert beside[B] > 1.5 * alone[B]
+    assert beside[N] == pytest.approx(alone[N], rel=0.1)
+
+
+def test_noise_through_a_filter_keeps_its_slow_level():
+    sensor = Sensor(10, 2000, {N: 1.0}, through=Filter([0.2], [1.0, -0.8], times=4))
+    seen = [sensor.record(np.random.default_rng(seed)).mean() for seed in range(300)]
+    assert np.var(seen) * 2000 == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_miss_costs_forty_times_its_distance():
+    inside = verdict(Said(1.0, (0.9, 1.2), None), 1.1, 0.1)
+    below = verdict(Said(1.0, (0.9, 1.2), None), 0.8, 0.1)
+    assert inside.inside
+    assert not below.inside
+    assert (inside.width, inside.score) == pytest.approx((3.0, 3.0))
+    assert (below.width, below.score) == pytest.approx((3.0, 3.0 + 40.0))
+
+
+def test_a_bound_counts_as_the_interval_from_zero():
+    holds = verdict(Said(None, None, 2.0), 1.5, 0.5)
+    fails = verdict(Said(None, None, 2.0), 2.5, 0.5)
+    assert (holds.reported, holds.inside, holds.width, holds.score) == (False, True, None, 4.0)
+    assert (fails.inside, fails.score) == (False, pytest.approx(4.0 + 40.0))
+    assert verdict(Said(None, None, None), 1.0, 1.0).score is None
+
+
+def short_cases():
+    return [number for number, case in enumerate(RECORDS) if case.name == '10 s, NB']
+
+
+def test_records_and_spectra_are_the_same_again():
+    [number] = short_cases()
+    first, again, other = of_record(number, 0), of_record(number, 0), of_record(number, 1)
+    for one in (*first, *again, *other):
+        del one['cpu_s']
+    assert first == again
+    assert first[0]['terms'] != other[0]['terms']
+    [flicker] = [number for number, case in enumerate(SPECTRA) if case.name == 'NB']
+    assert [one['terms'] for one in of_spectra(flicker, 0, 2)] == [
+        one['terms'] for one in of_spectra(flicker, 0, 2)]
+
+
+def test_every_case_has_a_name_of_its_own_and_finite_bounds():
+    for cases in (RECORDS, SPECTRA):
+        names = [(case.family, case.name) for case in cases]
+        assert len(set(names)) == len(names)
+        for case in cases:
+            widths = bounds.reference_widths(case.sensor)
+            assert set(widths) == set(TERMS)
+            assert all(np.isfinite(width) and width > 0 for width in widths.values()), case.name
+
+
+def of_flicker(seed, interval, codes=()):
+    """Outcome of a record in which N and B are, and B is said to lie in an interval."""
+    [case] = [case for case in RECORDS if case.name == '1 min, NB']
+    truth = case.sensor.terms
+    said = {Q: Said(None, None, 1e-6), N: Said(truth[N], (0.9 * truth[N], 1.1 * truth[N]), None),
+            B: Said(truth[B], tuple(end * truth[B] for end in interval), None),
+            K: Said(None, None, 1e-3)}
+    return outcome('records', case, seed, Answer(said, codes, 0.1),
+                   bounds.reference_widths(case.sensor))
+
+
+def test_two_runs_differ_where_all_records_changed_the_same_way():
+    before = [of_flicker(seed, (0.5, 2.0)) for seed in range(9)]
+    wider = [of_flicker(seed, (0.5, 4.0)) for seed in range(9)]
+    wrong = [of_flicker(seed, (1.1, 2.0), ('poor_fit',)) for seed in range(9)]
+    assert list(differences(before, before))[2:] == []
+    assert {line.split()[6] for line in list(differences(before, wider))[2:]
+            if '1 min' in line} == {'width', 'score'}
+    found = list(differences(before, wrong))[2:]
+    assert any('coverage' in line and line.endswith('-3.0') for line in found)
+    assert any('poor_fit' in line and line.endswith('+3.0') for line in found)
+
+
+def test_one_record_that_changed_is_no_difference():
+    before = [of_flicker(seed, (0.5, 2.0)) for seed in range(9)]
+    after = [of_flicker(0, (1.1, 2.0)), *before[1:]]
+    assert list(differences(before, after))[2:] == []
+
+
+def test_the_table_has_coverage_width_and_what_is_false():
+    found = [of_flicker(seed, (0.5, 2.0) if seed else (1.1, 2.0)) for seed in range(4)]
+    lines = list(table(found))
+    [head] = [line for line in lines if 'N    ' in line and '1 min, NB' in line]
+    [flicker] = [line for line in lines if line.split()[:1] == ['B']]
+    assert head.split()[:6] == ['short:', '1', 'min,', 'NB', '4', 'N']
+    assert flicker.split()[1:3] == ['1.00', '0.750']
