@@ -6,7 +6,7 @@ What the log says of its own accord: every transition once, and progress from ti
 Each `see_` method is given what is true now and compares it with what was true before.
 """
 
-from imu_allan.node.diagnostics import Facts, off_rate, waiting_for
+from imu_allan.node.diagnostics import cause_of_loss, Facts, off_rate, waiting_for
 from imu_allan.node.findings import live_text
 from imu_allan.node.log import Log
 from imu_allan.noise.terms import TERMS
@@ -14,6 +14,8 @@ from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, listed, measured, spoken
 
+PAUSE_S = 1.0
+"""Longer than a hiccup of Wi-Fi, and shorter than a driver takes to start. A judgment."""
 SILENCE_S = 5.0
 """Longer than a hiccup of Wi-Fi; any longer and a dead sensor is news late. A judgment."""
 REPEAT_S = 30.0
@@ -47,11 +49,9 @@ class Announcements:
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log
         self._topic = topic
-        self._silent = False
-        self._publishers = 0
-        self._namesakes = 0
-        self._mixed = False
-        self._looping = False
+        self._present: dict[str, bool] = {}
+        self._restarts = 0
+        self._overrun = False
         self._levels: dict[str, str] = {}
         self.begin_run()
 
@@ -65,47 +65,68 @@ class Announcements:
         self._began: float | None = None
         self._progress_at = 0.0
         self._said_codes: set[str] = set()
-        self._moving = False
-        self._rejected = self._jumps = 0
-        self._off_rate = False
+        self._jumps = 0
+        for what in ('moving', 'rejected', 'expected_rate'):
+            self._present.pop(what, None)
         self._observable: set[tuple[str, str]] = set()
 
     def see_reception(self, facts: Facts, names: list[str]) -> None:
-        """Tell of publishers that come and go, of mixing, and of data that return."""
-        if facts.publishers != self._publishers:
-            if facts.publishers > 1:
-                self._log.warning(f'{facts.publishers} publishers on {self._topic} '
-                                  f'({listed(names)}): where their samples mix they are passed '
-                                  'over; give every IMU a topic of its own', 'publishers')
-            elif self._publishers > 1:
-                self._log.info(f'one publisher is left on {self._topic}')
-            self._publishers = facts.publishers
-        if facts.mixed != self._mixed:
-            self._mixed = facts.mixed
-            if facts.mixed:
-                self._log.warning(f'the messages on {self._topic} are of more than one publisher: '
-                                  'they are passed over', 'mixed', REPEAT_S)
-            else:
-                self._log.info(f'the messages on {self._topic} are of one publisher again; call '
-                               '~/reset if it is another IMU')
-        if facts.namesakes != self._namesakes:
-            self._namesakes = facts.namesakes
-            if facts.namesakes:
-                self._log.warning('another node has the same name: their topics and services '
-                                  'cannot be told apart; start one of them with another name',
-                                  'namesakes')
-        if facts.looping != self._looping:
-            self._looping = facts.looping
-            if facts.looping:
-                self._log.warning(f'the messages on {self._topic} repeat from the first one on, '
-                                  'as a recording played in a loop does: what has come before is '
-                                  'passed over', 'looping', REPEAT_S)
-            else:
-                self._log.info(f'the messages on {self._topic} are new again')
-        silent = facts.received > 0 and facts.silent_s > SILENCE_S
-        if self._silent and not silent:
-            self._log.info(f'messages come on {self._topic} again')
-        self._silent = silent
+        """Tell of publishers that come and go, of losses, and of data that return."""
+        topic = self._topic
+        self._turn('publishers', facts.publishers > 1,
+                   f'{facts.publishers} publishers on {topic} ({listed(names)}): where their '
+                   'samples mix they are passed over; give every IMU a topic of its own',
+                   f'one publisher is left on {topic}')
+        self._turn('mixed', facts.mixed,
+                   f'the messages on {topic} are of more than one publisher: they are passed over',
+                   f'the messages on {topic} are of one publisher again; call ~/reset if it is '
+                   'another IMU')
+        self._turn('namesakes', facts.namesakes > 0,
+                   'another node has the same name: their topics and services cannot be told '
+                   'apart; start one of them with another name',
+                   'no other node has the same name any more')
+        self._turn('looping', facts.looping,
+                   f'the messages on {topic} repeat from the first one on, as a recording played '
+                   'in a loop does: what has come before is passed over',
+                   f'the messages on {topic} are new again')
+        recent = facts.recent
+        self._overrun = recent['overrun'] > 0
+        self._turn('malformed', recent['malformed'] > 0,
+                   f'{counted(recent["malformed"], "message")} on {topic} could not be decoded: '
+                   f'{facts.malformed_why}',
+                   f'every message on {topic} can be decoded again; '
+                   f'{counted(facts.malformed, "message")} could not be in all')
+        self._turn('lost', recent['lost'] > 0,
+                   f'{counted(recent["lost"], "message")} on {topic} lost: '
+                   f'{cause_of_loss(facts)}',
+                   f'no message on {topic} is lost any more; {_were(facts.lost)} in all')
+        if facts.pause_s > PAUSE_S and facts.silent_s < PAUSE_S:
+            restarted = facts.restarts > self._restarts
+            self._log.info(f'messages come on {topic} again after {facts.pause_s:.0f} s without'
+                           f'{": their publisher has restarted" if restarted else ""}',
+                           f'pause {topic}')
+        self._restarts = facts.restarts
+        self._see_thermometer(facts)
+
+    def _see_thermometer(self, facts: Facts) -> None:
+        topic = facts.temperature_topic
+        if not topic:
+            return
+        self._turn('thermometer', facts.temperature_missing,
+                   f'nothing publishes {topic}: there is no temperature',
+                   f'the thermometer on {topic} is there')
+        silent = facts.temperature_silent_s
+        self._turn('thermometer silent', silent > 0 and not facts.temperature_missing,
+                   f'no temperature on {topic} for {silent:.0f} s',
+                   f'temperatures come on {topic} again')
+
+    def _turn(self, what: str, present: bool, begins: str, over: str) -> None:
+        """Say that something begins, and that it is over if its beginning was said."""
+        if not present:
+            if self._present.pop(what, False):
+                self._log.info(over)
+        elif not self._present.get(what):
+            self._present[what] = self._log.warning(begins, f'{what} {self._topic}', REPEAT_S)
 
     def see_timeline(self, now: float, facts: Facts, summary: TimelineSummary) -> None:
         """Tell of the first sample, of faults of clock and samples, and of motion."""
@@ -118,27 +139,22 @@ class Announcements:
                            f'{summary.clock or "no"} stamps')
         for remark in summary.remarks:
             self._say_once(remark.code, live_text(remark))
-        if summary.moving != self._moving:
-            self._moving = summary.moving
-            if summary.moving:
-                self._log.warning('the IMU moves: what it measures meanwhile is left out',
-                                  'moving', REPEAT_S)
-            else:
-                self._log.info('the IMU is at rest again')
+        self._turn('moving', summary.moving,
+                   'the IMU moves: what it measures meanwhile is left out',
+                   'the IMU is at rest again')
         if summary.clock_jumps > self._jumps:
             self._log.warning(f'the {summary.clock} clock jumped: no difference is taken across '
-                              'the jump', 'jumped', REPEAT_S)
+                              'the jump', f'jumped {self._topic}', REPEAT_S)
         self._jumps = summary.clock_jumps
-        if timeline.rejected > self._rejected and not _REJECTING & {
-                remark.code for remark in summary.remarks}:
-            self._log.warning(f'{counted(timeline.rejected, "message")} rejected: NaN, infinite '
-                              'or declared absent', 'rejected', REPEAT_S)
-        self._rejected = timeline.rejected
+        rejected = facts.recent['rejected']
+        self._turn('rejected', rejected > 0 and not _REJECTING & {
+            remark.code for remark in summary.remarks},
+            f'{counted(rejected, "message")} rejected: NaN, infinite or declared absent',
+            f'no message is rejected any more; {_were(timeline.rejected)} in all')
         wrong = off_rate(facts, summary)
-        if wrong and not self._off_rate:
-            self._log.warning(f'{wrong}; check expected_rate, or the setting of the driver',
-                              'expected_rate', REPEAT_S)
-        self._off_rate = bool(wrong)
+        self._turn('expected_rate', bool(wrong),
+                   f'{wrong}; check expected_rate, or the setting of the driver',
+                   'the rate is the expected one again')
 
     def see_result(self, result: Result) -> None:
         """Tell of coefficients that have become observable and of what the fit found."""
@@ -180,9 +196,10 @@ class Announcements:
         self._log.info(progress_line(result, facts.moved_s))
 
     def _say_once(self, code: str, text: str) -> None:
-        if code not in self._said_codes and code not in _TOLD_ELSEWHERE:
+        # Where the queue overruns, all that is odd about the samples may come of it.
+        if not self._overrun and code not in self._said_codes and code not in _TOLD_ELSEWHERE:
             self._said_codes.add(code)
-            self._log.warning(text, f'{code}: {text}', REPEAT_S)
+            self._log.warning(text, f'{code} {self._topic}', REPEAT_S)
 
 
 def progress_line(result: Result, moved_s: float = 0.0) -> str:
@@ -205,3 +222,7 @@ def progress_line(result: Result, moved_s: float = 0.0) -> str:
     axis, key, seconds = following
     return (f'{text}; next: {key.replace("_", " ")} of {spoken(axis)} in about '
             f'{duration(seconds)}')
+
+
+def _were(count: int) -> str:
+    return f'{count:,} {"was" if count == 1 else "were"}'

@@ -17,7 +17,6 @@ import time
 from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.cdr import MalformedImu
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.announcements import Announcements
 from imu_allan.node.checkpoint import UnusableState
@@ -178,8 +177,8 @@ class CharacterizationNode(Node):
             raise ImuAllanError(f'parameter {half}_topic: {in_one_line(error)}') from error
         except (InvalidQosOverridesError, RuntimeError) as error:
             raise ImuAllanError(f'qos_overrides of {topic}: {error}') from error
-        facts = Facts(subscription.topic, queue, expected, values['state_file'], half)
-        return Reception(subscription, facts, decode, self._on_malformed)
+        facts = Facts(subscription.topic, subscription.depth, expected, values['state_file'], half)
+        return Reception(subscription, facts, decode)
 
     def _thermometer(self, topic: str) -> TemperatureTopic:
         return TemperatureTopic(self, topic, self._facts, len(self._receptions))
@@ -194,7 +193,7 @@ class CharacterizationNode(Node):
             except ImuAllanError as error:
                 # Nobody has asked for it: the run goes on without, and says so once.
                 self._thermometer_beside = None
-                self._log.warning(f'no temperature: {error}')
+                self._log.warning(f'no temperature: {error}', 'no thermometer')
                 return
             self._log.info(f'temperature from {found}, the only thermometer in the namespace of '
                            'the IMU')
@@ -220,7 +219,8 @@ class CharacterizationNode(Node):
             filter_of = replace(results.filter_of, **{f'{name}_s': value})
             results.filter_of = filter_of
             if reason := _reason_against(filter_of.aiding_interval_s, filter_of.coast_s):
-                self._log.warning(f'{reason}: filter_random_walk is NaN until they fit')
+                self._log.warning(f'{reason}: filter_random_walk is NaN until they fit',
+                                  'filter')
 
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 
@@ -274,10 +274,7 @@ class CharacterizationNode(Node):
         facts.looping = lane.looping
         facts.update_error = lane.error
         if lane.error:
-            self._log.error(lane.error)
-
-    def _on_malformed(self, topic: str, error: MalformedImu) -> None:
-        self._log.error(f'{topic}: {error}')
+            self._log.error(lane.error, f'useless samples {number}')
 
     # -- one run after the other ----------------------------------------------------------------
 
@@ -296,7 +293,8 @@ class CharacterizationNode(Node):
     def _begin_because(self, verdict: UnusableState, blocks: Mapping[int, Sequence[ImuBlock]]
                        ) -> None:
         """Leave the run, its state kept aside, and begin another with these messages by lane."""
-        self._log.warning(f'a new run begins, the one before cannot go on: {verdict}')
+        self._log.warning(f'a new run begins, the one before cannot go on: {verdict}',
+                          'new run', 0.0)
         self._storage.keep_aside(self._run, verdict)
         self._begin_anew()
         for number, held in blocks.items():
@@ -345,7 +343,7 @@ class CharacterizationNode(Node):
             if error is not None:
                 response.success = False
                 response.message += f', but {printable(error)}'
-        self._log.info(response.message)
+        self._log.info(response.message, 'reset')
         return response
 
     async def _settled(self, future: 'Future[Any]') -> None:
@@ -385,7 +383,7 @@ class CharacterizationNode(Node):
         try:
             return step()
         except ImuAllanError as error:
-            self._log.error(str(error), f'at the end: {error}')
+            self._log.error(str(error), f'at the end: {type(error).__name__}')
         except Exception as error:
             self._log.bug(error, 'the node saves the rest and ends')
         return False

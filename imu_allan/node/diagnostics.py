@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_allan.node.findings import live_text
+from imu_allan.node.recent import Recent, RECENT_S
 from imu_allan.node.result_messages import as_text
 from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
@@ -24,6 +25,13 @@ _RATE_TOLERANCE = 0.02
 _FIT_TROUBLE = frozenset({'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'not_steady',
                           'poor_fit', 'saturated', 'stood_still'})
 """Codes of remarks of the fit that make its coefficients doubtful."""
+
+_PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
+                     'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
+                     'rest_within_motion', 'several_frames', 'spikes'})
+"""Codes of remarks that tell of what may be over: counts say whether it goes on."""
+
+_LATELY = f'in the last {RECENT_S:.0f} s'
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 Verdict = tuple[bytes, str]
@@ -50,6 +58,12 @@ class Facts:
         Empty where none is kept.
     received, lost, malformed, skipped : int
         Messages taken, numbered but never received, not decodable, and passed over in a pause.
+    malformed_why : str
+        What was wrong with the last of those that are not decodable.
+    overrun : int
+        How often the queue was full when it was emptied.
+    recent : Recent
+        Growth of these and of the counts of the timeline.
     mixed : bool
         Whether the messages of two publishers are passed over now.
     mixed_samples : int
@@ -63,6 +77,10 @@ class Facts:
         Other nodes of the same name.
     silent_s : float
         Time since the last message, or since the node has waited for the first.
+    pause_s : float
+        Longest time without a message before one came, since the last report.
+    restarts : int
+        How often the numbers of the messages have begun anew.
     received_hz : float
         Messages taken per second, lately.
     cpu_s : float or None
@@ -88,6 +106,10 @@ class Facts:
         Publishers of it.
     temperature_c : float or None
         Latest reading, in degrees Celsius.
+    temperature_missing : bool
+        Whether nothing has published it for a while.
+    temperature_silent_s : float
+        Time since it, where that is longer than the thermometer has ever taken.
     findings : list of Finding
         How the last result stands to datasheet and reference.
 
@@ -102,6 +124,9 @@ class Facts:
     lost: int = 0
     malformed: int = 0
     skipped: int = 0
+    malformed_why: str = ''
+    overrun: int = 0
+    recent: Recent = field(default_factory=Recent)
     mixed: bool = False
     mixed_samples: int = 0
     looping: bool = False
@@ -109,6 +134,8 @@ class Facts:
     refused: list[str] = field(default_factory=list)
     namesakes: int = 0
     silent_s: float = 0.0
+    pause_s: float = 0.0
+    restarts: int = 0
     received_hz: float = 0.0
     cpu_s: float | None = None
     longest_hold_s: float = 0.0
@@ -126,6 +153,8 @@ class Facts:
     temperature_topic: str = ''
     thermometers: int = 0
     temperature_c: float | None = None
+    temperature_missing: bool = False
+    temperature_silent_s: float = 0.0
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -197,15 +226,28 @@ def _reception_verdict(facts: Facts) -> Verdict:
                       'they are passed over')
     if facts.looping:
         return WARN, 'the messages repeat: what has come before is passed over'
-    if facts.malformed:
-        return WARN, f'{counted(facts.malformed, "message")} could not be decoded'
-    if facts.lost:
-        return WARN, f'{counted(facts.lost, "message")} lost on the way'
+    if malformed := facts.recent['malformed']:
+        return WARN, (f'{counted(malformed, "message")} could not be decoded {_LATELY}: '
+                      f'{facts.malformed_why}')
+    if lost := facts.recent['lost']:
+        return WARN, f'{counted(lost, "message")} lost {_LATELY}: {cause_of_loss(facts)}'
     if facts.paused:
         return WARN, 'paused: samples are passed over'
     if facts.temperature_topic and not facts.thermometers:
         return WARN, f'nothing publishes {facts.temperature_topic}'
+    if facts.temperature_silent_s:
+        return WARN, f'no temperature for {facts.temperature_silent_s:.0f} s'
     return OK, f'receiving {facts.received_hz:.4g} messages per second'
+
+
+def cause_of_loss(facts: Facts) -> str:
+    """Say where messages were lost, and what helps."""
+    if facts.recent['overrun']:
+        return (f'the queue of {counted(facts.queue, "message")} is too short for what comes '
+                f'between two looks; leave qos_overrides.{facts.topic}.subscription.depth out, '
+                'or set it to 2.5 s of messages')
+    return ('on the way, between publisher and node; ask for reliable delivery with '
+            'qos_overrides')
 
 
 def _reception_values(facts: Facts) -> Mapping[str, object]:
@@ -231,18 +273,27 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
     wrong = off_rate(facts, summary)
     if wrong:
         return WARN, wrong
-    if summary.remarks:
-        return WARN, '; '.join(live_text(remark) for remark in summary.remarks)
-    faults = [f'{counted(count, what)}{why}' for count, what, why in (
-        (timeline.missing, 'sample', ' missing'), (timeline.duplicates, 'duplicate', ''),
-        (timeline.out_of_order, 'message', ' out of order'),
-        (timeline.rejected, 'message', ' rejected (NaN, infinite or declared absent)'),
-        (summary.clock_jumps, 'jump', ' of the clock')) if count]
+    lasting = [live_text(remark) for remark in summary.remarks if remark.code not in _PASSED]
+    if lasting:
+        return WARN, '; '.join(lasting)
+    faults = [f'{counted(count, what)}{why}' for key, what, why in (
+        ('missing', 'sample', ' missing'), ('duplicates', 'duplicate', ''),
+        ('out_of_order', 'message', ' out of order'), ('rejected', 'message', ' rejected'),
+        ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
     if faults:
-        return WARN, ', '.join(faults)
+        why = [live_text(remark) for remark in summary.remarks]
+        return WARN, '; '.join([f'{", ".join(faults)} {_LATELY}', *why])
     if not timeline.samples:
         return OK, 'no samples yet'
     return OK, f'{counted(timeline.samples, "sample")} at {rate or 0:.5g} Hz'
+
+
+def timeline_counts(summary: TimelineSummary) -> dict[str, int]:
+    """Give the totals of faults whose growth makes a warning."""
+    timeline = summary.timeline
+    return {'missing': timeline.missing, 'duplicates': timeline.duplicates,
+            'out_of_order': timeline.out_of_order, 'rejected': timeline.rejected,
+            'clock_jumps': summary.clock_jumps}
 
 
 def off_rate(facts: Facts, summary: TimelineSummary) -> str:

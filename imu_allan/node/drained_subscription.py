@@ -50,6 +50,8 @@ class Batch:
     numbers : ndarray of int64, shape (n,), or None
         Which of its messages the publisher says each one is; None where the middleware does not
         tell.
+    full : bool
+        Whether so many had come that the next would have pushed the first out.
 
     """
 
@@ -58,6 +60,7 @@ class Batch:
     lost: int
     interleaved: int = 0
     numbers: NDArray[np.int64] | None = None
+    full: bool = False
 
 
 class _Taken(NamedTuple):
@@ -96,7 +99,8 @@ class DrainedSubscription:
         Message class.
     topic : str
     depth : int
-        Queue of the middleware: it must hold what comes between two calls of `take`.
+        Queue of the middleware: it must hold what comes between two calls of `take`. It may be
+        overridden with a parameter.
     draining : bool
         Whether to take straight from the middleware's queue. That call is rclpy's own but not
         documented, so where it is missing or answers otherwise than known, an ordinary callback
@@ -115,9 +119,13 @@ class DrainedSubscription:
         self._qos = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
                                reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = self._subscribe(topic)
+        # What the parameters say has been written into the profile.
+        self._drops = self._qos.history == HistoryPolicy.KEEP_LAST
+        if self._drops:
+            self._depth = max(self._qos.depth, 1)
         if draining:
             try:
-                self._collected = drain(self._subscription, msg_type, depth)
+                self._collected = drain(self._subscription, msg_type, self._depth)
             except (AttributeError, TypeError, ValueError, KeyError):
                 node.destroy_subscription(self._subscription)
                 self.draining = False
@@ -127,6 +135,11 @@ class DrainedSubscription:
     def topic(self) -> str:
         """Full name of the topic, namespace and remapping applied."""
         return str(self._subscription.topic_name)
+
+    @property
+    def depth(self) -> int:
+        """Messages that the queue holds, as it may have been overridden."""
+        return self._depth
 
     @property
     def publishers(self) -> int:
@@ -179,7 +192,8 @@ class DrainedSubscription:
                    if (number := info.get('publication_sequence_number')) is not None]
         known = np.array(numbers, np.int64) if len(numbers) == len(taken.infos) else None
         return Batch(taken.messages, np.array(receive, dtype=np.int64),
-                     *self._count_lost(numbers), known)
+                     *self._count_lost(numbers), known,
+                     self._drops and len(taken.messages) >= self._depth)
 
     def _subscribe(self, topic: str) -> Subscription:
         group = _OutOfWaitSet() if self.draining else None

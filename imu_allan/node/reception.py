@@ -7,7 +7,7 @@ Samples of two publishers look like one sensor with the noise of both. The numbe
 publisher gives its messages tell them apart: those of one publisher only rise.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
@@ -39,20 +39,17 @@ class Reception:
         Where they are counted.
     decode : Decode
         For the type of the messages.
-    on_malformed : callable
-        Called with the topic and the error of messages that cannot be decoded.
 
     """
 
-    def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode,
-                 on_malformed: Callable[[str, MalformedImu], None]) -> None:
+    def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode) -> None:
         self.subscription = subscription
         self.facts = facts
         self._decode = decode
-        self._on_malformed = on_malformed
         self._waiting: list[Batch] = []
         self._falls: list[float] = []
         self._mixed_until = -inf
+        self._received_ns = 0
         self.last_take = self.last_message = 0.0
 
     def take(self, now: float) -> int:
@@ -61,9 +58,11 @@ class Reception:
         facts.longest_hold_s = max(facts.longest_hold_s, now - self.last_take)
         facts.received += len(batch.messages)
         facts.lost += batch.lost
+        facts.overrun += batch.full
         self.last_take = now
         if not batch.messages:
             return 0
+        self._look_for_pause(batch, now)
         self.last_message = now
         self._look_for_mixing(batch, now)
         if facts.paused:
@@ -92,6 +91,16 @@ class Reception:
         """Forget what has been taken and not been used yet."""
         self._waiting = []
 
+    def _look_for_pause(self, batch: Batch, now: float) -> None:
+        facts = self.facts
+        if self._received_ns:
+            # A node that was held up finds a full queue; a wall clock may have been set.
+            pause = min(now - self.last_message,
+                        float(batch.receive_ns[0] - self._received_ns) * 1e-9)
+            facts.pause_s = max(pause, facts.pause_s)
+            facts.restarts += batch.interleaved
+        self._received_ns = int(batch.receive_ns[-1])
+
     def _look_for_mixing(self, batch: Batch, now: float) -> None:
         self._falls = [at for at in self._falls if now - at < MIXED_WITHIN_S]
         self._falls += [now] * min(batch.interleaved, MIXED_STEPS)
@@ -100,7 +109,7 @@ class Reception:
 
     def _count_malformed(self, count: int, error: MalformedImu) -> None:
         self.facts.malformed += count
-        self._on_malformed(self.subscription.topic, error)
+        self.facts.malformed_why = str(error)
 
 
 def _numbered(blocks: list[ImuBlock], batches: Sequence[NDArray[np.int64] | None]

@@ -7,7 +7,7 @@ import time
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.announcements import Announcements, SILENCE_S
-from imu_allan.node.diagnostics import diagnostics_message, Facts
+from imu_allan.node.diagnostics import diagnostics_message, Facts, timeline_counts
 from imu_allan.node.log import Log
 from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
@@ -55,7 +55,7 @@ class Reports:
         self._announcements = announcements
         self._log = log
         self._last = self._last_look = time.monotonic()
-        self._last_complaint = [self._last - 6 * SILENCE_S] * len(receptions)
+        self._complaints = [''] * len(receptions)
         self._last_cpu = time.process_time()
         self._last_received = [0] * len(receptions)
 
@@ -102,10 +102,19 @@ class Reports:
         if not facts.publishers:
             facts.refused = subscription.refused_publishers()
         names = subscription.publisher_names() if facts.publishers > 1 else []
+        facts.recent.see(now, {'lost': facts.lost, 'malformed': facts.malformed,
+                               'overrun': facts.overrun})
         self._announcements[number].see_reception(facts, names)
-        if facts.silent_s > SILENCE_S and now - self._last_complaint[number] > 6 * SILENCE_S:
-            self._last_complaint[number] = now
-            self._complain_of_silence(facts, self._type_names[number], self._remedies[number])
+        facts.pause_s = 0.0
+        if facts.silent_s <= SILENCE_S:
+            self._complaints[number] = ''
+        else:
+            cause = self._cause_of_silence(facts, self._type_names[number],
+                                           self._remedies[number])
+            if cause != self._complaints[number] and self._log.warning(
+                    f'no message on {facts.topic} for {facts.silent_s:.0f} s{cause}',
+                    f'silence {facts.topic}'):
+                self._complaints[number] = cause
 
     def _look(self, now: float, lane: Lane, facts: Facts, announcements: Announcements
               ) -> TimelineSummary:
@@ -116,27 +125,25 @@ class Reports:
         except ImuAllanError as error:
             # The samples that the timeline holds back are of no use; the next ones may be.
             facts.update_error = str(error)
-            self._log.error(facts.update_error)
+            self._log.error(facts.update_error, f'useless samples {facts.topic}')
         else:
             facts.update_error = ''
         summary = snapshot.summary()
         facts.moved_s = summary.excluded_s
+        facts.recent.see(now, timeline_counts(summary), known=facts.on_probation)
         announcements.see_timeline(now, facts, summary)
         return summary
 
-    def _complain_of_silence(self, facts: Facts, type_name: str, remedy: str) -> None:
+    def _cause_of_silence(self, facts: Facts, type_name: str, remedy: str) -> str:
         topic, kind = facts.topic, type_name.rpartition('/')[2]
         others = [name for name, types in self._node.get_topic_names_and_types()
                   if type_name in types and name != topic
                   and self._node.count_publishers(name)]
-        text = f'no message on {topic} for {facts.silent_s:.0f} s'
         if facts.publishers:
-            text += f', though there is {counted(facts.publishers, "publisher")}'
-        elif facts.refused:
-            text += f'; {"; ".join(facts.refused)}'
-        elif others:
-            text += (f'; {kind} topics here: {", ".join(sorted(others))}; choose one with '
-                     f'--ros-args {remedy}:=TOPIC')
-        else:
-            text += f'; no node publishes {kind} messages'
-        self._log.warning(text)
+            return f', though there is {counted(facts.publishers, "publisher")}'
+        if facts.refused:
+            return f'; {"; ".join(facts.refused)}'
+        if others:
+            return (f'; {kind} topics here: {", ".join(sorted(others))}; choose one with '
+                    f'--ros-args {remedy}:=TOPIC')
+        return f'; no node publishes {kind} messages'

@@ -143,7 +143,7 @@ class Results:
         def publish(future: 'Future[_Fitted]') -> None:
             if run.over:
                 return
-            self._facts.fit_error = self._worker.failure(future)
+            self._facts.fit_error = self._worker.failure('fit', future)
             if self._facts.fit_error:
                 return
             fitted = future.result()
@@ -177,7 +177,7 @@ class Results:
             return image
 
         def show(future: 'Future[CompressedImage]') -> None:
-            if not self._worker.failure(future):
+            if not self._worker.failure('plot', future):
                 plot.publish(future.result())
 
         self._worker.start('plot', draw, show)

@@ -134,13 +134,13 @@ class Storage:
             return state_file.keep_aside(verdict.reason), unsaved
 
         def note(future: 'Future[tuple[Path, str]]') -> None:
-            self._facts.checkpoint_error = self._worker.failure(future)
+            self._facts.checkpoint_error = self._worker.failure('aside', future)
             if self._facts.checkpoint_error:
                 return
             aside, unsaved = future.result()
             self._note_aside(verdict, aside)
             if unsaved:
-                self._log.error(f'its latest samples are not in it: {unsaved}')
+                self._log.error(f'its latest samples are not in it: {unsaved}', 'aside unsaved')
                 self._facts.checkpoint_error = unsaved
 
         self._worker.start('aside', keep, note)
@@ -153,7 +153,7 @@ class Storage:
         assert self._state_file is not None
         self._facts.resumed = (f'a new run: {self._state_file.path} could not be resumed from, '
                                f'{unusable}; it is kept as {aside.name}')
-        self._log.warning(self._facts.resumed)
+        self._log.warning(self._facts.resumed, 'aside', 0.0)
 
     def hurry(self) -> None:
         """Let the next checkpoint be due at once."""
@@ -176,7 +176,7 @@ class Storage:
         state = pack(run, self._setup)
 
         def note(future: 'Future[int]') -> None:
-            self._facts.checkpoint_error = self._worker.failure(future)
+            self._facts.checkpoint_error = self._worker.failure('checkpoint', future)
             if not self._facts.checkpoint_error:
                 run.checkpointed = fed
                 self._saved_at = began
@@ -200,7 +200,7 @@ class Storage:
 
         def note(future: 'Future[None]') -> None:
             if folder == self._output_dir:
-                self._facts.output_error = self._worker.failure(future)
+                self._facts.output_error = self._worker.failure('output_dir', future)
 
         self._worker.start('try', lambda: try_folder(folder), note)
 
@@ -229,13 +229,14 @@ class Storage:
             if isinstance(future.exception(), NothingToSave):
                 # Whoever asked too early has the answer; nothing is wrong with the storage.
                 return
-            self._facts.save_error = self._worker.failure(future)
+            self._facts.save_error = self._worker.failure('save', future)
             if self._facts.save_error:
                 return
             if folder == self._output_dir:
                 self._facts.output_error = ''
             paths = future.result()
-            self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}')
+            self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}',
+                           f'wrote to {paths[0].parent}')
 
         self._next_save = _NextSave(of, waiting, self._worker.start('save', work, note))
         return self._next_save.future
@@ -275,7 +276,7 @@ class Storage:
         except IncompleteSave:
             raise
         except ImuAllanError as error:
-            self._log.error(str(error), f'at the end: {error}')
+            self._log.error(str(error), 'save at the end')
             for folder in other_folders(self._state_file.path if self._state_file else None):
                 with suppress(ImuAllanError):
                     self.save(run, folder).result()

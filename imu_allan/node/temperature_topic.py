@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thermometer beside the IMU, on a topic of its own."""
 
+import time
+
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.diagnostics import Facts
@@ -18,6 +20,10 @@ QUEUE = 1000
 """Readings: seconds of the fastest thermometer, while the node fits."""
 _MOST_WAITING = 100_000
 """Readings that wait until it is known which stamps the samples have: hours of most sensors."""
+_MATCHING_S = 5.0
+"""Publishers are found within three seconds of the start."""
+_SILENCE_S = 30.0
+"""Most thermometers tell their reading within it; of a slower one thrice its longest pause."""
 _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
@@ -77,6 +83,9 @@ class TemperatureTopic:
             raise ImuAllanError(f'qos_overrides of {topic}: {in_one_line(error)}') from error
         self._facts = facts
         self._waiting = [_NONE] * lanes
+        self._last_publisher = time.monotonic()
+        self._last_reading: float | None = None
+        self._longest_pause_s = 0.0
         facts.temperature_topic = self._subscription.topic
 
     def take(self) -> None:
@@ -95,6 +104,7 @@ class TemperatureTopic:
             header_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
             stamps.append((header_ns or receive_ns, receive_ns))
             readings.append(message.temperature)
+        self._note_silence(time.monotonic(), bool(readings))
         if readings:
             celsius = in_celsius(np.array(readings))
             self._facts.temperature_c = float(celsius[-1])
@@ -102,6 +112,17 @@ class TemperatureTopic:
                 (np.concatenate([before, stamps])[-_MOST_WAITING:],
                  np.concatenate([warmth, celsius])[-_MOST_WAITING:])
                 for before, warmth in self._waiting]
+
+    def _note_silence(self, now: float, has_come: bool) -> None:
+        if self._facts.thermometers:
+            self._last_publisher = now
+        self._facts.temperature_missing = now - self._last_publisher > _MATCHING_S
+        pause_s = 0.0 if self._last_reading is None else now - self._last_reading
+        if has_come:
+            self._longest_pause_s = max(self._longest_pause_s, pause_s)
+            self._last_reading, pause_s = now, 0.0
+        usual_s = max(_SILENCE_S, 3 * self._longest_pause_s)
+        self._facts.temperature_silent_s = pause_s if pause_s > usual_s else 0.0
 
     def feed(self, lane: int, characterization: Characterization) -> None:
         """Give the readings to a lane, once it is known by which stamps its samples are placed."""

@@ -53,13 +53,13 @@ class Worker:
             self._jobs.remove(job)
             job.done(job.future)
 
-    def failure(self, future: Future[Any]) -> str:
-        """Tell of what went wrong in a job, if anything did; return it as a line."""
+    def failure(self, kind: str, future: Future[Any]) -> str:
+        """Tell of what went wrong in a job of a kind, if anything did; return it as a line."""
         error = future.exception()
         if error is None:
             return ''
         if isinstance(error, ImuAllanError):
-            self._log.error(str(error))
+            self._log.error(str(error), f'{type(error).__name__} {kind}')
             return str(error)
         # A bug in one fit must not end what has been collected for days.
         self._log.bug(error, 'the node goes on')

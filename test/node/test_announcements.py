@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The log says every transition once, and how far the run has come."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from imu_allan.characterization import Characterization
@@ -12,6 +13,7 @@ from imu_allan.node.announcements import Announcements, progress_line
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.findings import live_text
 from imu_allan.node.log import Log
+from imu_allan.node.recent import Recent
 from imu_allan.result import Remark, Result, Timeline
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -47,9 +49,11 @@ def announcements(heard: Any) -> Announcements:
     return Announcements(Log(heard), '/imu')
 
 
-def facts(**changes: Any) -> Facts:
-    return Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
+def facts(recent: Mapping[str, int] = MappingProxyType({}), **changes: Any) -> Facts:
+    made = Facts(**{'topic': '/imu', 'queue': 10_000, 'expected_rate': 0.0, 'state_file': '',
                     'publishers': 1, 'received': 100, **changes})
+    made.recent.see(0.0, recent)
+    return made
 
 
 def summary(**changes: Any) -> TimelineSummary:
@@ -86,23 +90,34 @@ def test_what_stays_as_it_is_is_said_once(announcements: Announcements, heard: H
 
 
 def test_the_end_of_each_is_said_too(announcements: Announcements, heard: Heard) -> None:
-    announcements.see_reception(facts(publishers=2, mixed=True, looping=True, silent_s=9.0), [])
-    announcements.see_timeline(0.0, facts(), summary(moving=True))
+    bad = {'malformed': 1, 'lost': 3}
+    announcements.see_reception(facts(
+        bad, publishers=2, mixed=True, looping=True, namesakes=1, temperature_topic='/warmth',
+        temperature_missing=True), [])
+    announcements.see_timeline(0.0, facts({'rejected': 1}, expected_rate=50.0),
+                               summary(moving=True))
     heard.lines.clear()
-    announcements.see_reception(facts(), [])
-    announcements.see_timeline(1.0, facts(), summary())
+    announcements.see_reception(facts(
+        **bad, pause_s=4.0, restarts=1, temperature_topic='/warmth'), [])
+    announcements.see_timeline(1.0, facts(expected_rate=100.0), summary(
+        timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
     assert heard.lines == [
         'info one publisher is left on /imu',
         'info the messages on /imu are of one publisher again; call ~/reset if it is another IMU',
+        'info no other node has the same name any more',
         'info the messages on /imu are new again',
-        'info messages come on /imu again',
-        'info the IMU is at rest again']
+        'info every message on /imu can be decoded again; 1 message could not be in all',
+        'info no message on /imu is lost any more; 3 were in all',
+        'info messages come on /imu again after 4 s without: their publisher has restarted',
+        'info the thermometer on /warmth is there',
+        'info the IMU is at rest again',
+        'info no message is rejected any more; 1 was in all',
+        'info the rate is the expected one again']
 
 
 def test_rejected_messages_are_told_with_the_reason(announcements: Announcements,
                                                     heard: Heard) -> None:
-    announcements.see_timeline(0.0, facts(), summary(
-        timeline=Timeline(100.0, 1000, 10.0, rejected=1)))
+    announcements.see_timeline(0.0, facts({'rejected': 1}), summary())
     assert heard.lines[-1] == 'warning 1 message rejected: NaN, infinite or declared absent'
 
 
@@ -113,6 +128,38 @@ def test_a_coefficient_is_told_when_it_becomes_observable(
     axes = '; '.join(f'gyro {letter} 0.0<number> (<number> .. <number>)' for letter in 'xyz')
     assert heard.lines.count(Varying(
         f'info observable: noise density (rad/s/sqrt(Hz)) of {axes}')) == 1
+
+
+def test_a_kind_of_trouble_that_goes_on_is_told_ever_more_rarely(
+        heard: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    log, clock = Log(heard), [0.0]
+    monkeypatch.setattr('time.monotonic', lambda: clock[0])
+    told = []
+    for second in range(24 * 3600):
+        clock[0] = float(second)
+        for number in range(3):
+            if log.warning(f'{second * 3 + number} of a kind', 'kind'):
+                told.append(second)
+    assert told[:7] == [0, 10, 30, 70, 150, 310, 630]
+    assert len(told) == 7 + (24 * 3600 - 631) // 600
+    # What has kept quiet for long is news.
+    clock[0] += 3600.0
+    assert log.warning('again', 'kind')
+    clock[0] += 10.0
+    assert log.warning('again', 'kind')
+
+
+def test_growth_is_that_of_the_window_and_begins_anew_with_a_run() -> None:
+    recent = Recent()
+    recent.see(0.0, {'lost': 5})
+    recent.see(0.0, {'missing': 700}, known=True)
+    assert (recent['lost'], recent['missing'], recent['never']) == (5, 0, 0)
+    recent.see(20.0, {'lost': 6, 'missing': 702})
+    assert (recent['lost'], recent['missing']) == (6, 2)
+    recent.see(31.0, {'lost': 6, 'missing': 702})
+    assert (recent['lost'], recent['missing']) == (1, 2)
+    recent.see(51.0, {'lost': 6, 'missing': 1})
+    assert (recent['lost'], recent['missing']) == (0, 1)
 
 
 def test_progress_is_told_every_minute_and_later_every_hour(

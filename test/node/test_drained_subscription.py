@@ -73,10 +73,8 @@ def test_messages_come_whole_in_order_and_with_their_time_of_receipt(
 def test_each_sample_has_the_number_of_its_message_unless_some_cannot_be_decoded(
         ros: Ros, subscription: DrainedSubscription) -> None:
     talker = publisher(ros, subscription)
-    malformed: list[str] = []
     reception = Reception(
-        subscription, Facts(subscription.topic, 100, 0.0, '', None), decoder(IMU),
-        lambda topic, error: malformed.append(f'{topic}: {error}'))
+        subscription, Facts(subscription.topic, 100, 0.0, '', None), decoder(IMU))
 
     def blocks(count: int) -> list[ImuBlock]:
         received = reception.facts.received + count
@@ -97,7 +95,8 @@ def test_each_sample_has_the_number_of_its_message_unless_some_cannot_be_decoded
     talker.publish(b'\0\1\0\0nothing of the kind')
     talker.publish(message(1))
     assert [block.numbers for block in blocks(2)] == [None]
-    assert len(malformed) == 1
+    assert reception.facts.malformed == 1
+    assert reception.facts.malformed_why
 
 
 def test_the_executor_leaves_the_messages_in_the_queue(ros: Ros) -> None:

@@ -274,7 +274,8 @@ def test_lost_messages_are_counted_by_their_numbers(
 
     ros.until(accounted_for)
     assert status(reports, ros, 'reception').message == Varying(
-        '<number> messages lost on the way')
+        '<number> messages lost in the last 30 s: the queue of 10 messages is too short for what '
+        f'comes between two looks; leave {depth} out, or set it to 2.5 s of messages')
 
 
 def test_nothing_is_drawn_while_nobody_watches(

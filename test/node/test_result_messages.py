@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 import json
 import math
+from types import MappingProxyType
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -154,10 +155,12 @@ def test_a_result_without_axes_empties_every_topic() -> None:
     assert all(math.isnan(vector.vector.x) for vector in messages.vectors.values())
 
 
-def facts(**changes: Any) -> Facts:
+def facts(recent: Mapping[str, int] = MappingProxyType({}), **changes: Any) -> Facts:
     settings: dict[str, Any] = {'topic': '/imu/data_raw', 'queue': 10_000, 'expected_rate': 0.0,
                                 'state_file': '', 'publishers': 1, 'received_hz': 100.0}
-    return Facts(**{**settings, **changes})
+    made = Facts(**{**settings, **changes})
+    made.recent.see(0.0, recent)
+    return made
 
 
 def summary(**changes: Any) -> TimelineSummary:
@@ -185,9 +188,19 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
      summary(), ERROR, '/driver publishes a/msg/B, not sensor_msgs/Imu'),
     ('reception', facts(looping=True), summary(), WARN,
      'the messages repeat: what has come before is passed over'),
-    ('reception', facts(lost=12), summary(), WARN, '12 messages lost on the way'),
-    ('reception', facts(malformed=1), summary(), WARN, '1 message could not be decoded'),
-    ('reception', facts(malformed=3), summary(), WARN, '3 messages could not be decoded'),
+    ('reception', facts({'lost': 12}), summary(), WARN,
+     '12 messages lost in the last 30 s: on the way, between publisher and node; ask for reliable '
+     'delivery with qos_overrides'),
+    ('reception', facts({'lost': 12, 'overrun': 1}, queue=5), summary(), WARN,
+     '12 messages lost in the last 30 s: the queue of 5 messages is too short for what comes '
+     'between two looks; leave qos_overrides./imu/data_raw.subscription.depth out, or set it to '
+     '2.5 s of messages'),
+    ('reception', facts(lost=12, malformed=3), summary(), OK, 'receiving 100 messages per second'),
+    ('reception', facts({'malformed': 3}, malformed_why='too short'), summary(), WARN,
+     '3 messages could not be decoded in the last 30 s: too short'),
+    ('reception', facts(temperature_topic='/t'), summary(), WARN, 'nothing publishes /t'),
+    ('reception', facts(temperature_topic='/t', thermometers=1, temperature_silent_s=40.0),
+     summary(), WARN, 'no temperature for 40 s'),
     ('reception', facts(paused=True), summary(), WARN, 'paused: samples are passed over'),
     ('timeline', facts(), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(), summary(moving=True), WARN, 'the IMU moves: this part is left out'),
@@ -198,12 +211,14 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
     ('timeline', facts(), summary(remarks=(Remark('gravity', 'in units of g?'),)), WARN,
      'in units of g?'),
-    ('timeline', facts(), summary(timeline=Timeline(100.0, 999, 10.0, rejected=1)), WARN,
-     '1 message rejected (NaN, infinite or declared absent)'),
-    ('timeline', facts(), summary(clock_jumps=2), WARN, '2 jumps of the clock'),
+    ('timeline', facts({'rejected': 1}), summary(), WARN, '1 message rejected in the last 30 s'),
+    ('timeline', facts({'clock_jumps': 2}), summary(remarks=(Remark('clock_jumps', 'twice'),)),
+     WARN, '2 jumps of the clock in the last 30 s; twice'),
+    ('timeline', facts({'missing': 200, 'duplicates': 4}), summary(), WARN,
+     '200 samples missing, 4 duplicates in the last 30 s'),
     ('timeline', facts(), summary(timeline=Timeline(
-        100.0, 1000, 12.0, missing=200, duplicates=4, gaps=(Span(3.0, 2.0),))), WARN,
-     '200 samples missing, 4 duplicates'),
+        100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3), clock_jumps=2,
+        remarks=(Remark('clock_jumps', 'twice'),)), OK, '1,000 samples at 100 Hz'),
     ('estimation', facts(), summary(), OK, 'no result yet'),
     ('estimation', facts(fit_error='broken'), summary(), ERROR, 'broken'),
     ('storage', facts(), summary(), OK, 'no state file: a crash or a reboot begins a new run'),
