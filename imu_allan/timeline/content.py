@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import json
 from typing import Any
 
+from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
 from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ _LIVELY_AXES = 3
 """Half of the six: single axes may stand still in coarse steps, a frozen sensor stops them all."""
 _HELD_SHARE = 0.2
 """Share of repeats from which on messages are polled, not now and then delivered twice."""
+_FEWEST_FOR_SPIKES = 8
+"""Messages whose steps tell the noise that a wild value is held against."""
 _FEWEST = 64
 """Changes from which it is known how lively the axes are."""
 
@@ -79,6 +82,9 @@ class Content(Record):
         Repeats are polled.
     frozen : int, frozen_s : float or None
         Messages of frozen runs, and when the first began.
+    noise : list of float
+        Standard deviation of a sample by the steps of the first messages; infinite where there
+        are none.
 
     """
 
@@ -92,6 +98,7 @@ class Content(Record):
     held: bool = False
     frozen: int = 0
     frozen_s: float | None = None
+    noise: list[float] = field(default_factory=list)
 
     @property
     def lively(self) -> bool:
@@ -107,6 +114,8 @@ class Content(Record):
         content = cls.from_plain(json.loads(str(state['content'])))
         if len(content.last) not in (0, 6):
             raise ValueError('the newest values are not those of six axes')
+        if np.array(content.noise, dtype=np.float64).shape not in ((0,), (6,)):
+            raise ValueError('the noise is not that of six axes')
         return content
 
     def to_state(self) -> dict[str, NDArray[Any]]:
@@ -131,6 +140,25 @@ class Content(Record):
             if begins_anew and np.count_nonzero(same) < FROZEN_RUN and not same[-1:].any():
                 return True
         return False
+
+    def is_tame(self, samples: Floats) -> bool:
+        """Tell at a glance whether there cannot be a single wild value; none may be NaN."""
+        return len(self.noise) == 6 and not may_be_wild(self._steps(samples), np.array(self.noise))
+
+    def spikes(self, samples: Floats) -> Bools | None:
+        """Find single wild values, as `imu_allan.timeline.foreign_samples.spikes`."""
+        known = np.clip(np.nan_to_num(samples), -LARGEST, LARGEST)
+        if len(known) < _FEWEST_FOR_SPIKES or self.is_tame(known):
+            return None
+        # Noise that has changed is looked at closely once.
+        self.noise = noise_of_steps(self._steps(known)).tolist()
+        found = spikes(known, np.array(self.last) if self.last else None)
+        return found if found.any() else None
+
+    def _steps(self, samples: Floats) -> Floats:
+        """Return the steps from the newest message on, shape (n, 6) or one less."""
+        steps = samples[1:] - samples[:-1]
+        return np.vstack([samples[:1] - self.last, steps]) if self.last else steps
 
     def look(self, samples: Floats, consumed: int) -> Repeats:
         """

@@ -51,8 +51,6 @@ class Decision(Record):
         Header stamps come in ticks, and messages that share one are different.
     overlaps : bool
         Batches of header stamps reach back into those before.
-    spiky : bool
-        Single wild values come all the time, and are left out.
     numbered : bool
         Publication numbers tell which messages were lost on the way.
     repeated : int
@@ -76,7 +74,6 @@ class Decision(Record):
     hidden: float = 0.0
     ticks: bool = False
     overlaps: bool = False
-    spiky: bool = False
     numbered: bool = False
     repeated: int = 0
     restart: bool = False

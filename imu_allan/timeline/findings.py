@@ -289,9 +289,10 @@ def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
             f'{100 * share:.0f} % of the messages repeat the values of the one before: the sensor '
             'is polled faster than it samples; its own rate is used and the repeats are left out')
     if counts.spikes:
-        remarks['spikes'] = (
-            f'{counts.spikes} single messages hold wild values, ten times the noise and more: '
-            'they are left out; look for errors on the bus of the sensor')
+        what, they = (('1 single message holds wild values', 'it is') if counts.spikes == 1 else
+                      (f'{counts.spikes} single messages hold wild values', 'they are'))
+        remarks['spikes'] = (f'{what}, ten times the noise and more: {they} left out; look for '
+                             'errors on the bus of the sensor')
     if counts.absent > _MANY_ABSENT * counts.messages:
         remarks['field_absent'] = (
             f'{counts.absent} messages declare angular velocity or linear acceleration as not '

@@ -34,7 +34,7 @@ from imu_allan.timeline.findings import (
     receive_clock,
     several_publishers,
 )
-from imu_allan.timeline.foreign_samples import alternates, is_spiky, spikes, takes_turns
+from imu_allan.timeline.foreign_samples import alternates, LARGEST, takes_turns
 from imu_allan.timeline.late_axes import LateAxes
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pace import (
@@ -54,12 +54,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_LARGEST = 1e9
-"""In SI units: no IMU measures more, so it is not a number but bytes gone wrong."""
 _RATE_TOLERANCE = 0.02
 """A stated rate may be rounded, and a clock off; more is another rate."""
-_FEWEST_FOR_SPIKES = 8
-"""Steps whose median is the noise that a wild value is held against."""
 _FEWEST_TIES, _TIED_SHARE = 2, 1e-3
 """Different messages with one stamp: more than a slip of the driver now and then."""
 _EVEN_SPREAD = 0.2
@@ -150,11 +146,11 @@ class Intake:
 
     def is_clean(self, window: Window) -> bool:
         """Tell whether every value of every axis is there and usable, as is usual."""
-        return bool(all(self.presence.there) and not self.decision.spiky
-                    and not window.absent.any()
+        return bool(all(self.presence.there) and not window.absent.any()
                     and self.late_axes.sleep_on(window.samples[:window.consumed])
-                    and window.samples.max() < _LARGEST and window.samples.min() > -_LARGEST
-                    and self.content.is_fresh(window.samples[:window.consumed]))
+                    and window.samples.max() < LARGEST and window.samples.min() > -LARGEST
+                    and self.content.is_fresh(window.samples[:window.consumed])
+                    and self.content.is_tame(window.samples))
 
     def count_even(self, window: Window) -> None:
         """Count messages with nothing wrong, whose own clock needs no look any more."""
@@ -189,7 +185,7 @@ class Intake:
         """
         window = replace(window, header=bounded(window.header), receive=bounded(window.receive))
         decision, c = self.decision, window.consumed
-        before = np.array(self.content.last) if self.content.last else None
+        spikes = self.content.spikes(window.samples)
         if self.content.is_fresh(window.samples[:c]):
             repeats = Repeats()
             self.content.last = np.nan_to_num(window.samples[c - 1]).tolist()
@@ -198,8 +194,7 @@ class Intake:
         if decision.clock is None:
             self._decide(window, repeats)
             self._seek_impostors(window, repeats)
-        if decision.spiky and len(window.samples) >= _FEWEST_FOR_SPIKES:
-            repeats = replace(repeats, spikes=spikes(window.samples, before))
+        repeats = replace(repeats, spikes=spikes)
         flaw = ''
         faulty = self._counts.add_header_faults(window.header[:c])
         if faulty and decision.clock == 'header' and self._options.clock == 'auto':
@@ -230,8 +225,10 @@ class Intake:
         if frozen is not None:
             self._note_frozen(window, stamps, frozen)
         if repeats.spikes is not None:
-            counts.spikes += int(np.count_nonzero(repeats.spikes[:c]))
-            unusable = repeats.spikes if unusable is None else unusable | repeats.spikes
+            # A value that cannot be used at all is no wild one.
+            unusable = np.zeros(len(stamps), dtype=bool) if unusable is None else unusable
+            counts.spikes += int(np.count_nonzero((repeats.spikes & ~unusable)[:c]))
+            unusable = repeats.spikes | unusable
         if held is not None:
             twice = held if twice is None else twice | held
         self._count(window)
@@ -260,7 +257,7 @@ class Intake:
 
     def _woken(self, window: Window, away: Bools | None) -> Bools | None:
         """Let an axis that comes to life begin anew: it is not there for some messages."""
-        unknown = np.abs(window.samples) >= _LARGEST
+        unknown = np.abs(window.samples) >= LARGEST
         if away is not None:
             unknown |= away
         samples = np.where(unknown, np.nan, window.samples)
@@ -332,7 +329,7 @@ class Intake:
                     '(analyze --clock), or force the stated rate (analyze --force-rate)')
 
     def _seek_impostors(self, window: Window, repeats: Repeats) -> None:
-        """Look for a second publisher, and for wild values that come all the time."""
+        """Look for a second publisher."""
         decision = self.decision
         left = [rows for rows in (repeats.held, repeats.frozen) if rows is not None]
         rows = ~np.any(left, axis=0) if left else slice(None)
@@ -341,7 +338,6 @@ class Intake:
         if alternates(samples) or (not self._is_alone(clocks[0]) and any(
                 takes_turns(stamps, samples) for stamps in clocks)):
             decision.remarks |= several_publishers()
-        decision.spiky = len(samples) >= _FEWEST_FOR_SPIKES and is_spiky(spikes(samples, None))
 
     def _is_alone(self, stamps: Stamps) -> bool:
         """Tell whether stamps are so even that those of two sensors would be one's in turn."""
@@ -489,11 +485,11 @@ class Intake:
         """
         samples, presence = window.samples, self.presence
         absent = bool(window.absent.any())
-        if (not absent and all(presence.there) and samples.max() < _LARGEST
-                and samples.min() > -_LARGEST):
+        if (not absent and all(presence.there) and samples.max() < LARGEST
+                and samples.min() > -LARGEST):
             return None, None
         with np.errstate(invalid='ignore'):
-            bad: Bools = ~(np.abs(samples) < _LARGEST)
+            bad: Bools = ~(np.abs(samples) < LARGEST)
         declared = np.repeat(window.absent, 3, axis=1)
         gone = presence.look(bad | declared, window.consumed)
         came = ~gone[:window.consumed].all(axis=0)

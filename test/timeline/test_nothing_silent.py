@@ -964,8 +964,35 @@ def test_one_axis_that_becomes_twice_as_loud_is_taken_for_motion_for_a_while_onl
 
 
 def wild(count: int | str) -> str:
-    return (f'{count} single messages hold wild values, ten times the noise and more: they are '
-            'left out; look for errors on the bus of the sensor')
+    they = ('1 single message holds wild values, ten times the noise and more: it is'
+            if count == 1 else
+            f'{count} single messages hold wild values, ten times the noise and more: they are')
+    return f'{they} left out; look for errors on the bus of the sensor'
+
+
+@pytest.mark.parametrize('rate_hz', [100.0, 1000.0, 2700.0])
+@pytest.mark.parametrize('share', [0.0003, 0.001, 0.003])
+def test_messages_of_zeros_cost_nothing_but_themselves_however_rare(rate_hz, share):
+    messages, truth, rng = rest(rate_hz, 60)
+    hit = rng.random(len(messages.place)) < share
+    hit[1000] = True
+    messages.samples[hit] = 0.0
+    result = characterized(messages)
+    assert_right(result, truth, 0.04)
+    assert result.timeline.motion == ()
+    count = int(np.count_nonzero(hit))
+    assert result.timeline.rejected == count
+    assert told(result, 'spikes') == wild(count)
+
+
+@pytest.mark.parametrize('at', [0, 1, 3583, 3584, 4095, 4096, 5997, 5999])
+def test_a_single_wild_value_is_left_out_wherever_it_lies(at):
+    messages, _, _ = rest(duration_s=60)
+    messages.samples[at, 1] = 1.0
+    summary, even = run(messages.block())
+    assert summary.timeline.rejected == 1
+    assert summary.timeline.motion == ()
+    assert max(abs(block.samples[:, 1]).max() for block in even) < 6 * SIGMA
 
 
 def test_spikes_close_together_in_a_short_record_are_no_motion():
@@ -1044,7 +1071,7 @@ def test_a_very_short_record_at_rest_is_no_motion(rate_hz):
 
 def test_a_knock_is_seen_where_gaps_leave_no_stretch_of_a_window():
     messages, truth, rng = rest(10.0, 600)
-    messages.samples[2991] += rng.normal(size=6) * 60 * SIGMA
+    messages.samples[2990:2993] += rng.normal(size=(3, 6)) * 60 * SIGMA
     result = characterized(keep(messages, messages.place % 33 >= 9))
     assert_right(result, truth, 0.05)
     assert len(result.timeline.motion) == 1
