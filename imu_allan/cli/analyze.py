@@ -29,6 +29,7 @@ from imu_allan.cli.recording_options import (
 )
 from imu_allan.cli.workers import drawing_process, executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.writers.atomic import RESULT
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.output_path import require_writable
 
@@ -90,7 +91,8 @@ def register(verbs: Any) -> None:
     workers.add_argument('--dask', metavar='ADDRESS',
                          help='work on a running Dask cluster, for instance tcp://host:8786')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run, parser=parser)
+    parser.set_defaults(run=run, parser=parser, inputs=('recordings',),
+                        outputs={'json': RESULT, 'output': ''})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -131,6 +133,8 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     if args.consumers and args.output is None and len(tasks) > 1:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             '--for; choose one with --topic or use --output DIR')
+    if args.output is not None and args.dask is None:
+        _require_replaceable(tasks)
     before = done_before(tasks) if args.resume else {}
     for task in tasks:
         if task.unit in before:
@@ -177,6 +181,16 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     if complaints:
         raise complaints[-1]
     return 0
+
+
+def _require_replaceable(tasks: list[Task]) -> None:
+    """Refuse files of the user's in the place of what will be written."""
+    from imu_allan.writers.atomic import require_replaceable_in
+    from imu_allan.writers.folder import kinds_of_files
+
+    for task in tasks:
+        assert task.folder is not None
+        require_replaceable_in(task.folder, kinds_of_files(task.exports))
 
 
 def _tasks(args: argparse.Namespace, options: dict[str, Any], complaints: list[ImuAllanError],

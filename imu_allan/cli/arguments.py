@@ -5,9 +5,11 @@
 import argparse
 from dataclasses import replace
 import math
+from pathlib import Path
 import re
 from typing import Literal, TYPE_CHECKING
 
+from imu_allan.errors import ImuAllanError, printable
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 
 if TYPE_CHECKING:
@@ -72,6 +74,46 @@ def whole_number(text: str) -> int:
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     return value
+
+
+def require_apart(args: argparse.Namespace) -> None:
+    """
+    Refuse an output that is an input, or is there and of another kind, before any work.
+
+    Each verb says by its defaults `inputs` and `outputs` which of its arguments are which, the
+    outputs with their kind (`imu_allan.writers.atomic`), which is empty for a folder.
+
+    Raises
+    ------
+    ImuAllanError
+        If one is; a name that is empty, as of a variable that a shell does not know, is refused,
+        too.
+
+    """
+    from imu_allan.writers.atomic import require_replaceable
+
+    given = [(name, path) for name in getattr(args, 'inputs', ()) for path in _paths(args, name)]
+    for name, path in given:
+        if not path:
+            raise ImuAllanError(f"{name.replace('_', ' ')} '': names no file; is a variable of "
+                                'the shell empty?')
+    for name, kind in getattr(args, 'outputs', {}).items():
+        for path in _paths(args, name):
+            if not path:
+                raise ImuAllanError(f"--{name} '': names no file; is a variable of the shell "
+                                    'empty?')
+            if not Path(path).is_file():
+                continue
+            if any(Path(other).exists() and Path(path).samefile(other) for _, other in given):
+                raise ImuAllanError(f'--{name} {printable(path)}: is an input of this command, '
+                                    'which would be overwritten; name another file')
+            if kind:
+                require_replaceable(path, kind)
+
+
+def _paths(args: argparse.Namespace, name: str) -> list[str]:
+    found = getattr(args, name)
+    return [] if found is None else [found] if isinstance(found, str) else list(found)
 
 
 def add_inspection(parser: argparse.ArgumentParser) -> None:

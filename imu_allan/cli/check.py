@@ -21,6 +21,7 @@ from imu_allan.cli.recording_options import (
     timeline_options,
 )
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.writers.atomic import JUNIT, PAGE, VERDICTS
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -65,7 +66,8 @@ def register(verbs: Any) -> None:
     add_recording_options(parser)
     add_timeline_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run, parser=parser)
+    parser.set_defaults(run=run, parser=parser, inputs=('source', 'spec'), outputs={
+        'json': VERDICTS, 'junit': JUNIT, 'certificate': PAGE})
 
 
 def run(args: argparse.Namespace) -> int:

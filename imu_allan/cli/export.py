@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, factors, positive_number
 from imu_allan.errors import ImuAllanError
+from imu_allan.writers.atomic import CONFIGURATION
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def register(verbs: Any) -> None:
                         help='factors on top of the numbers; they are written into the file')
     parser.add_argument('--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, inputs=('result',), outputs={'output': CONFIGURATION})
 
 
 def run(args: argparse.Namespace) -> int:

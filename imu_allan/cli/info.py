@@ -42,7 +42,7 @@ def register(verbs: Any) -> None:
     parser.add_argument('recording', metavar='RECORDING')
     add_recording_options(parser)
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, inputs=('recording',))
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,6 +17,7 @@ import sys
 from typing import Any
 
 from imu_allan.cli import analyze, check, export, info, report, simulate, tune
+from imu_allan.cli.arguments import require_apart
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.version import __version__
 
@@ -103,6 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         getattr(stream, 'reconfigure', lambda **_: None)(errors='backslashreplace')
     try:
         args = _parsed(argv)
+        require_apart(args)
         status = args.run(args)
         sys.stdout.flush()
         return int(status)

@@ -29,7 +29,7 @@ def register(verbs: Any) -> None:
                         help='of one result, the Allan deviation for a column of a paper, too: so '
                              'many centimetres wide, without heading and table (8.5 or 17 are '
                              'usual)')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, inputs=('results',), outputs={'output': ''})
 
 
 def run(args: argparse.Namespace) -> int:

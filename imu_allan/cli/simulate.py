@@ -42,7 +42,7 @@ def register(verbs: Any) -> None:
     parser.add_argument('--seed', metavar='N', type=whole_number, default=0,
                         help='another number gives other noise (default: %(default)s)')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, inputs=('model',), outputs={'output': ''})
 
 
 def run(args: argparse.Namespace) -> int:

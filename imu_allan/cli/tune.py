@@ -12,6 +12,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli.arguments import duration
 from imu_allan.cli.recording_options import add_recording_options, recording_options
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.writers.atomic import PICTURES, require_replaceable, TUNING
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -49,7 +50,8 @@ def register(verbs: Any) -> None:
                              '(.png, .svg or .pdf); with --verify')
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, inputs=('result', 'verify'),
+                        outputs={'json': TUNING, 'plot': ''})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     if args.plot is not None:
         if args.verify is None:
             raise ImuAllanError('--plot shows what --verify OTHER_RECORDING finds: name one')
-        _format(args.plot)
+        require_replaceable(args.plot, PICTURES[_format(args.plot)])
     result = load_result(args.result)
     console = console_of()
     console.print(tuning_table(result, args.aiding, args.coast, args.bias))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
-from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.atomic import CONFIGURATION, CURVES, PAGE, PICTURES, RESULT, write_in
 from imu_allan.writers.curves import sensors_of
 from imu_allan.writers.filters import CONSUMERS, export, left_from_before
 from imu_allan.writers.plot import (
@@ -21,7 +21,7 @@ from imu_allan.writers.plot import (
     render,
     sensor_figure,
 )
-from imu_allan.writers.result_file import save_curves, save_result
+from imu_allan.writers.result_file import curves_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +34,13 @@ MOST_COMPARED = 7
 
 class IncompleteSave(ImuAllanError):
     """All is written but the configuration of a filter, which this result does not give."""
+
+
+def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
+    """Return what `save_folder` writes, as `imu_allan.writers.atomic` names kinds, by name."""
+    return {'result.json': RESULT, 'curve.csv': CURVES,
+            **{CONSUMERS[consumer].file: CONFIGURATION for consumer in exports},
+            'report.html': PAGE, LAST_WRITTEN: PICTURES['png']}
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
@@ -74,9 +81,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     """
     # The result first: it is what cannot be made again.
     folder = Path(folder)
-    paths = [folder / 'result.json', folder / 'curve.csv']
-    save_result(result, paths[0])
-    save_curves(result, paths[1])
+    paths = [write_in(folder, 'result.json', result.to_json().encode()),
+             write_in(folder, 'curve.csv', curves_csv(result).encode())]
     picture = drawing(result) if drawing is not None else partial(overview_png, result)
     left_out = []
     for consumer in exports:
@@ -85,12 +91,10 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         except ImuAllanError as error:
             left_out.append(f'{error}{left_from_before(folder / CONSUMERS[consumer].file)}')
             continue
-        paths.append(folder / config.name)
-        write_atomically(paths[-1], config.text.encode())
+        paths.append(write_in(folder, config.name, config.text.encode()))
     if report:
         paths += save_report(result, folder, ())
-    paths.append(folder / LAST_WRITTEN)
-    write_atomically(paths[-1], picture())
+    paths.append(write_in(folder, LAST_WRITTEN, picture()))
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths
@@ -124,8 +128,7 @@ def save_report(result: Result, folder: str | os.PathLike[str],
     from imu_allan.writers.report import report_html
 
     folder = Path(folder)
-    paths = [folder / 'report.html']
-    write_atomically(paths[0], report_html(result).encode())
+    paths = [write_in(folder, 'report.html', report_html(result).encode())]
     if formats:
         paths += _save_plot(overview_figure(result), folder, 'allan_deviation', formats)
         for sensor in sensors_of(result):
@@ -188,19 +191,13 @@ def save_latex(result: Result, folder: str | os.PathLike[str]) -> list[Path]:
     """
     from imu_allan.writers.latex import BIBLIOGRAPHY, noise_table
 
-    paths = [Path(folder) / 'imu_noise.tex', Path(folder) / 'imu_noise.bib']
-    for path, text in zip(paths, (noise_table(result), BIBLIOGRAPHY), strict=True):
-        write_atomically(path, text.encode())
-    return paths
+    return [write_in(folder, name, text.encode()) for name, text in (
+        ('imu_noise.tex', noise_table(result)), ('imu_noise.bib', BIBLIOGRAPHY))]
 
 
 def _save_plot(figure: 'Figure', folder: Path, name: str, formats: Sequence[str],
                dpi: float = 150) -> list[Path]:
-    paths = []
-    for kind in formats:
-        paths.append(folder / f'{name}.{kind}')
-        write_atomically(paths[-1], render(figure, kind, dpi))
-    return paths
+    return [write_in(folder, f'{name}.{kind}', render(figure, kind, dpi)) for kind in formats]
 
 
 def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str],
@@ -235,7 +232,6 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
     from imu_allan.writers.report import comparison_html
 
     folder = Path(folder)
-    paths = [folder / 'comparison.html']
     if len(results) > MOST_COMPARED:
         from imu_allan.writers.fleet import Fleet
         from imu_allan.writers.fleet.figure import curves_figure
@@ -243,7 +239,7 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
 
         fleet = Fleet(results)
         page = fleet_html(fleet, f'{len(results)} results compared')
-        write_atomically(paths[0], page.encode())
-        return paths + _save_plot(curves_figure(fleet), folder, 'comparison', formats)
-    write_atomically(paths[0], comparison_html(results).encode())
-    return paths + _save_plot(comparison_figure(results), folder, 'comparison', formats)
+        return [write_in(folder, 'comparison.html', page.encode()),
+                *_save_plot(curves_figure(fleet), folder, 'comparison', formats)]
+    return [write_in(folder, 'comparison.html', comparison_html(results).encode()),
+            *_save_plot(comparison_figure(results), folder, 'comparison', formats)]

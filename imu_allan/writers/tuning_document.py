@@ -14,6 +14,8 @@ from imu_allan.tuning.verification import Verification
 from imu_allan.writers.tuning_table import Choice, choices, known_axes
 import numpy as np
 
+SCHEMA = 'imu_allan.tuning/1'
+
 
 def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
                     calibration_s: float = 60.0) -> dict[str, Any]:
@@ -31,7 +33,8 @@ def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
                                    'position_ci95': forecast.position_ci95 and _lists(
                                        forecast.position_ci95),
                                    'known_to_s': forecast.known_to_s}}
-    return {'aiding_interval_s': aiding_s, 'coast_s': coast_s, 'bias': bias, 'axes': axes}
+    return {'schema': SCHEMA, 'aiding_interval_s': aiding_s, 'coast_s': coast_s, 'bias': bias,
+            'axes': axes}
 
 
 def _plain(choice: Choice) -> dict[str, Any]:

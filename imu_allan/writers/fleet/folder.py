@@ -5,7 +5,7 @@
 import os
 from pathlib import Path
 
-from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.atomic import write_in
 from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
 from imu_allan.writers.fleet.findings import Fleet
 from imu_allan.writers.fleet.page import fleet_html
@@ -34,8 +34,6 @@ def save_fleet(fleet: Fleet, folder: str | os.PathLike[str]) -> list[Path]:
         If a file cannot be written.
 
     """
-    paths = [Path(folder) / name for name in ('fleet.json', 'fleet.csv', 'fleet.html')]
     with turn_in(folder):
-        for path, writer in zip(paths, (fleet_json, fleet_csv, fleet_html), strict=True):
-            write_atomically(path, writer(fleet).encode())
-    return paths
+        return [write_in(folder, name, writer(fleet).encode()) for name, writer in (
+            ('fleet.json', fleet_json), ('fleet.csv', fleet_csv), ('fleet.html', fleet_html))]

@@ -1,0 +1,103 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""No verb writes over what it reads, or over a file that it did not write."""
+
+import os
+from pathlib import Path
+import shutil
+
+import imu_allan
+from imu_allan.cli.main import main
+from imu_allan.writers.result_file import save_result
+import pytest
+
+SPEC = 'gyro: {noise_density: 0.05 deg/s/sqrt(Hz)}\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a folder with a recording, a table, a result, a datasheet and links to the first."""
+    [mcap] = recording.glob('*.mcap')
+    shutil.copy(mcap, tmp_path / 'a.mcap')
+    rows = ''.join(f'{i / 100},{i * 7919 % 101 / 1e4}\n' for i in range(3000))
+    (tmp_path / 'a.csv').write_text(f'time_s,gyro_x\n{rows}')
+    shutil.copy(tmp_path / 'a.csv', tmp_path / 'curve.csv')
+    shutil.copy(tmp_path / 'a.csv', tmp_path / 'b.csv')
+    save_result(imu_allan.analyze(recording), tmp_path / 'r.json')
+    (tmp_path / 'spec.yaml').write_text(SPEC)
+    (tmp_path / 'soft.json').symlink_to('a.mcap')
+    os.link(tmp_path / 'r.json', tmp_path / 'hard.json')
+    (tmp_path / 'index.html').write_text('<!DOCTYPE html><title>my page</title>')
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+INPUT = 'is an input of this command, which would be overwritten; name another file'
+OTHER = 'exists and is no {}, so it is not replaced; name another file, or remove this one'
+RESULT, PAGE = 'document imu_allan.result', 'page'
+EMPTY = 'names no file; is a variable of the shell empty?'
+
+
+@pytest.mark.parametrize(('arguments', 'line'), [
+    # As a shell makes it of: analyze --json *.csv
+    (['analyze', '--json', 'a.csv', 'b.csv'], f'a.csv: {OTHER.format(RESULT)}'),
+    (['analyze', 'a.mcap', '--json', 'a.mcap'], f'--json a.mcap: {INPUT}'),
+    (['analyze', 'a.mcap', '--json', './a.mcap'], f'--json ./a.mcap: {INPUT}'),
+    (['analyze', 'a.mcap', '--json', 'soft.json'], f'--json soft.json: {INPUT}'),
+    (['analyze', 'a.mcap', '--json', 'spec.yaml'], f'spec.yaml: {OTHER.format(RESULT)}'),
+    (['analyze', 'curve.csv', '--output', '.'],
+     f'curve.csv: {OTHER.format("table of curves")}'),
+    (['analyze', 'a.mcap', '--output', ''], f"--output '': {EMPTY}"),
+    (['analyze', '', '--output', 'out'], f"recordings '': {EMPTY}"),
+    (['check', 'a.csv', '--spec', 'spec.yaml', '--json', 'a.csv'], f'--json a.csv: {INPUT}'),
+    (['check', 'a.csv', '--spec', 'spec.yaml', '--certificate', 'spec.yaml'],
+     f'--certificate spec.yaml: {INPUT}'),
+    (['check', 'a.csv', '--spec', 'spec.yaml', '--junit', 'spec.yaml'],
+     f'--junit spec.yaml: {INPUT}'),
+    (['check', 'r.json', '--spec', 'spec.yaml', '--json', 'hard.json'],
+     f'--json hard.json: {INPUT}'),
+    (['check', 'r.json', '--spec', 'spec.yaml', '--certificate', 'index.html'],
+     f'index.html: {OTHER.format(PAGE)}'),
+    (['check', 'r.json', '--spec', 'spec.yaml', '--json', ''], f"--json '': {EMPTY}"),
+    (['tune', 'r.json', '--json', 'r.json'], f'--json r.json: {INPUT}'),
+    (['tune', 'r.json', '--json', 'a.csv'],
+     f'a.csv: {OTHER.format("document imu_allan.tuning")}'),
+    (['tune', 'r.json', '--verify', 'a.mcap', '--json', 'a.mcap'], f'--json a.mcap: {INPUT}'),
+    (['export', 'r.json', '--for', 'kalibr', '--output', 'r.json'], f'--output r.json: {INPUT}'),
+    (['export', 'r.json', '--for', 'kalibr', '--output', 'spec.yaml'],
+     f'spec.yaml: {OTHER.format("configuration of a filter")}'),
+    (['export', 'r.json', '--for', 'kalibr', '--output', ''], f"--output '': {EMPTY}"),
+    (['report', 'r.json', '--output', ''], f"--output '': {EMPTY}"),
+    (['simulate', 'consumer_mems', '--output', ''], f"--output '': {EMPTY}"),
+    (['info', ''], f"recording '': {EMPTY}"),
+])
+def test_what_is_not_to_be_replaced_is_told_and_stays(
+        arguments: list[str], line: str, folder: Path, capsys: pytest.CaptureFixture[str]
+        ) -> None:
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    assert main(arguments) == 1
+    assert capsys.readouterr().err == f'imu_allan: {line}\n'
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_link_planted_in_the_output_folder_is_told_before_the_work(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / 'out').mkdir()
+    (folder / 'out' / 'result.json').symlink_to(folder / 'r.json')
+    before = (folder / 'r.json').read_bytes()
+    assert main(['analyze', 'a.csv', '--output', 'out']) == 1
+    assert capsys.readouterr() == ('', 'imu_allan: out/result.json: is a link, which is not '
+                                   'followed in an output folder; remove it\n')
+    assert (folder / 'r.json').read_bytes() == before
+
+
+@pytest.mark.usefixtures('folder')
+def test_every_output_is_written_again_over_its_own() -> None:
+    for _ in range(2):
+        assert main(['analyze', 'a.mcap', '--json', 'new.json', '--output', 'out', '--for',
+                     'kalibr']) == 0
+        assert main(['check', 'new.json', '--spec', 'spec.yaml', '--json', 'c.json', '--junit',
+                     'c.xml', '--certificate', 'c.html']) == 0
+        assert main(['tune', 'new.json', '--json', 't.json']) == 0
+        assert main(['export', 'new.json', '--for', 'kalibr', '--output', 'out']) == 0
+        assert main(['report', 'new.json', '--output', 'out', '--format', 'png,latex']) == 0

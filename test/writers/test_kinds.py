@@ -1,0 +1,102 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a file of this program is, and that nothing else is replaced."""
+from dataclasses import replace
+import json
+from pathlib import Path
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.result import Result
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.writers.atomic import (
+    CONFIGURATION,
+    JUNIT,
+    kind_of,
+    PAGE,
+    PICTURES,
+    RESULT,
+    TUNING,
+    VERDICTS,
+    write_atomically,
+)
+from imu_allan.writers.datasheet import certificate_html, check, to_json, to_junit
+from imu_allan.writers.filters import CONSUMERS, export, Wishes
+from imu_allan.writers.fleet import Fleet, save_fleet
+from imu_allan.writers.folder import save_comparison, save_folder, save_latex, save_report
+from imu_allan.writers.tuning_document import tuning_document
+import pytest
+from whole_lines import refused
+
+
+@pytest.mark.parametrize('consumer', CONSUMERS)
+def test_every_configuration_is_known_by_its_beginning(consumer: str, result: Result) -> None:
+    # Much is written above the numbers where much is to be said of them.
+    model = consumer.startswith('state_space')
+    for wishes in (Wishes(), *(() if model else (
+            Wishes(as_measured=True), Wishes(inflate={'N': 2.0, 'K': 5.0})))):
+        text = export(result, consumer, None, wishes).text
+        assert kind_of(text.encode()[:1 << 14]) == CONFIGURATION
+
+
+def test_every_document_and_page_is_known_by_its_beginning(result: Result) -> None:
+    specification = parse_model('gyro: {noise_density: 1 deg/s/sqrt(Hz)}')
+    verdicts = check(result, specification)
+    texts = {RESULT: result.to_json(), VERDICTS: to_json(verdicts, result, specification),
+             JUNIT: to_junit(verdicts, result, specification),
+             PAGE: certificate_html(verdicts, result, specification),
+             TUNING: json.dumps(tuning_document(result, 0.1, 60.0, 'random_walk'), indent=2)}
+    assert {kind: kind_of(text.encode()) for kind, text in texts.items()} == {
+        kind: kind for kind in texts}
+
+
+def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path: Path, result: Result
+                                                                  ) -> None:
+    other = replace(result, source=replace(result.source, path='other'))
+
+    def everything() -> list[Path]:
+        return [*save_folder(result, tmp_path, ['kalibr']), *save_report(result, tmp_path),
+                *save_latex(result, tmp_path),
+                *save_comparison({'a': result, 'b': other}, tmp_path),
+                *save_fleet(Fleet({'a': result, 'b': other}), tmp_path)]
+
+    paths = set(everything())
+    assert all(kind_of(path.read_bytes()[:1 << 14]) for path in paths)
+    assert set(everything()) == paths
+    for path in paths:
+        before = path.read_bytes()
+        path.write_text('of the user')
+        with refused(f'{path}: exists and is no {kind_of(before[:1 << 14])}, so it is not '
+                     'replaced; name another file, or remove this one'):
+            everything()
+        assert path.read_text() == 'of the user'
+        path.write_bytes(before)
+
+
+def test_a_link_in_an_output_folder_is_not_followed(tmp_path: Path, result: Result) -> None:
+    (tmp_path / 'elsewhere.json').write_text(result.to_json())
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / 'result.json').symlink_to(tmp_path / 'elsewhere.json')
+    before = (tmp_path / 'elsewhere.json').stat().st_mtime_ns
+    with refused(f'{tmp_path}/out/result.json: is a link, which is not followed in an output '
+                 'folder; remove it'):
+        save_folder(result, tmp_path / 'out')
+    assert (tmp_path / 'elsewhere.json').stat().st_mtime_ns == before
+
+
+def test_what_is_empty_is_replaced(tmp_path: Path, result: Result) -> None:
+    (tmp_path / 'from_mktemp').touch()
+    write_atomically(tmp_path / 'from_mktemp', result.to_json().encode())
+    assert (tmp_path / 'from_mktemp').read_text() == result.to_json()
+
+
+def test_a_recording_is_none_of_the_kinds() -> None:
+    for beginning in (b'\x89MCAP0\r\n', b'SQLite format 3\0', b'#ROSBAG V2.0\n', b'ULog\x01\x12',
+                      b'\xa3\x95\x80', b'time_s,gyro_x\n', b'name: My IMU\ngyro: {}\n', b'{}'):
+        assert kind_of(beginning) == ''
+        assert beginning not in PICTURES.values()
+
+
+def test_a_picture_is_replaced_by_its_own_kind_alone(tmp_path: Path) -> None:
+    (tmp_path / 'drift.png').write_bytes(b'%PDF-1.4')
+    with pytest.raises(ImuAllanError, match='is no PNG picture'):
+        write_atomically(tmp_path / 'drift.png', b'\x89PNG\r\n\x1a\n')
