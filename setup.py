@@ -46,7 +46,6 @@ setup(
             'ros-jazzy-rosgraph-msgs',
         ],
         'fleet': ['distributed'],
-        'px4': ['pyulog>=1.0'],
         'ardupilot': ['pymavlink>=2.4.40'],
         'test': [
             'pytest',

@@ -6,6 +6,7 @@ Mutated recordings: a clear error, or what can be read with a remark on what can
 Never another exception, never a long wait, and never a sample that a checksum could have caught.
 """
 
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -58,9 +59,40 @@ def metadata(folder: Path) -> Path:
     return write_metadata(folder, ['a_0.mcap'], [('/imu', IMU, 600), ('/x', 'a_msgs/msg/B', 0)])
 
 
+def ulog(folder: Path) -> Path:
+    """Write a log with pyulog: of samples, of bursts, and of increments."""
+    pyulog = pytest.importorskip('pyulog')
+    from test_px4_ulog import combined, fifo, one, write as write_ulog
+
+    made = {'sensor_combined': combined(), 'sensor_gyro_fifo': fifo(),
+            'sensor_accel': one(slice(3, 6))}
+    counts = {'sensor_combined': 300, 'sensor_gyro_fifo': 50, 'sensor_accel': 100}
+    path = write_ulog(folder / 'made.ulg', {
+        name: (form, messages[:counts[name]]) for name, (form, messages) in made.items()})
+    pyulog.ULog(str(path)).write_ulog(str(folder / 'a.ulg'))
+    return folder / 'a.ulg'
+
+
+def ardupilot(folder: Path) -> Path:
+    """Write a log with pymavlink: of one message for all, of one a sensor, and of batches."""
+    pytest.importorskip('pymavlink')
+    from test_ardupilot_log import batches, imu, raw, write_with_pymavlink
+
+    head, *parts = batches(0, 1, 0.1)
+    batch = [head, *(('ISBD', (*values[:3], *(
+        array('h', values[3 + 32 * axis:35 + 32 * axis]) for axis in range(3))))
+        for _, values in parts)]
+    return write_with_pymavlink(folder / 'a.bin', [
+        *imu(200), *raw('GYR', 1000, 200, 0.01), *batch])
+
+
 SOURCES = {'mcap': mcap('none'), 'mcap_lz4': mcap('lz4'), 'mcap_zstd': mcap('zstd'),
            'mcap_loose': loose_mcap, 'db3': db3, 'db3_zstd': compressed_db3, 'ros1': ros1('none'),
-           'ros1_lz4': ros1('lz4'), 'ros1_bz2': ros1('bz2'), 'csv': csv, 'metadata': metadata}
+           'ros1_lz4': ros1('lz4'), 'ros1_bz2': ros1('bz2'), 'csv': csv, 'metadata': metadata,
+           'ulog': ulog, 'ardupilot': ardupilot}
+
+WHOLE = {'ardupilot': 200 + 200 + 1024}
+"""Samples, where there are not 600."""
 
 
 def read_whole(path: Path, checked: bool) -> int:
@@ -87,7 +119,7 @@ def fuzz(folder: Path, source: str, count: int, seed: int) -> None:
     opened = folder if source == 'metadata' else path
     content = path.read_bytes()
     choice = Random(seed)
-    assert read_whole(opened, True) == 600
+    assert read_whole(opened, True) == WHOLE.get(source, 600)
     read, slowest = 0, 0.0
     refusals: list[str] = []
     for _ in range(count):
@@ -112,5 +144,6 @@ def test_mutated_recordings_are_refused_or_read_in_part(tmp_path, source):
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('source', SOURCES)
 def test_many_mutated_recordings_are_refused_or_read_in_part(tmp_path, source, seed):
-    # One container is fuzzed in several shapes, metadata in one.
-    fuzz(tmp_path, source, 2000 if source == 'metadata' else 1000, 100 + seed)
+    # One container is fuzzed in several shapes, these in one.
+    count = 2000 if source in ('metadata', 'ulog', 'ardupilot') else 1000
+    fuzz(tmp_path, source, count, 100 + seed)

@@ -24,7 +24,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.table import fastest, Table, table_block, table_times
+from imu_allan.recordings.formats.table import fastest, lacking, Table, table_block, table_times
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
@@ -45,6 +45,8 @@ _FIELDS = {
     'ACC': ImuFields(None, _ACCEL, _SAMPLED, what='as logged'),
     'ISBD_GYR': ImuFields(_BATCH, None, _BATCHED, what='batches, unrolled'),
     'ISBD_ACC': ImuFields(None, _BATCH, _BATCHED, what='batches, unrolled')}
+_BATCH_FIELDS = {'ISBH': ('N', 'type', 'instance', 'mul', 'SampleUS', 'smp_rate'),
+                 'ISBD': ('N', 'seqno', 'x', 'y', 'z')}
 _HEAT = replace(_FIELDS['IMU'], temperature='T').thermometer()
 _BATCH_SENSORS = ('ISBD_ACC', 'ISBD_GYR')
 """Topics of the batches by the type in their header."""
@@ -151,8 +153,13 @@ class ArduPilotRecording(FileRecording):
                         for column, letter in zip(form.columns, form.format, strict=True)])
                     starts = np.asarray(log.offsets[number], np.int64)
                     starts = starts[starts + form.len <= self.size_bytes]
-                    if len(starts) and layout.itemsize == form.len - _HEAD:
+                    if not len(starts) or layout.itemsize != form.len - _HEAD:
+                        continue
+                    if (lack := _lacking(name, layout)) is None:
                         kinds[form.name] = _Kind(starts, form.len, layout)
+                    else:
+                        self.reasons[form.name] = f'its format (FMT) has no usable field {lack}'
+                        self.other_topics[form.name] = f'ArduPilot {name}'
         # The library raises what it meets in a damaged file.
         except Exception as error:
             raise ImuAllanError(f'{printable(self.path)}: not a readable dataflash log '
@@ -223,6 +230,18 @@ def _hushed() -> Iterator[None]:
         sys.stderr.flush()
         os.dup2(kept, 2)
         os.close(kept)
+
+
+def _lacking(name: str, layout: np.dtype[Any]) -> str | None:
+    """Return the first field that messages of an IMU need and have not, as numbers."""
+    if name in _FIELDS:
+        return lacking(_columns(np.zeros(0, layout)), _FIELDS[name])
+    for field in _BATCH_FIELDS[name]:
+        shape = (32,) if field in ('x', 'y', 'z') else ()
+        if field not in (layout.names or ()) or layout[field].shape != shape or (
+                layout[field].base.kind in 'SV'):
+            return field
+    return None
 
 
 def _code(translation: tuple[str, object, object]) -> str:

@@ -1,19 +1,29 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-PX4 logs (.ulg), read by the pyulog library.
+PX4 logs (.ulg), read some megabytes at a time.
 
-The library holds what it reads in memory; the topics of IMUs alone are asked for. Their fields are
-those of px4_msgs, so `imu_allan.recordings.messages.known_types` says how they are read.
+The fields of their IMU topics are those of px4_msgs, so
+`imu_allan.recordings.messages.known_types` says how they are read.
+
+References
+----------
+PX4 Guide, ULog File Format: a head of 16 bytes, then messages of a size, a kind and a body.
+Formats (F) say what the fields of a topic are, subscriptions (A) which number it has, and data (D)
+begin with that number. A message with a mark (S) comes now and then, from which reading goes on
+behind what is damaged. Data may be appended after a crash, from places that the flags (B) name.
+
 """
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+import re
+from struct import Struct, unpack_from
+from typing import Any
 
 from imu_allan.block import ImuBlock
-from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.table import fastest, Table, table_block, table_times
+from imu_allan.recordings.formats.table import fastest, lacking, Table, table_block, table_times
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.known_types import KNOWN
@@ -28,8 +38,19 @@ _TYPES = {
 _PARTNER = {'sensor_gyro': 'sensor_accel', 'sensor_gyro_fifo': 'sensor_accel_fifo'}
 _THIN_HZ = 20.0
 """PX4 logs sensor_gyro with 1 Hz and vehicle_imu with 2 Hz by default; no IMU is as slow."""
-_BLOCK = 1 << 14
-"""Rows at a time, 1 MB: 16 s at 1 kHz."""
+_HEAD, _FLAGS = 16, 40
+"""Bytes: mark, version and time; the body of the flags."""
+_READ = 1 << 20
+"""Bytes that are read at a time: some 10,000 messages, and more than any message has."""
+_LARGEST = 10_000
+"""Bytes of a message; larger ones are taken for damage, as pyulog does."""
+_MARK = b'\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12'
+_MESSAGE = Struct('<HBH')
+"""Size, kind, and the beginning of the body, which is the number of a topic in data."""
+_CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 'int32_t': '<i4',
+          'uint32_t': '<u4', 'int64_t': '<i8', 'uint64_t': '<u8', 'float': '<f4', 'double': '<f8',
+          'bool': '?', 'char': 'S1'}
+_FIELD = re.compile(r'(\w+)(?:\[(\d{1,4})\])? (\w+)')
 
 
 class UlogRecording(FileRecording):
@@ -41,21 +62,39 @@ class UlogRecording(FileRecording):
     Raises
     ------
     ImuAllanError
-        If pyulog is missing, the file is damaged, or its topics are too thin.
+        If the file holds no IMU, or its topics are too thin.
 
     """
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        rates: dict[str, float] = {}
-        for name, kind, table in self._tables(list(_TYPES)):
+        ends: dict[str, tuple[int, int]] = {}
+        counts: dict[str, tuple[int, int]] = {}
+        kinds: dict[str, tuple[str, bool]] = {}
+        walk = _Walk(set(_TYPES))
+        for name, kind, table, _ in self._tables(walk):
             times = table_times(table, KNOWN[kind])
-            span = (int(times[-1]) - int(times[0])) / 1e9 if len(times) > 1 else 0.0
-            rates[name] = (len(times) - 1) / span if span > 0 else 0.0
+            messages, samples = counts.get(name, (0, 0))
+            counts[name] = messages + len(table['timestamp']), samples + len(times)
+            kinds[name] = kind, KNOWN[kind].temperature in table
+            if len(times):
+                ends[name] = ends.get(name, (int(times[0]), 0))[0], int(times[-1])
+        for name, reason in walk.reasons.items():
+            self.reasons[name] = reason
+            self.other_topics[name] = _type_of(name)
+        if walk.damaged:
+            self.remark('damaged_recording', f'left out {walk.damaged:,} damaged bytes')
+        if walk.left:
+            self.remark('truncated_recording', f'the log breaks off in a message; its {walk.left} '
+                                               'bytes are lost')
+        rates = {}
+        for name, (kind, heated) in kinds.items():
+            first, last = ends.get(name, (0, 0))
+            rates[name] = (counts[name][1] - 1) * 1e9 / (last - first) if last > first else 0.0
             fields = replace(KNOWN[kind], what='as logged')
-            if fields.temperature not in table:
+            if not heated:
                 fields = replace(fields, temperature=None)
-            self.topics.append(ImuTopic(name, len(table['timestamp']), ImuMessages(
+            self.topics.append(ImuTopic(name, counts[name][0], ImuMessages(
                 kind, fields=fields, factors=options.factors)))
             self.list_own_thermometer(self.topics[-1])
         thin = [name for name, rate in rates.items() if rate < _THIN_HZ]
@@ -69,35 +108,142 @@ class UlogRecording(FileRecording):
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks, each with its share of the bytes."""
+        """Read blocks, each with the bytes consumed so far."""
         imu = self.imu(topic)
         fields = imu.messages.fields
         assert fields is not None
         factors = np.repeat(imu.messages.factors, 3)
         malformed = MalformedMessages()
-        for found, _, table in self._tables([imu.topic.partition('.')[0]]):
+        walk = _Walk({imu.topic.partition('.')[0]})
+        for found, _, table, position in self._tables(walk):
             if found == imu.topic:
-                block = table_block(table, fields, factors, malformed)
-                for start in range(0, len(block), _BLOCK):
-                    yield (block.part(slice(start, start + _BLOCK)),
-                           self.size_bytes * start // len(block))
+                yield table_block(table, fields, factors, malformed), position
         malformed.report(self.imu(topic), self.remark)
 
-    def _tables(self, names: list[str]) -> Iterator[tuple[str, str, Table]]:
-        """Load topics: name, type and columns of each that has messages."""
-        try:
-            from pyulog import ULog
-        except ImportError:
-            raise ImuAllanError(
-                f'{printable(self.path)}: PX4 logs need the package pyulog; '
-                "pip install 'imu_allan[px4]'") from None
-        try:
-            log = ULog(str(self._stored), names)
-        # The library raises what it meets in a damaged file.
-        except Exception as error:
-            raise ImuAllanError(f'{printable(self.path)}: not a readable ULog file '
-                                f'({printable(error)[:80]})') from error
-        for data in log.data_list:
-            if data.name in _TYPES and len(data.data['timestamp']):
-                name = data.name if data.multi_id == 0 else f'{data.name}.{data.multi_id}'
-                yield name, f'px4_msgs/msg/{_TYPES[data.name]}', data.data
+    def _tables(self, walk: '_Walk') -> Iterator[tuple[str, str, Table, int]]:
+        """Gather messages: name and type of the topic, columns, bytes consumed."""
+        with self._stored.open('rb') as file:
+            for start, stop in _stretches(file.read(_HEAD + 3 + _FLAGS), self.size_bytes):
+                file.seek(start)
+                rest, at = b'', start
+                while at < stop and (piece := file.read(min(_READ, stop - at))):
+                    at += len(piece)
+                    data = rest + piece
+                    rest = data[walk.through(data):]
+                    for name, table in walk.taken(data):
+                        yield name, _type_of(name), table, at
+                walk.left = len(rest)
+
+
+def _type_of(topic: str) -> str:
+    return f'px4_msgs/msg/{_TYPES[topic.partition(".")[0]]}'
+
+
+def _stretches(head: bytes, size: int) -> list[tuple[int, int]]:
+    """Return where the data stand: one stretch, and each that was appended."""
+    places = [_HEAD]
+    if len(head) >= _HEAD + 3 + _FLAGS and head[_HEAD + 2] == ord('B') and head[_HEAD + 11] & 1:
+        places += [place for place in unpack_from('<3Q', head, _HEAD + 19)
+                   if places[-1] < place < size]
+    places = sorted(places)
+    return list(zip(places, [*places[1:], size], strict=True))
+
+
+class _Walk:
+    """What is known on the way through a log."""
+
+    def __init__(self, names: set[str]) -> None:
+        self.reasons: dict[str, str] = {}
+        self.damaged = self.left = 0
+        self._names = names
+        self._sizes: dict[int, int] = {}
+        self._formats: dict[str, str] = {}
+        self._layouts: dict[int, tuple[str, np.dtype[Any]]] = {}
+        self._found: dict[int, list[int]] = {}
+
+    def through(self, data: bytes) -> int:
+        """Go from message to message; return where the first that is not whole begins."""
+        at, size = 0, len(data)
+        unpack, sizes = _MESSAGE.unpack_from, self._sizes
+        while at + 5 <= size:
+            length, kind, number = unpack(data, at)
+            after = at + 3 + length
+            if not 0 < length <= _LARGEST or not 65 <= kind <= 90:
+                mark = data.find(_MARK, at + 1)
+                # Its beginning may be the end of what is there.
+                behind = mark if mark >= 0 else max(at + 1, size - len(_MARK) + 1)
+                self.damaged += behind - at
+                at = behind
+                continue
+            if after > size:
+                break
+            if kind == 68:  # D
+                if number in sizes:
+                    if length >= sizes[number]:
+                        self._found[number].append(at + 5)
+                    else:
+                        self.damaged += length + 3
+            elif kind == 70:  # F
+                name, _, fields = data[at + 3:after].decode(errors='replace').partition(':')
+                if name in self._names:
+                    self._formats[name] = fields
+            elif kind == 65:  # A
+                self._subscribe(data[at + 3:after])
+            at = after
+        return at
+
+    def taken(self, data: bytes) -> Iterator[tuple[str, Table]]:
+        """Give the columns of what was gone through, by topic."""
+        content = np.frombuffer(data, np.uint8)
+        for number, places in self._found.items():
+            name, layout = self._layouts[number]
+            starts = np.asarray(places, np.int64)
+            places.clear()
+            if len(starts):
+                rows = content[starts[:, np.newaxis] + np.arange(layout.itemsize)].view(
+                    layout)[:, 0]
+                yield name, _columns(rows)
+
+    def _subscribe(self, body: bytes) -> None:
+        """Look for data of a topic from now on, where it is wanted and has the fields."""
+        name = body[3:].decode(errors='replace')
+        if len(body) < 3 or name not in self._formats:
+            return
+        layout = _layout(self._formats[name])
+        full = f'{name}.{body[0]}' if body[0] else name
+        columns = _columns(np.zeros(0, layout))
+        # Every PX4 topic has that, and it counts the messages.
+        if (lack := lacking(columns, KNOWN[_type_of(name)], 'timestamp')) is not None:
+            self.reasons[full] = f'its format has no field {lack}'
+            return
+        number = unpack_from('<H', body, 1)[0]
+        self._layouts[number] = full, layout
+        self._sizes[number] = 2 + layout.itemsize
+        self._found.setdefault(number, [])
+
+
+def _layout(text: str) -> np.dtype[Any]:
+    """Return the layout of messages as far as their fields are numbers; no IMU's are others."""
+    fields: list[tuple[Any, ...]] = []
+    taken = set()
+    for written in text.split(';'):
+        field = _FIELD.fullmatch(written)
+        if field is None or field[1] not in _CODES or field[3] in taken:
+            break
+        taken.add(field[3])
+        fields.append((field[3], _CODES[field[1]], *((int(field[2]),) if field[2] else ())))
+    # What fills the end is not logged.
+    while fields and fields[-1][0].startswith('_padding'):
+        fields.pop()
+    return np.dtype(fields)
+
+
+def _columns(rows: 'np.ndarray[Any, np.dtype[Any]]') -> Table:
+    columns = {}
+    for name in rows.dtype.names or ():
+        column = rows[name]
+        if column.ndim == 1:
+            columns[name] = column
+        else:
+            columns |= {f'{name}[{place}]': column[:, place] for place in range(column.shape[1])}
+    return columns

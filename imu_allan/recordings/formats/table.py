@@ -46,6 +46,41 @@ def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str
     return max(choices, key=lambda names: choices[names], default=())
 
 
+def lacking(table: Table, fields: ImuFields, *others: str) -> str | None:
+    """
+    Return the first column that a table of that kind needs and has not.
+
+    Parameters
+    ----------
+    table : mapping of str to ndarray
+        The columns.
+    fields : ImuFields
+        Which of them are the samples.
+    others : str
+        Columns that are needed besides.
+
+    Returns
+    -------
+    str or None
+        None where nothing lacks.
+
+    """
+    needed = [*others]
+    for _, vector in fields.vectors():
+        needed += [f'{path}[0]' if fields.burst else path for path in vector.paths]
+        needed += [name for name in (vector.scale, vector.per) if name]
+    if fields.burst is not None:
+        needed += [fields.burst.samples, fields.burst.step_us]
+    if not any(stamp.path in table for stamp in fields.stamps):
+        needed.append(fields.stamps[-1].path)
+    # The elements of x are counted, and y and z have as many.
+    width = _width(table, fields) if fields.burst is not None else 0
+    needed += [f'{path}[{number}]' for _, vector in fields.vectors() for path in vector.paths
+               for number in range(width)]
+    return next((name for name in needed if name not in table or table[name].dtype.kind in 'SV'),
+                None)
+
+
 def table_times(table: Table, fields: ImuFields) -> NDArray[np.int64]:
     """Return the times of all samples in nanoseconds."""
     stamp = next(stamp for stamp in fields.stamps if stamp.path in table)

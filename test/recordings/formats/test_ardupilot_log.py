@@ -228,3 +228,18 @@ def test_damage_is_quiet(tmp_path):
                            capture_output=True, text=True)
     assert shown.stderr == ''
     assert '  read as     ArduPilot IMU, as logged' in shown.stdout.splitlines()
+
+
+@pytest.mark.parametrize(('name', 'field'), [
+    ('IMU', 'GyrZ'), ('IMU', 'TimeUS'), ('GYR', 'GyrX'), ('ISBH', 'smp_rate'), ('ISBD', 'seqno')])
+def test_a_message_without_a_field_is_told_with_the_field(tmp_path, name, field):
+    messages = {'IMU': imu(), 'GYR': raw('GYR', 1000, 300, 0.01)}.get(name, batches(1, 2, 0.01))
+    path = write(tmp_path / 'a.bin', messages)
+    whole = FORMATS[name][2].encode()
+    # As long as before: a GYR has another stamp, which is gone with this one.
+    assert path.read_bytes().count(whole.ljust(64, b'\0')) == 1
+    path.write_bytes(path.read_bytes().replace(whole, whole.replace(
+        field.encode(), b'x' * len(field))))
+    with open_recording(path) as recording:
+        assert not recording.topics
+        assert recording.reasons[name] == f'its format (FMT) has no usable field {field}'

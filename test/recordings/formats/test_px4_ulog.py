@@ -4,6 +4,7 @@
 
 from pathlib import Path
 from struct import pack
+import subprocess
 import sys
 
 from bags import assert_same, read
@@ -132,13 +133,76 @@ def test_a_thin_log_says_what_to_set(tmp_path):
         '(bit 4: high rate; bits 8 and 9: FIFOs of gyroscope and accelerometer) and record again')
 
 
-def test_without_pyulog_the_package_is_named(tmp_path, monkeypatch):
-    path = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
-    monkeypatch.setitem(sys.modules, 'pyulog', None)
-    with pytest.raises(ImuAllanError) as error:
-        open_recording(path)
+@pytest.mark.parametrize(('form', 'field'), [
+    ('float[3] gyro_rad;int32_t dt;float[3] accelerometer_m_s2;', 'timestamp'),
+    ('uint64_t timestamp;float[3] accelerometer_m_s2;', 'gyro_rad[0]'),
+    ('uint64_t timestamp;float[2] gyro_rad;float[3] accelerometer_m_s2;', 'gyro_rad[2]'),
+    ('uint64_t timestamp;char[9] gyro_rad;float[3] accelerometer_m_s2;', 'gyro_rad[0]'),
+    ('uint64_t timestamp;float[3] gyro_rad;vec3 accelerometer_m_s2;', 'accelerometer_m_s2[0]')])
+def test_a_topic_without_a_field_is_told_with_the_field(tmp_path, form, field):
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': (form, [bytes(60)] * COUNT)})
+    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
+        choose_streams(recording)
     assert str(error.value) == (
-        f"{path}: PX4 logs need the package pyulog; pip install 'imu_allan[px4]'")
+        f'{path}: no topic of type sensor_msgs/msg/Imu; it holds sensor_combined '
+        f'(px4_msgs/msg/SensorCombined); its format has no field {field}')
+
+
+def test_what_is_damaged_is_left_out_and_told(tmp_path):
+    form, messages = combined()
+    path = write(tmp_path / 'a.ulg', {'sensor_combined': (form, messages)})
+    data = path.read_bytes()
+    mark = framed(b'S', bytes.fromhex('2f731320250cbb12'))
+    one = len(framed(b'D', b'--' + messages[0]))
+    at = len(data) - 100 * one
+    path.write_bytes(data[:at] + bytes(70) + mark + data[at:-1])
+    found, remarks = read(path)
+    assert len(found) == COUNT - 1
+    assert [remark.message for remark in remarks] == [
+        f'{path}: left out 70 damaged bytes',
+        f'{path}: the log breaks off in a message; its {one - 1} bytes are lost']
+
+
+def test_what_was_appended_after_a_crash_is_read(tmp_path):
+    whole = write(tmp_path / 'a.ulg', {'sensor_combined': combined()})
+    data = bytearray(whole.read_bytes())
+    one = len(framed(b'D', b'--' + combined()[1][0]))
+    place = len(data) - 100 * one
+    # The flags: appended data, and from where; what is before breaks off in a message.
+    data[16 + 11] |= 1
+    data[16 + 3 + 16:16 + 3 + 24] = (place + 20).to_bytes(8, 'little')
+    (tmp_path / 'b.ulg').write_bytes(bytes(data[:place] + data[place:place + 20] + data[place:]))
+    assert_same(read(tmp_path / 'b.ulg')[0], read(whole)[0])
+
+
+MEMORY = """
+import resource, sys
+from imu_allan.recordings import open_recording
+with open_recording(sys.argv[1]) as recording:
+    [topic] = recording.topics
+    count = sum(len(block) for block, _ in recording.decoded(topic.name))
+print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.usefixtures('children_unmeasured')
+def test_memory_does_not_grow_with_the_length(tmp_path):
+    # pyulog took three times the size of the file.
+    form, messages = combined()
+    data = write(tmp_path / 'a.ulg', {'sensor_combined': (form, messages)}).read_bytes()
+    head = len(data) - COUNT * len(framed(b'D', b'--' + messages[0]))
+    kilobytes = []
+    for times in (500, 4000):
+        path = tmp_path / f'{times}.ulg'
+        with path.open('wb') as file:
+            file.write(data[:head])
+            for _ in range(times):
+                file.write(data[head:])
+        count, most = subprocess.run([sys.executable, '-c', MEMORY, str(path)], check=True,
+                                     capture_output=True, text=True).stdout.split()
+        assert int(count) == times * COUNT
+        kilobytes.append(int(most))
+    assert kilobytes[1] < kilobytes[0] + 5_000
 
 
 @pytest.mark.parametrize('size', [7, 20, 300, 3000])
