@@ -12,9 +12,8 @@ from dataclasses import replace
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.bins import bins_of
-from imu_allan.noise.correlated import process_column
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import FLICKER
+from imu_allan.noise.groups import FLICKER, WHITE
 from imu_allan.noise.mean_in_blocks import Course, leaks
 from imu_allan.noise.periodogram import SpectrumPiece
 from imu_allan.noise.trends import duration, RecordSpectrum
@@ -75,9 +74,12 @@ def draw(pieces: Sequence[SpectrumPiece], theta: Sequence[float], dt: float, rec
         power = np.zeros((records, piece.length))
         bins = bins_of([piece], dt)
         variance = bins.design @ np.asarray(theta)
-        if process is not None:
-            variance += process[0]**2 * process_column(bins, dt, process[1])
         nu = np.minimum(bins.frequency * dt, 0.5)
+        if process is not None:
+            # The column of white noise has the shape that gaps leave it, and that of a block.
+            sigma, time_s = process
+            variance += (sigma**2 * bins.design[:, WHITE]
+                         * dt * spectrum.gauss_markov(nu, dt, time_s))
         if power_law is not None:
             # What the ends of a record do to it is taken to be what they do to flicker.
             amplitude, exponent = power_law

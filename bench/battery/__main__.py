@@ -32,7 +32,9 @@ BENCH = Path(__file__).resolve().parents[1]
 
 
 def outcomes_of(checkout: Path, arguments: Sequence[str]) -> list[dict[str, Any]]:
-    """Run the battery with the package of a checkout."""
+    """Run the battery with the package of a checkout, or read what an earlier run has written."""
+    if checkout.is_file():
+        return list(json.loads(checkout.read_text())['outcomes'])
     if not (checkout / 'imu_allan' / '__init__.py').is_file():
         sys.exit(f'{checkout}: no checkout of imu_allan, and no file of outcomes')
     path = os.pathsep.join((str(BENCH), str(checkout)))
@@ -64,10 +66,10 @@ def main() -> int:
     """Run the battery in one checkout, or in two."""
     parser = argparse.ArgumentParser(prog='battery', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--checkout', type=Path, default=BENCH.parent, metavar='FOLDER',
-                        help='what is judged (this one)')
+    parser.add_argument('--checkout', type=Path, default=BENCH.parent, metavar='FOLDER|FILE',
+                        help='what is judged (this one), or the outcomes of it')
     parser.add_argument('--base', type=Path, metavar='FOLDER|FILE',
-                        help='the checkout it is compared with, or the outcomes of one')
+                        help='the checkout it is compared with, or the outcomes of it')
     parser.add_argument('--output', type=Path, metavar='FILE', help='write the outcomes as JSON')
     parser.add_argument('--parts', nargs='+', help='of records, spectra, recordings')
     parser.add_argument('--only', nargs='+', help='families or cases')
@@ -87,8 +89,7 @@ def main() -> int:
             'commit': commit(options.checkout), 'seed': options.seed, 'outcomes': found}) + '\n')
     print('\n'.join(table(found)))
     if options.base is not None:
-        before = (json.loads(options.base.read_text())['outcomes'] if options.base.is_file()
-                  else outcomes_of(options.base.resolve(), arguments))
+        before = outcomes_of(options.base.resolve(), arguments)
         print('\n'.join(('', *differences(before, found))))
     return 0
 

@@ -136,15 +136,14 @@ def _exponents(family: str, records: int) -> list[Case]:
     return [*cases, Case(family, 'f^-1.2 from 0.1 Hz', crossing(1.2, 0.1), 2 * records, (B,))]
 
 
-def _high_passes() -> list[Case]:
+def _high_passes(family: str, records: int) -> list[Case]:
     def behind(terms: dict[str, float], time_s: float, hours: float) -> Sensor:
         return Sensor(50, hours * HOUR, terms, through=Filter(
             *butter(1, 1 / (2 * pi * time_s), 'high', fs=50), settling_s=15 * time_s))
 
-    return [Case('high-pass', 'N, 10 s', behind(WHITE, 10, 1), 6),
-            Case('high-pass', 'NB, 10 s', behind(STILL, 10, 1), 8),
-            Case('high-pass', 'NB, 60 s', behind(STILL, 60, 1), 8),
-            Case('high-pass', 'NB, 60 s, 3 h', behind(STILL, 60, 3), 4)]
+    sensors = {'N, 10 s': behind(WHITE, 10, 1), 'NB, 10 s': behind(STILL, 10, 1),
+               'NB, 60 s': behind(STILL, 60, 1), 'NB, 60 s, 3 h': behind(STILL, 60, 3)}
+    return [Case(family, name, sensor, records) for name, sensor in sensors.items()]
 
 
 def _courses() -> list[Case]:
@@ -198,17 +197,19 @@ def _records() -> list[Case]:
     return [*_standard('standard', 20), *_behind('low-passes', _low_passes(), 10),
             *_behind('unlisted', _unlisted(), 10), *_bends('bends', 16),
             *_weak_q('weak Q', 10), *_processes('processes', 10), *_exponents('exponents', 10),
-            *_high_passes(),
+            *_high_passes('high-pass', 8),
             *_courses(), *_short(), *_rates()]
 
 
 def _spectra() -> list[Case]:
     """Return the cases of which spectra are drawn: what needs no time within the record."""
-    filters = {name: one for name, one in {**_low_passes(), **_unlisted()}.items()
-               if one.times == 1}
+    def digital(filters: dict[str, Filter]) -> dict[str, Filter]:
+        return {name: one for name, one in filters.items() if one.times == 1}
+
     still = {'ramp of 10 B': courses.ramp(10), 'settling 10 B': courses.settling(10, 600),
              'cycle 2 B': courses.cycle(2, 1200)}
-    return [*_standard('standard', 150), *_behind('low-passes', filters, 60),
+    return [*_standard('standard', 150), *_behind('low-passes', digital(_low_passes()), 60),
+            *_behind('unlisted', digital(_unlisted()), 60), *_high_passes('high-pass', 30),
             *_bends('bends', 100), *_weak_q('weak Q', 100), *_processes('processes', 50),
             *_exponents('exponents', 50),
             *(Case('courses', name, replace(HOUR_OF_STILL, mean=_scaled(course)), 60)

@@ -19,7 +19,6 @@ from battery.sensors import Array, Sensor, TERMS
 import imu_allan
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import fit
 from imu_allan.noise.terms import Quantity
 from imu_allan.result import AxisResult
 import numpy as np
@@ -91,22 +90,45 @@ def of_spectra(sensor: Sensor, records: int, seed: int) -> list[Answer]:
 
 
 def _of_spectrum(spectrum: Any, dt: float) -> Answer:
-    """Fit a spectrum that the checkout has drawn: another engine is asked here."""
+    """Ask whichever inference the checkout has; both give estimates with the same fields."""
+    try:
+        from imu_allan.noise.posterior.answer import answer
+        from imu_allan.noise.posterior.posterior import posteriors
+    except ModuleNotFoundError:
+        return _of_fit(spectrum, dt)
+    began = time.process_time()
+    [posterior] = posteriors([spectrum.groups()], dt, [spectrum])
+    found = answer(posterior, dt)
+    cpu_s = time.process_time() - began
+    words = {'power_law': found.exponent.observable, 'gauss_markov': found.sigma.observable,
+             'high_passed': found.high_pass_hz.observable,
+             'band_limited': found.window_s is not None, 'ramp': found.ramp.observable,
+             **dict.fromkeys((one.kind.key for one in found.courses), True)}
+    return Answer(_said(found.terms), _true(words), cpu_s)
+
+
+def _of_fit(spectrum: Any, dt: float) -> Answer:
+    from imu_allan.noise.fit import fit
     began = time.process_time()
     found = fit(spectrum.groups(), dt, None, spectrum)
     cpu_s = time.process_time() - began
-    terms = {}
-    for key in TERMS:
-        one = found.estimates[key]
-        bound = None if one.observable or not np.isfinite(one.upper) else float(one.upper)
-        terms[key] = (Said(float(one.value), (float(one.low), float(one.high)), None)
-                      if one.observable else Said(None, None, bound))
-    said = {'power_law': found.power_law, 'gauss_markov': found.gauss_markov,
-            'band_limited': found.window_s, 'warm_up': found.warmings or None,
-            'slow_cycle': found.cycle_s, 'trend_or_walk': found.walk_unclear or None,
-            'ramp': found.estimates['rate_ramp'].observable or None,
-            'poor_fit': not found.acceptable or None}
-    return Answer(terms, tuple(word for word, one in said.items() if one is not None), cpu_s)
+    words = {'power_law': found.power_law is not None,
+             'gauss_markov': found.gauss_markov is not None,
+             'band_limited': found.window_s is not None, 'warm_up': bool(found.warmings),
+             'slow_cycle': found.cycle_s is not None, 'trend_or_walk': found.walk_unclear,
+             'ramp': found.estimates['rate_ramp'].observable, 'poor_fit': not found.acceptable}
+    return Answer(_said(found.estimates), _true(words), cpu_s)
+
+
+def _said(estimates: Mapping[str, Any]) -> dict[str, Said]:
+    return {key: Said(float(one.value), (float(one.low), float(one.high)), None)
+            if one.observable
+            else Said(None, None, float(one.upper) if np.isfinite(one.upper) else None)
+            for key, one in ((key, estimates[key]) for key in TERMS)}
+
+
+def _true(words: Mapping[str, bool]) -> tuple[str, ...]:
+    return tuple(word for word, said in words.items() if said)
 
 
 def _drawn_spectra() -> ModuleType:
