@@ -17,11 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise.axis_fault import axis_fault
-from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD
+from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD, vibrations
 from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import fit
 from imu_allan.noise.groups import grouped, joined_groups
+from imu_allan.noise.harmonics import Cycle
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
 from imu_allan.noise.tones import find_lines
@@ -146,13 +147,14 @@ def fit_spectra(spectra: Sequence[RecordedSpectrum], dt: float,
     solution = maximise(groups, Solution(theta, 0.0, np.inf), trend='restricted')
     fitted = fit(groups, dt, solution, joint, temperature=temperature)
     whole = joined_groups([grouped(one.bins, one.axis) for one in joint.records])
-    return AxisFit(fitted, _lines_of(spectra), groups, whole)
+    return AxisFit(fitted, _lines_of(spectra, fitted.cycle), groups, whole)
 
 
-def _lines_of(spectra: Sequence[RecordedSpectrum]) -> list[Tone]:
-    """Lines of all records, each once at its largest, the strongest first."""
+def _lines_of(spectra: Sequence[RecordedSpectrum], cycle: Cycle | None) -> list[Tone]:
+    """Lines of all records but those of a slow cycle, each once at its largest, by size."""
     kept: list[Tone] = []
-    for line in sorted((line for spectrum in spectra for line in spectrum.lines),
+    for line in sorted((line for one in spectra
+                        for line in vibrations(one.lines, cycle, one.spectrum)),
                        key=lambda line: -line.amplitude):
         if all(abs(line.frequency_hz - other.frequency_hz) > _SAME_LINE * other.frequency_hz
                for other in kept):

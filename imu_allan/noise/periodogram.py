@@ -92,6 +92,10 @@ class SpectrumPiece:
     gaps: Gaps = NO_GAPS
     start: int = 0
 
+    def spacing_hz(self, dt: float) -> float:
+        """Return how far apart the frequencies of its coefficients are."""
+        return 1 / (2 * self.length * self.step * dt)
+
 
 class BlockPower:
     """Sums of squared DCT-II coefficients over blocks, by block length."""

@@ -54,6 +54,23 @@ def test_no_walk_process_or_low_pass_is_made_of_a_strong_cycle(shape, size, cycl
     assert found.steady.steady
 
 
+@pytest.mark.parametrize('records', [1, 2])
+@pytest.mark.parametrize('shape', [sine, heater])
+def test_a_vibration_beside_a_cycle_stays_and_the_harmonics_of_the_cycle_do_not(shape, records):
+    # Whole periods of the vibration fit into one of the cycle, and some almost.
+    found = []
+    for seed in range(records):
+        time = TIME[:15_000]
+        line = sum(3e-3 * np.sin(2 * np.pi * hertz * time) for hertz in (1.0, 2.0, 3.003))
+        estimator = Estimator(1)
+        estimator.update(simulate({N: 1e-3, B: 2e-5}, len(time), RATE, seed)
+                         + line + 0.01 * shape(time / 60 + 0.1 * seed))
+        found.append(estimator.finished())
+    [axis] = fit_axes(found[0], 1 / RATE) if records == 1 else joint_fits(found, 1 / RATE)
+    assert axis.fit.cycle_s == pytest.approx(60, rel=1e-3)
+    assert sorted(round(tone.frequency_hz, 2) for tone in axis.lines) == [1.0, 2.0, 3.0]
+
+
 def test_a_walk_beside_a_cycle_is_found():
     walk = 3e-4
     [found] = fitted(0.01 * sine(TIME / 700), model={**MODEL, K: walk})
