@@ -479,6 +479,14 @@ class Timeline:
     gaps: tuple[Span, ...] = ()
     motion: tuple[Span, ...] = ()
 
+    @property
+    def rest_s(self) -> float:
+        """Seconds for which samples were taken in: gaps and motion do not count."""
+        if not self.sample_rate_hz:
+            return self.duration_s
+        moved = sum(span.duration_s for span in self.motion)
+        return max(min(self.duration_s, self.samples / self.sample_rate_hz) - moved, 0.0)
+
 
 @dataclass(frozen=True)
 class Source:

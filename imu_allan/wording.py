@@ -250,9 +250,10 @@ def names_of(result: Result) -> list[str]:
 
 
 def amount_of(timeline: Timeline) -> str:
-    """Return how much was recorded: ``2,160,000 samples at 200 Hz, 3 h``."""
+    """Return how much was recorded: ``2,160,000 samples at 200 Hz, 3 h, 2 h 55 min at rest``."""
     rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
-    return f'{counted(timeline.samples, "sample")}{rate}, {duration(timeline.duration_s)}'
+    rest = f', {duration(timeline.rest_s)} at rest' if timeline.motion else ''
+    return f'{counted(timeline.samples, "sample")}{rate}, {duration(timeline.duration_s)}{rest}'
 
 
 def origin_of(result: Result) -> list[str]:

@@ -59,7 +59,7 @@ def test_rounding_moves_a_value_by_far_less_than_its_interval(value, below, abov
 def test_a_recording_is_summed_up_in_one_line():
     timeline = Timeline(200.0, 2_160_000, 10_800.0, missing=1200, duplicates=1,
                         gaps=(Span(1.0, 4.0), Span(9.0, 2.0)), motion=(Span(5.0, 300.0),))
-    assert amount_of(timeline) == '2,160,000 samples at 200 Hz, 3 h'
+    assert amount_of(timeline) == '2,160,000 samples at 200 Hz, 3 h, 2 h 55 min at rest'
     assert faults_of(timeline) == ['1,200 missing', '1 duplicate', '2 gaps (6 s)',
                                    '1 stretch of motion (5 min)']
     assert amount_of(Timeline(None, 1, 0.0)) == '1 sample, 0 s'

@@ -2,17 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the mean of a record is worth."""
 
-from math import inf, sqrt
+from math import sqrt
 
 from imu_allan.noise.terms import allan_variance, LASTING_TERMS
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import AxisResult
 import numpy as np
-
-
-def recorded_s(result: Result) -> float:
-    """Return for how long samples were taken in: gaps and motion do not count."""
-    rate = result.timeline.sample_rate_hz
-    return min(result.timeline.duration_s, result.timeline.samples / rate if rate else inf)
 
 
 def mean_is_known(axis: AxisResult) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import exp, log
 from statistics import median
 
-from imu_allan.characterization.mean import error_of_mean, mean_is_known, recorded_s
+from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.fleet.names import natural
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
@@ -194,7 +194,7 @@ def _sample(results: Mapping[str, Result], axis: str, key: str) -> _Sample:
         if key == MEAN:
             if measured.mean is not None and mean_is_known(measured):
                 sample.values[name] = measured.mean
-                sample.errors[name] = error_of_mean(measured, recorded_s(result))
+                sample.errors[name] = error_of_mean(measured, result.timeline.rest_s)
             continue
         found = measured.coefficients[key]
         if found.value is None or found.ci95 is None:

@@ -16,7 +16,7 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.wording import bounded, listed, measured, number, rounded, SENSORS
+from imu_allan.wording import bounded, duration, listed, measured, number, rounded, SENSORS
 
 AIDING_S = 0.1
 """A camera or a wheel of 10 Hz corrects the filter."""
@@ -34,6 +34,9 @@ MISFIT, UNKNOWN, CONSTANT = 'does not fit', 'cannot tell', 'constant'
 FITS = 'fits'
 """Where the record is too short to be cut into parts: all that is known is that the model fits."""
 GOOD = (STEADY, FITS)
+TOO_SHORT = 'too short'
+SHORTEST_GOOD_S = 60.0
+"""Of less rest nothing is called good: N is known to some percent, and nothing slower shows."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +131,16 @@ def answers(result: Result) -> list[Answer]:
         Of one recording.
 
     """
-    found = []
+    found, rest_s = [], result.timeline.rest_s
     for sensor, title in SENSORS.items():
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
         if axes:
-            noise, drift = (_figure(axes, key) for key in ('noise_density', 'rate_random_walk'))
-            found.append(Answer(sensor, title, _overall(axes, noise), noise, drift,
+            noise, drift = (_figure(axes, key, rest_s)
+                            for key in ('noise_density', 'rate_random_walk'))
+            word = _overall(axes, noise)
+            if rest_s < SHORTEST_GOOD_S and word in GOOD:
+                word = f'{TOO_SHORT}, {duration(rest_s)} at rest'
+            found.append(Answer(sensor, title, word, noise, drift,
                                 _tuned(axes), *_forecast(sensor, axes),
                                 _beyond_what_is_known(axes)))
     return found
@@ -180,7 +187,7 @@ def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
                 if word in words)
 
 
-def _figure(axes: Mapping[str, AxisResult], key: str) -> Figure | None:
+def _figure(axes: Mapping[str, AxisResult], key: str, rest_s: float) -> Figure | None:
     """Return the largest value, or where no axis shows one the largest bound."""
     seen = {name: axis.coefficients[key] for name, axis in axes.items()}
     values = {name: c.value for name, c in seen.items() if c.value is not None}
@@ -190,6 +197,8 @@ def _figure(axes: Mapping[str, AxisResult], key: str) -> Figure | None:
         return None
     worst = max(values, key=values.__getitem__)
     word = word_of(axes[worst]) if seen[worst].observable else UNKNOWN
+    if rest_s < SHORTEST_GOOD_S and word in GOOD:
+        word = TOO_SHORT
     return _written(worst[-1], seen[worst], word)
 
 

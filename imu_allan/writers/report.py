@@ -18,7 +18,6 @@ from importlib.resources import files
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.characterization.mean import recorded_s
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Segment, Span
@@ -237,7 +236,7 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
             'cells': [_cell(axis.coefficients[key]) for axis in axes.values()]})
     unit = MEAN_UNITS[quantity.unit]
     means = [None if axis.mean is None else tuple(
-        written_mean(axis, axis.mean, recorded_s(result), shown)[0]
+        written_mean(axis, axis.mean, result.timeline.rest_s, shown)[0]
         for shown in (unit, axis.unit)) for axis in axes.values()]
     return {'title': SENSORS[sensor], 'axes': [name[-1] for name in axes], 'rows': rows,
             'means': means if any(means) else [], 'mean_unit': typeset(unit),

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TextIO, TYPE_CHECKING
 
-from imu_allan.characterization.mean import recorded_s
 from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
@@ -109,7 +108,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     for answer in found:
         axes = {name: result.axes[name] for name in AXES
                 if name.startswith(answer.sensor) and name in result.axes}
-        rows = list(_rows(axes, units, recorded_s(result), verbose=verbose))
+        rows = list(_rows(axes, units, result.timeline.rest_s, verbose=verbose))
         columns = _column_widths(rows)
         parts += [Text(), *answer_lines(answer, width)]
         parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)

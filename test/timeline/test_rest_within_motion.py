@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle that drives and stops, a drone before take-off: the rest is found and used."""
 
+from io import StringIO
+
+from imu_allan.writers.answer import answers, GOOD
+from imu_allan.writers.table import print_result
 import numpy as np
 import pytest
 from scenarios import at_rest, characterized, Messages, MOVES, SIGMA, Truth
@@ -60,3 +64,18 @@ def test_rest_is_the_same_whatever_the_blocks_and_saves():
 def test_what_moves_throughout_is_refused():
     with refused(MOVES):
         characterized(driven('throughout', 20)[0])
+
+
+def test_less_than_a_minute_of_rest_is_never_called_good():
+    out = StringIO()
+    print_result(characterized(driven('take-off after 10 s', 20)[0]), to=out)
+    lines = out.getvalue().splitlines()
+    assert lines[1] == ('40,000 samples at 100 Hz, 6 min 40 s, 8.5 s at rest; '
+                        '1 stretch of motion (6 min 32 s)')
+    assert [line for line in lines if line.startswith(('Gyroscope', 'Accelerometer'))] == [
+        'Gyroscope: too short, 8.5 s at rest', 'Accelerometer: too short, 8.5 s at rest']
+
+
+def test_a_minute_of_rest_may_be_good():
+    answer = answers(characterized(driven('stops at the end', 20)[0]))[0]
+    assert answer.word in GOOD

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from imu_allan.characterization.mean import error_of_mean, mean_is_known, recorded_s
+from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.errors import printable, shorten
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.terms import AXES, TERMS
@@ -243,7 +243,7 @@ def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], lis
         return [([means[name] for name in names],
                  [error_of_mean(result.axes[name], time) for name in names])
                 for means, time in starts]
-    time = recorded_s(result)
+    time = result.timeline.rest_s
     spread = [result.turn_on_bias[name].sigma if name in result.turn_on_bias else 0.0
               for name in names]
     return [([result.axes[name].mean or 0.0 for name in names],

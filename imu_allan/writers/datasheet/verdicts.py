@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from imu_allan.characterization.mean import recorded_s
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
@@ -96,7 +95,7 @@ def check(result: Result, specification: NoiseModel, *, shortest_s: float = 0.0
     if not verdicts:
         raise ImuAllanError('the specification limits no coefficient; write for instance '
                             'gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
-    recorded = recorded_s(result)
+    recorded = result.timeline.rest_s
     if recorded < shortest_s:
         short = f'{duration(recorded)} of data, and no less than {duration(shortest_s)} may pass'
         verdicts = [replace(v, verdict='cannot tell', reason=f'{_what(v.axis, v.symbol)}: {short}')
