@@ -19,6 +19,7 @@ from typing import Any
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.announcements import Announcements
+from imu_allan.node.callers import Callers, REQUESTS
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
@@ -39,12 +40,10 @@ from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import qos_profile_parameters
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from std_srvs.srv import SetBool, Trigger
 
@@ -113,13 +112,12 @@ class CharacterizationNode(Node):
         self._note_probations()
 
         # Services wait for the worker while samples come in: they have a group of their own.
-        services = ReentrantCallbackGroup()
+        self._callers = Callers(self)
         for kind, name, serve in ((Trigger, '~/save', self._save),
                                   (Trigger, '~/reset', self._reset),
                                   (SetBool, '~/pause', self._pause)):
-            # The parameters' depth: of ten, the default, the eleventh caller has no answer, ever.
-            self.create_service(kind, name, serve, callback_group=services,
-                                qos_profile=qos_profile_parameters)
+            self.create_service(kind, name, serve, callback_group=self._callers,
+                                qos_profile=REQUESTS)
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
@@ -347,23 +345,26 @@ class CharacterizationNode(Node):
         return response
 
     async def _settled(self, future: 'Future[Any]') -> None:
-        """Let the executor go on until the worker is done."""
+        """Let the executor go on until the worker is done, and it is the caller's turn."""
         executor = self.executor
         if executor is not None:
             future.add_done_callback(lambda _: executor.wake())
-        while not future.done():
-            await _AWhile()
+        with self._callers.one_more():
+            while not (future.done() and self._callers.may_answer()):
+                await _AWhile()
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         now = time.monotonic()
         self._take(now)
         self._feed(now)
+        changes = request.data != self._facts.paused
         for reception in self._receptions:
             reception.facts.paused = request.data
         response.success = True
-        response.message = ('paused: samples are passed over' if request.data
-                            else 'going on; the pause counts as a gap')
-        self._log.info(response.message)
+        response.message = ('paused: samples are passed over' if request.data else
+                            'going on; the pause counts as a gap' if changes else 'not paused')
+        if changes:
+            self._log.info(response.message)
         return response
 
     # -- the end --------------------------------------------------------------------------------

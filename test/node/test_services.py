@@ -10,6 +10,8 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.cdr import encode_imu
+import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -258,3 +260,61 @@ def test_every_one_of_many_clients_that_call_at_once_is_answered(ros: Ros) -> No
 def test_forty_clients_of_each_service_that_call_at_once_for_a_minute_are_answered(
         ros: Ros) -> None:
     call_at_once(ros, 40, 60.0)
+
+
+def test_what_nobody_should_send_does_not_flood_the_log(ros: Ros) -> None:
+    node = ros.start('imu_allan_node', {'publish_period': 1.0})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    driver.publish(1000)
+    draw = random.Random(1)
+    for number in range(3000):
+        driver.send(b'\0\1\0\0' + draw.randbytes(4 * draw.randrange(1, 100)))
+        driver.send(encode_imu(1_700_000_000 * 10**9 + draw.randrange(10**12),
+                               np.full(6, draw.choice((np.nan, 1e300, number))), 'imu'))
+    for _ in range(20):
+        assert ros.call(SetBool, 'imu_allan/pause').success
+    ros.call(Trigger, 'imu_allan/save')
+    assert 'Traceback' not in node.log
+    assert 'RuntimeWarning' not in node.log
+    assert ros.call(SetBool, 'imu_allan/pause').message == 'not paused'
+    assert not [line for line in node.lines if 'pause' in line]
+    assert len(node.lines) < 25, node.log
+    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True)).success
+    assert ros.call(SetBool, 'imu_allan/pause', SetBool.Request(data=True)).success
+    assert ros.call(SetBool, 'imu_allan/pause').success
+    assert [line for line in node.lines if 'pause' in line] == [
+        'paused: samples are passed over', 'going on; the pause counts as a gap']
+
+
+def save_at_200_hz(ros: Ros, clients: int, seconds: float) -> None:
+    """Ask for a save 200 times a second from each client, beside a 200 Hz IMU."""
+    node = ros.start('imu_allan_node', {'publish_period': 2.0})
+    simulator = ros.start('imu_simulator', {'rate': 200.0, 'wait_for_subscriptions': 1})
+    ros.until(lambda: 'publishing' in simulator.log)
+    ros.until(lambda: saved(ros))
+    # That of an ordinary client holds ten answers: on a busy computer that says nothing of a node.
+    asking = [ros.node.create_client(Trigger, ros.name('imu_allan/save'),
+                                     qos_profile=QoSProfile(depth=10_000))
+              for _ in range(clients)]
+    ros.until(lambda: all(client.service_is_ready() for client in asking))
+    asked: list[Any] = []
+    began = time.monotonic()
+    for number in range(round(200 * seconds)):
+        asked += [client.call_async(Trigger.Request()) for client in asking]
+        while time.monotonic() < began + number / 200:
+            ros.executor.spin_once(timeout_sec=0.001)
+    ros.until(lambda: all(future.done() for future in asked))
+    assert all(future.result().success for future in asked)
+    assert_well(node)
+    for client in asking:
+        ros.node.destroy_client(client)
+
+
+def test_every_save_is_answered_where_three_clients_ask_200_times_a_second(ros: Ros) -> None:
+    save_at_200_hz(ros, 3, 1.0)
+
+
+@pytest.mark.slow
+def test_two_thousand_saves_of_one_client_in_ten_seconds_are_answered(ros: Ros) -> None:
+    save_at_200_hz(ros, 1, 10.0)

@@ -1,0 +1,70 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whoever calls a service is answered, however many call at once.
+
+What the middleware does alone loses requests and answers without a word: its queues hold ten.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import time
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+REQUESTS = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
+"""Requests that wait for their turn; of those beyond it the first would be dropped."""
+MOST_WAITING = 100
+"""Callers that wait for the worker: the executor asks each of them whenever it wakes."""
+ANSWER_S = 0.01
+"""From one answer to the next: ten, the queue of an ordinary client, take a tenth of a second."""
+
+
+class Callers(ReentrantCallbackGroup):
+    """
+    Those whose requests have been taken and not been answered.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose executor calls.
+
+    """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__()
+        self._waiting = 0
+        self._answered = 0.0
+        # Only wakes the executor, which then asks those who wait.
+        self._turns = node.create_timer(ANSWER_S, lambda: None, callback_group=self,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._turns.cancel()
+
+    def can_execute(self, entity: object) -> bool:
+        """Leave further requests in their queue while too many wait."""
+        return self._waiting < MOST_WAITING or entity is self._turns
+
+    @contextmanager
+    def one_more(self) -> Iterator[None]:
+        """Count somebody who waits."""
+        self._waiting += 1
+        try:
+            yield
+        finally:
+            self._waiting -= 1
+            if not self._waiting:
+                self._turns.cancel()
+
+    def may_answer(self) -> bool:
+        """Whether it is the turn of whoever asks, who is woken again if it is not."""
+        now = time.monotonic()
+        if now - self._answered < ANSWER_S:
+            if self._turns.is_canceled():
+                self._turns.reset()
+            return False
+        self._answered = now
+        return True
