@@ -21,6 +21,8 @@ ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msg
 
 LEAST_SHARED_BYTES = 65_536
 """Room in /dev/shm without which no process of ROS starts."""
+EXIT_BROKEN_PIPE = 141
+"""What a shell reports for a program that the closed pipe has ended."""
 ENOUGH_SHARED_BYTES = 8_000_000
 """Room in /dev/shm below which Fast DDS is kept from using it."""
 
@@ -78,8 +80,7 @@ def run_process(program: str, serve: Callable[[StopRequest], int],
 
     """
     if interface is not None and wants_help(sys.argv[1:] if args is None else args):
-        print(help_text(interface))
-        return 0
+        return _print(help_text(interface))
     if wrong := refused(sys.argv[1:] if args is None else args):
         _fail(program, wrong)
         return 2
@@ -141,6 +142,7 @@ def _told_to_stop(stop: StopRequest) -> Iterator[None]:
 @contextlib.contextmanager
 def _ros(args: Sequence[str] | None) -> Iterator[None]:
     import rclpy
+    from rclpy.exceptions import ParameterException
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
@@ -154,6 +156,9 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
                             'parameter file') from error
     try:
         yield
+    except ParameterException as error:
+        # One that every node has, such as use_sim_time: rclpy says which, and of what type it is.
+        raise ImuAllanError(_one_line(error)) from error
     finally:
         try_shutdown()
 
@@ -167,6 +172,17 @@ def _find_parameter_files(args: Sequence[str]) -> None:
 
 def _one_line(error: object) -> str:
     return ' '.join(str(error).split())
+
+
+def _print(text: str) -> int:
+    """Write to standard output, whose reader may have seen enough; return the exit status."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # Python flushes once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BROKEN_PIPE
+    return 0
 
 
 def _fail(program: str, message: str) -> int:

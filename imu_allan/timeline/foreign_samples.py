@@ -166,7 +166,8 @@ def _side_in_time(time: Floats, known: Floats, least: float) -> Floats | None:
         one = steps[side[1:] == side[:-1]]
         periods = [float(np.median(time[2:] - time[:-2]))]
         if len(one) >= _FEWEST_ALIKE:
-            short = float(np.quantile(one, 0.2))
+            # One of them, or none may be about as long.
+            short = float(np.quantile(one, 0.2, method='lower'))
             shortest = float(one[np.abs(one - short) <= 0.3 * abs(short)].mean())
             periods += [shortest, 2 * shortest]
         side -= side.mean()

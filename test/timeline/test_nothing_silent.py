@@ -764,6 +764,15 @@ def test_no_hum_near_half_of_the_rate_passes_for_two_sensors_by_its_time(cycles,
     assert not takes_turns(stamps.astype(np.int64), samples[there])
 
 
+@pytest.mark.parametrize('seed', range(6))
+def test_stamps_of_two_distances_are_looked_at_without_a_warning(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for count in range(900, 1000):
+        # One in five comes at once: no distance lies where a fifth of them are shorter.
+        steps = np.where(np.arange(count) % 5 == 0, 1_000_000, 10_000_000)
+        assert not takes_turns(np.cumsum(steps), rng.normal(size=(count, 6)))
+
+
 @pytest.mark.parametrize('cycles', [0.31, 0.35, 0.4])
 @pytest.mark.parametrize('noise', [0.01, 0.3])
 @pytest.mark.parametrize('wander', [0.0, 0.03, 0.3])
