@@ -327,7 +327,8 @@ class Curve:
     """
     Allan deviation at octave averaging times; every tuple has the length of `tau_s`.
 
-    `model_adev` is 0 where no model describes the samples.
+    `model_adev` is that of the coefficients and processes that are reported, and of the tones; 0
+    where nothing is.
     """
 
     tau_s: tuple[float, ...]

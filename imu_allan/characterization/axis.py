@@ -34,7 +34,7 @@ from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit
-from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.groups import Groups, WHITE
 from imu_allan.noise.high_pass import high_pass_beside_flicker, high_pass_corner_hz
 from imu_allan.noise.intervals import Estimate
@@ -181,7 +181,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         if fitted_axis is None:
             fault = axis_fault(finished, axis)
             curve = (_flat_curve(points, dt) if isinstance(fault, Constant)
-                     else _curve(points, axis, dt, FittedModel({}), {}))
+                     else _curve(points, axis, dt, {}))
             if fault is not None:
                 base, remarks = _with_fault(base, fault, quantity, dt)
             found.append((replace(base, curve=curve), remarks))
@@ -194,7 +194,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         corner_hz = (known_hz or (filtered.corner_hz if filtered and filtered.certain else None)
                      or (None if steps else _high_pass_corner_hz(fitted_axis.groups)))
         if corner_hz is not None:
-            found.append((replace(base, curve=_curve(points, axis, dt, FittedModel({}), {}),
+            found.append((replace(base, curve=_curve(points, axis, dt, {}),
                                   spectrum=_spectrum(fitted_axis.whole),
                                   high_passed_hz=corner_hz),
                           [high_pass_remark(corner_hz)]))
@@ -234,13 +234,12 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             coefficients['rate_random_walk'] = _upper_bound(coefficients['rate_random_walk'])
             remarks = [*(remark for remark in remarks if remark.code != 'trend_or_walk'),
                        bias_step_remark(step, dt, quantity)]
-        curve = _curve(points, axis, dt, _described(fitted_axis, drift), values,
-                       _law_of(fitted))
+        curve = _curve(points, axis, dt, values, _law_of(fitted))
         leaves_at = None if fitted.mean_moves else _leaves_at(
-            points, axis, curve, _described(fitted_axis, None), dt)
+            points, axis, curve, [_fitted(fitted_axis, drift), _fitted(fitted_axis, None)], dt)
         if leaves_at is not None and fitted.acceptable:
             remarks.append(leaving_remark(leaves_at))
-        found.append((replace(
+        found.append((with_model_curve(replace(
             base,
             band_limit_s=fitted.window_s,
             band_edge_hz=fitted.edge_hz,
@@ -257,7 +256,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             trend=_trend(fitted),
             stationarity=parts,
             coarse_step=float(finished.step[axis]) if steps else None,
-        ), remarks))
+        )), remarks))
     return found
 
 
@@ -279,14 +278,14 @@ def _with_fault(axis: AxisResult, fault: AxisFault, quantity: Quantity, dt: floa
 
 def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis whose slow terms are upper bounds: something else may have made them."""
-    return replace(axis, coefficients=dict(axis.coefficients) | {
-        key: _upper_bound(axis.coefficients[key]) for key in SLOW_TERMS})
+    return with_model_curve(replace(axis, coefficients=dict(axis.coefficients) | {
+        key: _upper_bound(axis.coefficients[key]) for key in SLOW_TERMS}))
 
 
 def with_bounded_walk(axis: AxisResult) -> AxisResult:
     """Return an axis whose random walk is an upper bound: a step may have made it."""
-    return replace(axis, coefficients=dict(axis.coefficients) | {
-        'rate_random_walk': _upper_bound(axis.coefficients['rate_random_walk'])})
+    return with_model_curve(replace(axis, coefficients=dict(axis.coefficients) | {
+        'rate_random_walk': _upper_bound(axis.coefficients['rate_random_walk'])}))
 
 
 def unsteady(axis: AxisResult) -> AxisResult:
@@ -462,9 +461,9 @@ def _flat_curve(points: Octaves, dt: float) -> Curve:
     return Curve(tuple((points.size * dt).tolist()), zero, dof, nothing, nothing, zero)
 
 
-def _described(found: AxisFit, drift: DriftModel | None) -> FittedModel:
+def _fitted(found: AxisFit, drift: DriftModel | None) -> FittedModel:
     """
-    Describe what is there: the drift model where there is one, low-pass and lines.
+    Describe all that was fitted, reported or not: the drift model where there is one, or terms.
 
     The drift model is for the slow end of what the terms may miss; beside a power law they miss
     nothing.
@@ -483,9 +482,9 @@ def _described(found: AxisFit, drift: DriftModel | None) -> FittedModel:
     return FittedModel(values, found.fit.window_s, processes, tuple(found.lines), law)
 
 
-def _curve(points: Octaves, axis: int, dt: float, model: FittedModel,
-           values: Mapping[str, float], law: tuple[float, float] | None = None) -> Curve:
-    """Allan deviation of one axis with the model's, and the intervals of the fitted terms."""
+def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
+           law: tuple[float, float] | None = None) -> Curve:
+    """Allan deviation of one axis without a model, and the intervals of the fitted terms."""
     if not len(points.size):
         return Curve((), (), (), (), (), ())
     tau: Array = (points.size * dt).astype(np.float64)
@@ -494,23 +493,24 @@ def _curve(points: Octaves, axis: int, dt: float, model: FittedModel,
                     for m, s, c in zip(points.size, points.stride, points.count, strict=True)])
     return Curve(tuple(tau.tolist()), tuple(np.sqrt(avar).tolist()), tuple(dof.tolist()),
                  _pairs(avar, dof, 0.6827), _pairs(avar, dof, 0.95),
-                 tuple(np.sqrt(model.allan_variance(points.size, dt)).tolist()))
+                 (0.0,) * len(tau))
 
 
-def _leaves_at(points: Octaves, axis: int, curve: Curve, terms: FittedModel, dt: float
+def _leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float
                ) -> float | None:
     """
-    Averaging time from which the measured curve lies outside the model's own band, if it does.
+    Averaging time from which the measured curve lies outside the bands of all models, if it does.
 
     The residuals of the spectrum do not show it: the slow end has only a few of them. The fast
-    end is theirs. The curve is drawn with the drift model, which in a short record knows little
-    of the fast noise; only where the fitted terms, too, lie outside is it no description.
+    end is theirs. A drift model knows little of the fast noise in a short record; only where the
+    fitted terms, too, lie outside there is no description.
     """
     dof = np.array(curve.edf)
     low, high = interval(points.avar[:, axis], dof, _CERTAIN)
     outside = dof < _FEW
-    for model in (np.array(curve.model_adev), np.sqrt(terms.allan_variance(points.size, dt))):
-        outside &= (model < low * (1 - _SLIGHT)) | (model > high * (1 + _SLIGHT))
+    for model in models:
+        adev = np.sqrt(model.allan_variance(points.size, dt))
+        outside &= (adev < low * (1 - _SLIGHT)) | (adev > high * (1 + _SLIGHT))
     return float(curve.tau_s[int(np.argmax(outside))]) if outside.any() else None
 
 

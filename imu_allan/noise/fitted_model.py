@@ -3,17 +3,19 @@
 """The fitted model of one axis, as Allan variance and as spectrum."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import (
     allan_variance,
     gauss_markov_avar,
+    LASTING_TERMS,
     line_avar,
     low_passed_avar,
     power_law_avar,
+    TERMS,
 )
-from imu_allan.result import Tone
+from imu_allan.result import AxisResult, Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -123,3 +125,43 @@ class FittedModel:
             amplitude, exponent = self.power_law
             total = total + amplitude**2 * dt * spectrum.power_law(nu, dt, exponent)
         return total
+
+
+def reported_model(axis: AxisResult) -> FittedModel:
+    """
+    Return the model of an axis: what the table reports of it and nothing else, and its lines.
+
+    The drift model, which stands for the slow end whatever makes it, is what a filter is tuned
+    with: `imu_allan.predicted_drift` shows what it says.
+    """
+    process, law = axis.gauss_markov, axis.power_law
+    return FittedModel(
+        {key: found.value for key, found in axis.coefficients.items()
+         if found.observable and found.value is not None},
+        axis.band_limit_s,
+        () if process is None else ((process.sigma, process.correlation_time_s),),
+        axis.all_tones, None if law is None else (law.amplitude, law.exponent))
+
+
+def hidden_avar(axis: AxisResult, tau: Array) -> Array:
+    """Return the largest Allan variance of a term of which the table reports only a bound."""
+    hidden = np.zeros(len(tau))
+    for key in LASTING_TERMS:
+        found = axis.coefficients.get(key)
+        # Noise of another exponent stands in the place of flicker, not below its bound.
+        if found is None or found.upper95 is None or (
+                key == 'bias_instability' and axis.power_law is not None):
+            continue
+        hidden = np.maximum(hidden, TERMS[key].adev(found.upper95, tau)**2)
+    return hidden
+
+
+def with_model_curve(axis: AxisResult) -> AxisResult:
+    """Return an axis with the curve of what it reports now; nothing where it reports nothing."""
+    if not axis.curve.tau_s:
+        return axis
+    # The shortest averages are the samples themselves.
+    dt = axis.curve.tau_s[0]
+    size = np.rint(np.array(axis.curve.tau_s) / dt)
+    model = np.sqrt(reported_model(axis).allan_variance(size, dt))
+    return replace(axis, curve=replace(axis.curve, model_adev=tuple(model.tolist())))

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of an axis that none of the five terms is, as lines with a name for a picture."""
 
+from imu_allan.noise.fitted_model import reported_model
 from imu_allan.noise.terms import gauss_markov_avar, power_law_avar
 from imu_allan.result import AxisResult
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import duration, number
-from imu_allan.writers.curves import describe
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +37,7 @@ def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[st
         found.append((line, int(np.argmax(line)), [
             f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
             f'correlated over {duration(process.correlation_time_s)}']))
-    if axis.power_law is not None and (law := describe(axis).power_law) is not None:
+    if axis.power_law is not None and (law := reported_model(axis).power_law) is not None:
         found.append((np.sqrt(power_law_avar(*law, tau)), len(tau) // 2, [
             f'1/f to the power of {axis.power_law.exponent:.2f}', 'no flicker']))
     return found

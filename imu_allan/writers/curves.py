@@ -8,8 +8,9 @@ Curves, spectra and their limits; nothing here knows how they are drawn.
 
 from collections.abc import Iterable, Mapping
 from math import inf
+from typing import NamedTuple
 
-from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
 from imu_allan.noise.terms import AXES, Term, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Spectrum, Timeline
 from imu_allan.sensor.units import engineering, typeset
@@ -24,6 +25,10 @@ FEWEST_DEGREES = 3.0
 _FINE, _BETWEEN = 161, 8
 """Points of a line, two pixels apart on a report, and those that each stands for beside lobes."""
 _LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
+_APART = 1.1
+"""Of the variance: a bound that adds less lies on the line of the model."""
+_LOWEST = 1.1
+"""Of the lowest variance: up to there the model is flat."""
 _BAND = 0.25
 """Octaves: 80 points in all; half as wide scatters 1.4 times as much, twice hides a hump."""
 _MARKED = 8
@@ -47,28 +52,28 @@ def coefficients_of(axis: AxisResult) -> dict[str, float]:
             if axis.coefficients[key].observable}
 
 
-def describe(axis: AxisResult) -> FittedModel:
+class ModelCurve(NamedTuple):
     """
-    Return the model of an axis: the drift model where there is one, low-pass and lines.
+    What `model_curve` returns.
 
-    Beside slow noise that is no flicker the terms describe all of it.
+    Attributes
+    ----------
+    tau : ndarray, shape (n,)
+        In seconds, from the shortest time of which the model was fitted; empty where there is no
+        model.
+    adev : ndarray, shape (n,)
+        That of what is reported, in the unit of a sample.
+    bound : ndarray, shape (n,)
+        With the terms that are only bounded at their bounds; NaN where that makes no difference.
+
     """
-    values = coefficients_of(axis)
-    process, drift, law = axis.gauss_markov, axis.drift_model, axis.power_law
-    processes: tuple[tuple[float, float], ...] = ()
-    if process is not None:
-        processes = ((process.sigma, process.correlation_time_s),)
-    if drift is not None and law is None:
-        values = {'quantization_noise': values.get('quantization_noise', 0.0),
-                  'noise_density': drift.noise_density,
-                  'rate_random_walk': drift.rate_random_walk}
-        processes = tuple((p.sigma, p.correlation_time_s) for p in drift.processes)
-    return FittedModel(values, axis.band_limit_s, processes,
-                       axis.all_tones,
-                       None if law is None else (law.amplitude, law.exponent))
+
+    tau: Array
+    adev: Array
+    bound: Array
 
 
-def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
+def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     """
     Return the Allan deviation of the model between the averaging times, too.
 
@@ -81,18 +86,16 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
 
     Returns
     -------
-    tau, adev : ndarray, shape (n,)
-        In seconds, from the shortest time of which the model was fitted, and in the unit of a
-        sample; empty where there is no model.
+    ModelCurve
 
     """
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
     tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
     if not coarse.any():
-        return tau[:0], coarse[:0]
+        return ModelCurve(tau[:0], coarse[:0], coarse[:0])
     if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER:
-        return tau, coarse
-    model = describe(axis)
+        return ModelCurve(tau, coarse, np.full(len(tau), np.nan))
+    model = reported_model(axis)
     # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
     avar = model.allan_variance(size, 1 / rate)
@@ -103,7 +106,10 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> tuple[Array, Array]:
         avar[-window:] = model.allan_variance(size[-window:], 1 / rate)
     keep = np.unique(np.linspace(0, len(size) - 1, _FINE).astype(int))
     keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
-    return size[keep] / rate, np.sqrt(avar[keep])
+    size, avar = size[keep], avar[keep]
+    bound = avar + hidden_avar(axis, size / rate)
+    return ModelCurve(size / rate, np.sqrt(avar),
+                      np.sqrt(np.where(bound > _APART * avar, bound, np.nan)))
 
 
 def shortest_fitted_s(axis: AxisResult) -> float:
@@ -138,7 +144,7 @@ def model_density(axis: AxisResult, frequency_hz: Array, sample_rate_hz: float,
         return FittedModel(coefficients).density(frequency_hz, 1 / sample_rate_hz)
     if not any(axis.curve.model_adev):
         return np.full(len(frequency_hz), np.nan)
-    density = describe(axis).density(frequency_hz, 1 / sample_rate_hz)
+    density = reported_model(axis).density(frequency_hz, 1 / sample_rate_hz)
     return np.where(frequency_hz > (axis.band_edge_hz or inf), np.nan, density)
 
 
@@ -178,7 +184,7 @@ def reading_point(term: Term, axis: AxisResult, tau: Array,
     """
     Return the averaging time at which a coefficient is read off its line.
 
-    That of the bias instability is where the model, its drift and all, is lowest.
+    That of the bias instability is in the middle of where the model is lowest.
 
     Parameters
     ----------
@@ -194,12 +200,11 @@ def reading_point(term: Term, axis: AxisResult, tau: Array,
     """
     if term.read_at is not None:
         return term.read_at
-    model = describe(axis) if truth is None else FittedModel(truth)
+    model = reported_model(axis) if truth is None else FittedModel(truth)
     # Lines and the low-pass bend the short end; what has a floor is the sum of the rest.
     total = FittedModel(model.coefficients, None, model.processes).allan_variance(tau, 1.0)
-    if np.ptp(total) == 0:
-        return float(np.sqrt(tau[0] * tau[-1]))
-    return float(tau[np.argmin(total)])
+    flat = tau[total <= _LOWEST * total.min()]
+    return float(np.sqrt(flat[0] * flat[-1]))
 
 
 def written(coefficient: Coefficient, value: float) -> str:
@@ -230,7 +235,8 @@ def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float
                 low = min(low, max(band[0], value / 2))
                 high = max(high, min(band[1], value * 2))
             if model > 0:
-                low, high = min(low, model / 1.3), max(high, model * 1.3)
+                # A line without what is only bounded may fall far below the points.
+                low, high = min(low, max(model, value / 3) / 1.3), max(high, model * 1.3)
         reading += [abs(value) for key, value in coefficients_of(axis).items()
                     if TERMS[key].read_at and value]
     if high == 0:

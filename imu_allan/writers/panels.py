@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_BOUND = (0, (2, 2))
+"""Short dashes: those of the models of three axes are longer."""
 _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
                            'bias_instability': (0, (8, 2, 1, 2)),
                            'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
@@ -84,7 +86,8 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         return
     fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
     if timeline is not None and model.any():
-        fine, model = model_curve(axis, timeline)
+        fine, model, bound = model_curve(axis, timeline)
+        panel.plot(fine, bound, color=colour, linewidth=0.9, linestyle=_BOUND, zorder=2.8)
         dof = np.exp(np.interp(np.log(fine), np.log(tau), np.log(np.maximum(curve.edf, 1e-3))))
         panel.fill_between(fine, np.sqrt(chi_square.lower(0.025, dof) / dof) * model,
                            np.sqrt(chi_square.upper(0.025, dof) / dof) * model, color=colour,

@@ -286,8 +286,8 @@ def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '
     title = '   '.join(shorten(name, 60) for name in names_of(result))
     facts = [amount_of(result.timeline), *(shorten(fact, 40) for fact in origin_of(result)),
              f'imu_allan {shorten(printable(result.imu_allan_version), 20)}']
-    key = ('points: measured, hollow where fewer than 3 degrees of freedom;  line: fitted model, '
-           'shaded where 95 % of the points should fall')
+    key = ('points: measured, hollow where fewer than 3 degrees of freedom;  line: what is '
+           'reported, shaded where 95 % of the points should fall;  short dashes: at most')
     if what:
         title = f'{what}   {title}'
         key += ';  dashed: its terms;  ring: where the coefficient is read'

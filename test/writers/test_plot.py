@@ -8,6 +8,8 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
+from imu_allan.characterization.axis import characterize, with_bounded_walk
+from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance
 from imu_allan.result import (
     Curve,
@@ -22,6 +24,7 @@ from imu_allan.result import (
     Timeline,
 )
 from imu_allan.writers import curves, panels, plot
+from imu_allan.writers.charts.allan import allan_chart
 from imu_allan.writers.figure_style import COLOURS
 from imu_allan.writers.report import report_html
 import matplotlib
@@ -209,8 +212,8 @@ def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
     axis = replace(result.axes['gyro_x'], band_edge_hz=5.0)
     density = curves.model_density(axis, np.array([0.1, 5.0, 5.1, 50.0]), 200.0)
     assert np.isfinite(density).tolist() == [True, True, False, False]
-    tau, adev = curves.model_curve(axis, result.timeline)
-    whole, _ = curves.model_curve(result.axes['gyro_x'], result.timeline)
+    tau, adev, _ = curves.model_curve(axis, result.timeline)
+    whole = curves.model_curve(result.axes['gyro_x'], result.timeline).tau
     # Shorter averages than a period of the edge scatter by what lies beyond it.
     assert tau[0] == pytest.approx(0.2, rel=0.1)
     assert tau[0] >= 0.2 > whole[0]
@@ -222,6 +225,34 @@ def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
     figure = plot.sensor_figure(replace(result, axes={'gyro_x': axis}), 'gyro')
     assert 'shaded: not fitted' in texts_of(figure)
     assert 'shaded: not fitted' not in texts_of(plot.sensor_figure(result, 'gyro'))
+
+
+def test_the_line_that_is_drawn_is_the_curve_of_the_result(result):
+    samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 60_000, 100.0, seed=3)
+    axis = with_bounded_walk(characterize(samples, 100.0))
+    curve, timeline = axis.curve, replace(result.timeline, sample_rate_hz=100.0)
+    drawn = curves.model_curve(axis, timeline)
+    for end in (0, -1):
+        assert drawn.tau[end] == pytest.approx(curve.tau_s[end])
+        assert drawn.adev[end] == pytest.approx(curve.model_adev[end])
+
+
+def test_a_term_that_is_only_bounded_is_a_dashed_line_at_its_bound(result, make_axis):
+    axis = make_axis('gyro_x', {'noise_density': 1e-3, 'bias_instability': 1e-5},
+                     {'rate_random_walk': 1e-3})
+    tau, adev, bound = curves.model_curve(axis, result.timeline)
+    assert bound[-1]**2 == pytest.approx(adev[-1]**2 + 1e-3**2 * tau[-1] / 3)
+    # Over short times it would lie on the line.
+    assert np.isnan(bound[0])
+    panel = Figure().add_subplot()
+    panels.draw_curve(panel, axis, 'black', timeline=result.timeline)
+    assert '--' in [line.get_linestyle() for line in panel.lines]
+    chart = allan_chart('gyro', {'gyro_x': axis}, result.timeline)
+    assert 'class="bound"' in chart.svg
+    known = make_axis('gyro_x', {'noise_density': 1e-3, 'bias_instability': 1e-5,
+                                 'rate_random_walk': 1e-3})
+    assert np.isnan(curves.model_curve(known, result.timeline).bound).all()
+    assert 'class="bound"' not in allan_chart('gyro', {'gyro_x': known}, result.timeline).svg
 
 
 def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):

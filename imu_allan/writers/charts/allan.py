@@ -65,8 +65,9 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
             inside.append(group(name[-1], f'detail axis-{name[-1]}',
                                 _expected(panel, axis, timeline, factor)))
         for name, axis in known.items():
-            tau, adev = model_curve(axis, timeline)
+            tau, adev, bound = model_curve(axis, timeline)
             inside.append(group(name[-1], f'axis-{name[-1]}', [
+                panel.line(tau, bound * factor, 'bound'),
                 panel.line(tau, adev * factor, 'curve model'),
                 _measured_points(panel, axis, factor, shown, f'{name[-1]} axis',
                                  shape_of(name[-1]))]))
@@ -76,14 +77,16 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
         drawing.add(panel, inside)
 
     name = f'{sensor}-allan'
-    return Chart(name, f'{SENSORS[sensor]}: Allan deviation',
-                 'Points: measured, hollow where fewer than 3 degrees of freedom stand behind '
-                 'one. Line: fitted model, over the times of which it was fitted. Shaded: where '
-                 '95 % of the points should fall if it is right. Ring: where the coefficient is '
-                 'read.' + (' Arrow: a point beyond the axes.'
-                            if beyond(known.values(), (low, high)) else ''),
+    caption = ('Points: measured, hollow where fewer than 3 degrees of freedom stand behind one. '
+               'Line: what the table reports, over the times of which it was fitted. '
+               'Short dashes: with the largest term that may be hidden, at its bound. '
+               'Shaded: where 95 % of the points should fall if the line is right. '
+               'Ring: where the coefficient is read.')
+    if beyond(known.values(), (low, high)):
+        caption += ' Arrow: a point beyond the axes.'
+    return Chart(name, f'{SENSORS[sensor]}: Allan deviation', caption,
                  both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
-                       draw, 330), groups_of(known), worst_axis(known))
+                      draw, 330), groups_of(known), worst_axis(known))
 
 
 def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[float, float],
@@ -100,7 +103,7 @@ def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[
 
 def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float) -> list[str]:
     """Return the area in which 95 % of the points should fall."""
-    tau, adev = model_curve(axis, timeline)
+    tau, adev, _ = model_curve(axis, timeline)
     if not len(tau) or not (adev > 0).any():
         return []
     dof = np.exp(np.interp(np.log(tau), np.log(axis.curve.tau_s),
@@ -131,7 +134,7 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeli
     parts: list[str] = []
     taken: list[Box] = []
     tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
-    smooth = model_curve(axis, timeline)
+    smooth = model_curve(axis, timeline)[:2]
     avoid = np.vstack([panel.pixels(axis.curve.tau_s, np.array(axis.curve.adev) * factor),
                        panel.pixels(smooth[0], smooth[1] * factor)])
     values = {key: value for key, value in coefficients_of(axis).items() if value}
@@ -186,7 +189,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
         panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
         inside = []
         for place, (name, item, timeline) in known.items():
-            tau, adev = model_curve(item, timeline)
+            tau, adev, _ = model_curve(item, timeline)
             seen = np.array(item.curve.adev) > 0
             bands = np.array(item.curve.ci95)[seen].T * factor
             kind = f'result-{int(place) % 7}'
