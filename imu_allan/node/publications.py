@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The topics on which the node publishes."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from imu_allan.node.result_messages import (
@@ -43,26 +46,43 @@ class Publications:
             return node.create_publisher(kind, f'~/{topic}', _LATCHED,
                                          event_callbacks=_no_events())
 
-        self._result = latched(String, 'result')
-        self._coefficients = latched(DiagnosticArray, 'coefficients')
         terms = [f'{sensor}/{term}' for sensor in SENSORS for term in LASTING_TERMS]
-        self._vectors = {topic: latched(Vector3Stamped, topic) for topic in (
-            *terms, *(f'{sensor}/{TUNED_TERM}' for sensor in SENSORS),
-            *(f'{term}/interval/{end}' for term in terms for end in ENDS))}
-        self._curves = {topic: latched(Float64MultiArray, topic) for topic in (
-            f'{sensor}/allan_deviation' for sensor in SENSORS)}
+        vectors = (*terms, *(f'{sensor}/{TUNED_TERM}' for sensor in SENSORS),
+                   *(f'{term}/interval/{end}' for term in terms for end in ENDS))
+        kinds = {'result': String, 'coefficients': DiagnosticArray,
+                 **dict.fromkeys(vectors, Vector3Stamped),
+                 **{f'{sensor}/allan_deviation': Float64MultiArray for sensor in SENSORS}}
+        self._of_result = {topic: latched(kind, topic) for topic, kind in kinds.items()}
+        self._published: Mapping[str, Any] = {}
+        self._volatile = dict.fromkeys(self._of_result, 0)
+        self._subscribed = dict.fromkeys(self._of_result, 0)
         self.plot = latched(CompressedImage, 'plot/compressed')
         self.diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10,
                                                  event_callbacks=_no_events())
+        self._node = node
 
     def publish(self, messages: ResultMessages) -> None:
-        """Publish a result on every topic that has a part of it."""
-        self._result.publish(messages.result)
-        self._coefficients.publish(messages.coefficients)
-        for topic, vector in messages.vectors.items():
-            self._vectors[topic].publish(vector)
-        for topic, curve in messages.curves.items():
-            self._curves[topic].publish(curve)
+        """Publish a result on every topic that has a part of it, unless it says the same."""
+        by_topic = messages.by_topic()
+        # As text: a NaN is no other than the one before.
+        if str(by_topic) == str(self._published):
+            return
+        self._published = by_topic
+        for topic, message in by_topic.items():
+            self._of_result[topic].publish(message)
+
+    def serve_newcomers(self) -> None:
+        """Publish again where a volatile subscription has come, which has missed what was."""
+        for topic, publisher in self._of_result.items():
+            count = publisher.get_subscription_count()
+            if count != self._subscribed[topic]:
+                self._subscribed[topic] = count
+                volatile = sum(
+                    info.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+                    for info in self._node.get_subscriptions_info_by_topic(publisher.topic_name))
+                if volatile > self._volatile[topic] and topic in self._published:
+                    publisher.publish(self._published[topic])
+                self._volatile[topic] = volatile
 
 
 def _no_events() -> PublisherEventCallbacks:

@@ -4,8 +4,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+import json
 import math
-from typing import Literal
+from typing import Any, Literal
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -47,6 +48,11 @@ class ResultMessages:
     vectors: Mapping[str, Vector3Stamped]
     curves: Mapping[str, Float64MultiArray]
 
+    def by_topic(self) -> dict[str, Any]:
+        """Give every message with its topic below ``~/``."""
+        return {'result': self.result, 'coefficients': self.coefficients, **self.vectors,
+                **self.curves}
+
 
 def result_messages(result: Result, node_name: str, stamp: Time,
                     filter_of: Filter = Filter()) -> ResultMessages:
@@ -73,7 +79,8 @@ def result_messages(result: Result, node_name: str, stamp: Time,
                 interval_message(result, sensor, term, end, stamp)
                 for sensor in SENSORS for term in LASTING_TERMS for end in ENDS}
     curves = {f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}
-    return ResultMessages(String(data=result.to_json()),
+    document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
+    return ResultMessages(String(data=document),
                           coefficients_message(result, node_name, stamp), vectors, curves)
 
 

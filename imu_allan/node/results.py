@@ -81,7 +81,6 @@ class Results:
         self._standards = Standards(values['spec_file'], values['reference'])
         self.filter_of = Filter(values['aiding_interval'], values['coast'])
         self.latest: Result | None = None
-        self._messages: ResultMessages | None = None
         self._plotted: Result | None = None
         self._next_fit = time.monotonic()
         self.publish_every(values['publish_period'])
@@ -93,7 +92,7 @@ class Results:
 
     def begin_run(self) -> None:
         """Forget what was learnt of the run before."""
-        self.latest = self._messages = self._plotted = None
+        self.latest = self._plotted = None
         self._facts.findings = []
         self._next_fit = time.monotonic()
 
@@ -107,15 +106,14 @@ class Results:
         return True
 
     def publish_or_fit(self, now: float, run: Run, last_message: float) -> None:
-        """Publish a new result if one is due, else the last one again."""
+        """Have a new result made if one is due; whoever is new has the last one meanwhile."""
         settled = now - last_message > SETTLED_S
         if self._worker.under_way('fit'):
             return
         if run.fed != run.fitted and (now >= self._next_fit or settled):
             self.fit(run, to_the_end=settled)
-        elif self._messages is not None:
-            # A volatile subscription that came late waits for no more than a period.
-            self._publications.publish(self._messages)
+        else:
+            self._publications.serve_newcomers()
 
     def fit(self, run: Run, to_the_end: bool = False) -> None:
         """
@@ -148,7 +146,7 @@ class Results:
                 return
             fitted = future.result()
             self._facts.fit_s, self._facts.findings = fitted.took_s, fitted.findings
-            self.latest, self._messages = fitted.result, fitted.messages
+            self.latest = fitted.result
             run.learn(fitted.of_lanes, fed if tested is None else None)
             self._next_fit = began + max(FIT_SHARE * fitted.took_s,
                                          FIT_GROWTH * run.duration_s)

@@ -135,7 +135,7 @@ def test_topics_service_and_file_say_the_same_to_the_last_digit(
             assert entries.get(f'{key}/value') == (None if value is None else repr(value))
     document = latest(live, String, 'imu_allan/result')
     assert Result.from_dict(json.loads(document.data)) == result
-    assert document.data == result.to_json()
+    assert document.data == json.dumps(result.to_dict(), separators=(',', ':'))
     for sensor in ('gyro', 'accel'):
         for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
             vector = latest(live, Vector3Stamped, f'imu_allan/{sensor}/{key}')
@@ -181,6 +181,21 @@ def test_a_volatile_subscription_that_comes_late_gets_the_last_result(live: Ros)
     arrays = live.listen(DiagnosticArray, 'imu_allan/coefficients', 10)
     array = live.until(lambda: arrays)[0]
     assert [s.name.rpartition(' ')[2] for s in array.status] == list(AXES)
+
+
+def test_what_has_not_changed_is_not_published_again(live: Ros) -> None:
+    counts = {topic: live.listen(kind, f'imu_allan/{topic}') for kind, topic in (
+        (String, 'result'), (DiagnosticArray, 'coefficients'),
+        (Vector3Stamped, 'gyro/noise_density'))}
+    live.until(lambda: all(counts.values()))
+    reports = live.listen(DiagnosticArray, '/diagnostics', 10)
+    # Half a dozen periods, in one of which somebody new has come.
+    live.until(lambda: len(reports) > 3)
+    late = live.listen(String, 'imu_allan/result', 10)
+    live.until(lambda: late)
+    live.until(lambda: len(reports) > 6)
+    assert len(late) == 1
+    assert [len(messages) for messages in counts.values()] == [2, 1, 1]
 
 
 def test_the_allan_deviation_array_has_four_labelled_rows_of_25(
