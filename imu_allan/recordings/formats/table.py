@@ -111,10 +111,13 @@ def table_block(table: Table, fields: ImuFields, factors: NDArray[np.float64],
     times = table_times(table, fields)
     samples = np.zeros((len(times), 6))
     absent = np.ones((len(times), 2), np.bool_)
-    for first, vector in fields.vectors():
-        samples[:, first:first + 3] = _vector(table, fields, vector, on_malformed)
-        absent[:, first // 3] = False
-    return ImuBlock(times, times, samples * factors, absent, '')
+    # What is not finite in a damaged log is rejected by the timeline.
+    with np.errstate(invalid='ignore', over='ignore'):
+        for first, vector in fields.vectors():
+            samples[:, first:first + 3] = _vector(table, fields, vector, on_malformed)
+            absent[:, first // 3] = False
+        samples *= factors
+    return ImuBlock(times, times, samples, absent, '')
 
 
 def _width(table: Table, fields: ImuFields) -> int:
