@@ -80,7 +80,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'imu_allan = imu_allan.cli.main:main',
+            'imu_allan = imu_allan.__main__:main',
             'imu_allan_node = imu_allan.node.imu_allan_node:main',
             'imu_simulator = imu_allan.node.imu_simulator:main',
         ],

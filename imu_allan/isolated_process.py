@@ -24,13 +24,22 @@ from types import FrameType
 from typing import Any
 
 _PROGRAM = """
-import pickle, sys
+import ctypes, os, pickle, signal, sys
+try:
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+except (AttributeError, OSError, TypeError):
+    pass
+if os.getppid() != {parent}:
+    sys.exit()
 sys.path[:] = pickle.load(sys.stdin.buffer)
 from {module} import {function}
 {function}()
 """
+"""The kernel of Linux ends it with its parent, by PR_SET_PDEATHSIG, which is 1."""
 _MOMENT_S = 0.01
 """In which a callback of the interpreter is over."""
+TIDYING_S = 20
+"""In which what was unpacked is removed; the kernel ends what takes longer."""
 _HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
 
@@ -65,7 +74,8 @@ def start_python(module: str, function: str, **options: Any) -> subprocess.Popen
 
     """
     process = subprocess.Popen(
-        [sys.executable, '-I', '-c', _PROGRAM.format(module=module, function=function)],
+        [sys.executable, '-I', '-c', _PROGRAM.format(
+            module=module, function=function, parent=os.getpid())],
         bufsize=0, stdin=subprocess.PIPE, **options)
     assert process.stdin is not None
     # It may have ended already: whoever reads from it finds that.
@@ -107,6 +117,7 @@ def end_in_peace() -> None:
                 return
             frame = frame.f_back
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        signal.alarm(TIDYING_S)
         sys.exit()
 
     def once_more(what: sys.UnraisableHookArgs) -> None:

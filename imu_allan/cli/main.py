@@ -99,6 +99,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         The arguments; those of the process by default.
 
     """
+    if sys.stderr is None:
+        # Its number is the first that is free, and no file shall get it.
+        sys.stderr = open(os.devnull, 'w')  # noqa: PTH123, SIM115
+    if sys.stdout is None:
+        return _fail('standard output: is closed; lead it to a file, or to /dev/null')
     for stream in (sys.stdout, sys.stderr):
         # A terminal that cannot show a micro sign must not end the program.
         getattr(stream, 'reconfigure', lambda **_: None)(errors='backslashreplace')

@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 
+import os
 from pathlib import Path
 import resource
 import signal
@@ -11,6 +12,7 @@ import time
 from imu_allan.cli.main import main
 import pytest
 from whole_lines import Varying
+import zstandard
 
 COMMAND = [sys.executable, '-m', 'imu_allan']
 NO_MODEL = ('no such file, and no model of that name is shipped; give the path of a noise model '
@@ -176,3 +178,56 @@ def test_a_misspelt_word_is_told_with_the_right_one(words, meant, capsys):
     complaint = capsys.readouterr().err
     assert complaint.splitlines()[-1] == Varying(f'imu_allan{meant}')
     assert words[0] == 'analyse' or complaint.startswith(f'usage: imu_allan {words[0]} ')
+
+
+INTERRUPTED = """
+import os, signal, sys
+
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == interrupted:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+interrupted = sys.argv.pop(1)
+sys.meta_path.insert(0, Interrupt())
+from imu_allan.__main__ import main
+raise SystemExit(main())
+"""
+
+
+@pytest.mark.parametrize('module', ['imu_allan.cli.main', 'imu_allan.cli.tune', 'argparse',
+                                    'imu_allan.recordings', 'numpy', 'scipy', 'rich'])
+@pytest.mark.usefixtures('children_unmeasured')
+def test_ctrl_c_during_the_imports_exits_130_without_a_word(module: str, recording: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED, module, 'analyze', str(recording), '--no-progress'],
+        check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, '')
+
+
+def test_a_closed_standard_output_is_one_line(recording: Path) -> None:
+    done = subprocess.run(['/bin/sh', '-c', '"$@" >&-', 'sh', *COMMAND, 'info', str(recording)],
+                          check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (
+        1, 'imu_allan: standard output: is closed; lead it to a file, or to /dev/null\n')
+
+
+def test_a_closed_standard_error_mixes_nothing_into_the_output(tmp_path: Path) -> None:
+    done = subprocess.run(['/bin/sh', '-c', '"$@" 2>&-', 'sh', *COMMAND, 'info',
+                           str(tmp_path / 'none')], check=False, capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, b'')
+
+
+def test_a_limit_to_files_is_not_blamed_on_the_recording(recording: Path, tmp_path: Path) -> None:
+    [mcap] = recording.glob('*.mcap')
+    path = tmp_path / 'a.mcap.zst'
+    path.write_bytes(zstandard.ZstdCompressor(1).compress(mcap.read_bytes()))
+    done = subprocess.run(['/bin/sh', '-c', 'ulimit -f 20; exec "$@"', 'sh', *COMMAND, 'info',
+                           str(path)], check=False, capture_output=True, text=True, timeout=60,
+                          env={**os.environ, 'TMPDIR': str(tmp_path),
+                               'PYTHONDONTWRITEBYTECODE': '1'})
+    assert (done.returncode, done.stderr) == (
+        1, f'imu_allan: {path}: cannot be unpacked or copied to {tmp_path} (File too large); name '
+        'a larger folder with TMPDIR, or raise the limit (ulimit -f)\n')

@@ -2,10 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a file is unpacked or copied to, and how that goes away again."""
 
+import errno
 from pathlib import Path
 import shutil
 import tempfile
 
+from imu_allan.errors import ImuAllanError, printable
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 SPARED_DISK = 1 << 28
 """Bytes of the temporary folder's disk that are never filled."""
 
@@ -28,3 +32,14 @@ def remove_folder(folder: Path) -> None:
         # A process that is ended in peace is interrupted once, see `serve` of the workers.
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def unreadable(recording: Path, error: OSError, what: str = '') -> ImuAllanError:
+    """Return what to say of a recording: what has no room is its copy, and it is not to blame."""
+    reason = error.strerror or printable(error)
+    if error.errno in _NO_ROOM:
+        return ImuAllanError(f'{printable(recording)}: cannot be unpacked or copied to '
+                             f'{printable(tempfile.gettempdir())} ({reason}); name a larger '
+                             'folder with TMPDIR, or raise the limit (ulimit -f)')
+    return ImuAllanError(f'{printable(recording)}: '
+                         f'{f"{what} ({printable(reason)})" if what else reason}')

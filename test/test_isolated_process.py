@@ -1,0 +1,69 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Processes beside this one, and when they end."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+STARTS = """
+import time
+from imu_allan.isolated_process import start_python
+# What it calls reads no pipe and looks after nothing.
+child = start_python('signal', 'pause', start_new_session=True)
+print(child.pid, flush=True)
+time.sleep(100)
+"""
+UNENDING = """
+import signal, time
+from imu_allan import isolated_process
+isolated_process.TIDYING_S = 1
+isolated_process.end_in_peace()
+print('ready', flush=True)
+try:
+    time.sleep(100)
+finally:
+    while True:
+        pass
+"""
+
+
+def running(process: int) -> bool:
+    try:
+        state = Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()[0]
+    except OSError:
+        return False
+    return state != 'Z'
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='the kernel of Linux does it')
+@pytest.mark.usefixtures('children_unmeasured')
+def test_a_process_ends_with_its_parent_whatever_it_is_at() -> None:
+    with subprocess.Popen([sys.executable, '-c', STARTS], stdout=subprocess.PIPE, text=True
+                          ) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        parent.kill()
+    deadline = time.monotonic() + 20
+    while running(child) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    try:
+        assert not running(child)
+    finally:
+        if running(child):
+            os.kill(child, signal.SIGKILL)
+
+
+@pytest.mark.usefixtures('children_unmeasured')
+def test_a_process_that_is_not_done_with_tidying_is_ended() -> None:
+    with subprocess.Popen([sys.executable, '-c', UNENDING], stdout=subprocess.PIPE, text=True
+                          ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == 'ready\n'
+        process.terminate()
+        assert process.wait(20) == -signal.SIGALRM
