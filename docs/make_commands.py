@@ -19,7 +19,7 @@ Made from the command's own help by `docs/make_commands.py`.
 
 Results go to stdout, messages to stderr. Exit status: 0 done; 1 a known error, as one line on
 stderr that names the file, topic or option and what to do; 2 wrong usage; 3 `check` found a
-specification that is not met; 4 `check --strict` cannot tell; 130 after Ctrl-C. A traceback
+specification that is not met; 4 `check` cannot tell; 130 after Ctrl-C. A traceback
 means a bug.
 """
 

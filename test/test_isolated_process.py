@@ -24,8 +24,8 @@ import signal, time
 from imu_allan import isolated_process
 isolated_process.TIDYING_S = 1
 isolated_process.end_in_peace()
-print('ready', flush=True)
 try:
+    print('ready', flush=True)
     time.sleep(100)
 finally:
     while True:

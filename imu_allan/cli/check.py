@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 EXIT_FAILED = 3
 """Beside 0, 1 and 2 of every verb, so that a script tells a bad sensor from a bad command."""
 EXIT_CANNOT_TELL = 4
-"""With --strict alone: a longer recording may turn it into 0 or 3."""
+"""A longer recording may turn it into 0 or 3."""
 
 
 def register(verbs: Any) -> None:
@@ -41,14 +41,18 @@ def register(verbs: Any) -> None:
         description='Compare each quantity with the limit of a datasheet: pass where the '
                     'measured 95 % interval (or upper bound) lies below it, fail where it lies '
                     'above, cannot tell where it reaches across. A constant, missing or dead axis '
-                    'fails. Exit status 3 if any fails; with --strict 4 if any cannot be told.')
+                    'fails. Exit status 3 if any fails, else 4 if any cannot be told.')
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',
                         help='result file (.json), or anything that analyze takes')
     parser.add_argument('--spec', metavar='FILE', required=True,
                         help='datasheet (YAML with units; see config/ for examples), or the name '
                              'of one that is shipped (consumer_mems, tactical_mems)')
-    parser.add_argument('--strict', action='store_true',
-                        help='exit status 4 where nothing fails but something cannot be told')
+    undecided = parser.add_mutually_exclusive_group()
+    undecided.add_argument('--allow-undecided', action='store_true',
+                           help='exit status 0, not 4, where nothing fails but something cannot '
+                                'be told')
+    # What is the rule now had to be asked for before.
+    undecided.add_argument('--strict', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--min-duration', metavar='TIME', type=duration, default=0.0,
                         help='from a shorter record nothing passes (30min, 3h)')
     parser.add_argument('--live', action='store_true',
@@ -97,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if complaints and not failed:
         raise complaints[-1]
-    doubt = args.strict and 'cannot tell' in outcomes
+    doubt = not args.allow_undecided and 'cannot tell' in outcomes
     return EXIT_FAILED if failed else EXIT_CANNOT_TELL if doubt else 0
 
 
@@ -107,7 +111,8 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
     from imu_allan.writers.datasheet import (
         certificate_html,
         check,
-        summary,
+        overall,
+        reasons,
         to_json,
         to_junit,
         verdict_table,
@@ -125,11 +130,11 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
         if path is not None:
             write_atomically(path, writer(verdicts, result, specification).encode())
     console_of().print(verdict_table(verdicts, specification.name or args.spec))
-    outcome, sentences = summary(verdicts)
+    outcome = overall(verdicts)
     print(f'{outcome}: {printable(source)} against '
           f'{printable(specification.name or args.spec)}')
-    for sentence in sentences:
-        print(f'  {sentence}')
+    for number, sentence in enumerate(reasons(verdicts)[0], 1):
+        print(f'  ({number}) {sentence}')
     sys.stdout.flush()
     return outcome
 

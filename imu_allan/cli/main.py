@@ -39,7 +39,7 @@ its 95 % interval, from a recording made while the IMU lay still.
 
 EPILOG = """\
 exit status: 0 done; 1 a known error, as one line on stderr; 2 wrong usage;
-3 check found a specification that is not met; 4 check --strict cannot tell.
+3 check found a specification that is not met; 4 check cannot tell.
 """
 
 

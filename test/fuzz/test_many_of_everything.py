@@ -132,7 +132,7 @@ def test_a_result_of_many_remarks_or_lines_is_used_in_time(tmp_path: Path, kind:
     for verb in verbs:
         status, out, error, seconds, kilobytes = run(*verb, patience_s=3600.0)
         print(f'{kind} {count}: {verb[0]} {seconds:.1f} s of CPU, {kilobytes / 1000:.0f} MB')
-        assert status in (0, 3), error
+        assert status in (0, 3, 4), error
         assert 'Traceback' not in error
         assert seconds < START_S + 0.001 * count
         assert kilobytes < LARGEST_KB

@@ -88,7 +88,7 @@ class Judge:
         self.used += 1
         output = self.folder / 'out'
         run_command(['check', str(self.file), '--spec', str(self.specification), '--json',
-                     str(output / 'v.json'), '--junit', str(output / 'v.xml')], (0, 1, 3))
+                     str(output / 'v.json'), '--junit', str(output / 'v.xml')], (0, 1, 3, 4))
         if (output / 'v.json').exists():
             json.loads((output / 'v.json').read_text(), parse_constant=pytest.fail)
             ET.parse(output / 'v.xml')

@@ -44,7 +44,7 @@ def page_of(result):
 def test_a_certificate_says_unit_person_place_and_verdict(result):
     page = page_of(replace(result, inspection=Inspection('A-0017', 'M. Kern', 'bench 3')))
     for word in ('fail', '<b>Part</b> 7, A-0017', 'A-0017', 'M. Kern', 'bench 3', '/imu/data_raw',
-                 '2,160,000 at 200 Hz, 3 h', '2.5 °/√h', 'turn-on bias', 'Why it fails'):
+                 '2,160,000 at 200 Hz, 3 h', '2.5 °/√h', 'turn-on bias', 'Reasons'):
         assert word in page.words
     assert {'b'} & {tag for tag, _ in page.tags}
     assert 'script' not in {tag for tag, _ in page.tags}

@@ -327,7 +327,7 @@ def test_the_table_shows_every_number_in_the_unit_of_the_specification(result, t
     shown = (tmp_path / 'out').read_text()
     row = next(line for line in shown.splitlines() if 'gyro_x' in line)
     assert row.split() == ['gyro_x', 'N', '0.04011', '0.04003', '..', '0.04019', '0.03',
-                           'deg/s/sqrt(Hz)', '1.34', 'fail']
+                           'deg/s/sqrt(Hz)', '1.34', 'fail', '(1)']
 
 
 def test_json_has_every_verdict(result):

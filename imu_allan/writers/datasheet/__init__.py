@@ -10,7 +10,7 @@ JSON and JUnit, `table` the terminal's table, `certificate` the page that goes w
 from imu_allan.writers.datasheet.certificate import certificate_html
 from imu_allan.writers.datasheet.json_and_junit import to_json, to_junit
 from imu_allan.writers.datasheet.table import verdict_table
-from imu_allan.writers.datasheet.verdicts import check, overall, summary, Verdict
+from imu_allan.writers.datasheet.verdicts import check, overall, reasons, summary, Verdict
 
-__all__ = ['Verdict', 'certificate_html', 'check', 'overall', 'summary', 'to_json', 'to_junit',
-           'verdict_table']
+__all__ = ['Verdict', 'certificate_html', 'check', 'overall', 'reasons', 'summary', 'to_json',
+           'to_junit', 'verdict_table']

@@ -14,7 +14,7 @@ from imu_allan.sensor.units import typeset
 from imu_allan.version import __version__
 from imu_allan.wording import duration
 from imu_allan.writers.datasheet.table import figures
-from imu_allan.writers.datasheet.verdicts import Outcome, summary, Verdict
+from imu_allan.writers.datasheet.verdicts import Outcome, overall, reasons, Verdict
 
 _TITLES = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 _MARKS: dict[Outcome, tuple[str, str]] = {
@@ -49,13 +49,14 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
 
     template = (files('imu_allan.writers') / 'templates' / 'certificate.html.j2').read_text(
         encoding='utf-8')
-    outcome, sentences = summary(verdicts)
+    outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
+    numbered = list(zip(verdicts, numbers, strict=True))
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                               lstrip_blocks=True)
     return environment.from_string(template).render(
         version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
         title=_title(result, specification), facts=_facts(result, specification),
-        tables=[_table(verdicts, sensor) for sensor in _TITLES
+        tables=[_table(numbered, sensor) for sensor in _TITLES
                 if any(verdict.axis.startswith(sensor) for verdict in verdicts)],
         sentences=[shorten(typeset(sentence)) for sentence in sentences[:_MOST_SENTENCES]],
         more=len(sentences) - _MOST_SENTENCES if len(sentences) > _MOST_SENTENCES else 0)
@@ -80,32 +81,34 @@ def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:
             if value is not None]
 
 
-def _table(verdicts: Sequence[Verdict], sensor: str) -> dict[str, Any]:
-    own = [verdict for verdict in verdicts if verdict.axis.startswith(sensor)]
+def _table(verdicts: Sequence[tuple[Verdict, int | None]], sensor: str) -> dict[str, Any]:
+    own = [(verdict, number) for verdict, number in verdicts if verdict.axis.startswith(sensor)]
     axes = [axis for axis in AXES if axis.startswith(sensor)]
     return {'title': _TITLES[sensor], 'axes': [axis[-1] for axis in axes],
-            'rows': [_row([verdict for verdict in own if verdict.key == key], axes)
-                     for key in dict.fromkeys(verdict.key for verdict in own)]}
+            'rows': [_row([each for each in own if each[0].key == key], axes)
+                     for key in dict.fromkeys(verdict.key for verdict, _ in own)]}
 
 
-def _row(verdicts: Sequence[Verdict], axes: Sequence[str]) -> dict[str, Any]:
-    key = verdicts[0].key
-    limits = {verdict.specified for verdict in verdicts}
-    by_axis = {verdict.axis: verdict for verdict in verdicts}
+def _row(verdicts: Sequence[tuple[Verdict, int | None]], axes: Sequence[str]) -> dict[str, Any]:
+    first = verdicts[0][0]
+    key = first.key
+    limits = {verdict.specified for verdict, _ in verdicts}
+    by_axis = {verdict.axis: (verdict, number) for verdict, number in verdicts}
     if not set(by_axis) <= set(axes):
-        cells = [_cell(verdicts[0], limit=False, wide=True)]
+        cells = [_cell(*verdicts[0], limit=False, wide=True)]
     else:
-        cells = [_cell(by_axis[axis], limit=len(limits) > 1) if axis in by_axis
+        cells = [_cell(*by_axis[axis], limit=len(limits) > 1) if axis in by_axis
                  else {'mark': '', 'wide': False} for axis in axes]
-    name = TERMS[key].name(AXES[axes[0]]) if key in TERMS else verdicts[0].symbol
+    name = TERMS[key].name(AXES[axes[0]]) if key in TERMS else first.symbol
     return {'name': name, 'cells': cells,
             'limit': _shown(limits.pop()) if len(limits) == 1 else 'by axis'}
 
 
-def _cell(verdict: Verdict, *, limit: bool, wide: bool = False) -> dict[str, Any]:
+def _cell(verdict: Verdict, number: int | None, *, limit: bool, wide: bool = False
+          ) -> dict[str, Any]:
     value, interval, _ = figures(verdict)
     mark, style = _MARKS[verdict.verdict]
-    return {'mark': mark, 'class': style, 'verdict': verdict.verdict, 'wide': wide,
+    return {'mark': mark, 'class': style, 'number': number or '', 'verdict': verdict.verdict, 'wide': wide,
             'limit': _shown(verdict.specified) if limit else '',
             'value': value, 'interval': interval.replace(' .. ', ' – ')}
 

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 
 from imu_allan.errors import printable
 from imu_allan.sensor.units import unit_of
-from imu_allan.writers.datasheet.verdicts import in_written_unit, Outcome, Verdict, with_interval
+from imu_allan.writers.datasheet.verdicts import (
+    in_written_unit,
+    Outcome,
+    reasons,
+    Verdict,
+    with_interval,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -20,7 +26,7 @@ def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
     Lay the verdicts out for a terminal.
 
     Every number stands in the unit that the specification uses, so that the two can be compared
-    by eye.
+    by eye. Behind what does not pass stands the number of its reason, as of `reasons`.
 
     Parameters
     ----------
@@ -43,11 +49,12 @@ def verdict_table(verdicts: Sequence[Verdict], title: str = '') -> 'Table':
                     'verdict'):
         table.add_column(heading, overflow='fold', justify='right' if heading in (
             'measured', '95 % interval', 'limit', 'ratio') else 'left')
-    for verdict in verdicts:
+    for verdict, number in zip(verdicts, reasons(verdicts)[1], strict=True):
         table.add_row(verdict.axis, verdict.symbol, *figures(verdict),
                       Text(unit_of(verdict.specified)),
                       '' if verdict.ratio is None else f'{verdict.ratio:.3g}',
-                      Text(verdict.verdict, style=_STYLES[verdict.verdict]))
+                      Text(verdict.verdict if number is None else
+                           f'{verdict.verdict} ({number})', style=_STYLES[verdict.verdict]))
     return table
 
 

@@ -131,6 +131,32 @@ def summary(verdicts: Sequence[Verdict]) -> tuple[Outcome, list[str]]:
                      if verdict.verdict == outcome != 'pass']
 
 
+def reasons(verdicts: Sequence[Verdict]) -> tuple[list[str], list[int | None]]:
+    """
+    Say of every quantity that does not pass why, failures first; once what is the same of several.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        From `check`.
+
+    Returns
+    -------
+    sentences : list of str
+    numbers : list of int or None
+        Which of them each verdict has, from one on; None where it passes.
+
+    """
+    keys = [None if verdict.verdict == 'pass' else (
+        verdict.verdict, _with_figures(verdict).removeprefix(
+            f'{_what(verdict.axis, verdict.symbol)}: ')) for verdict in verdicts]
+    order = sorted({key for key in keys if key is not None},
+                   key=lambda key: (key[0] != 'fail', keys.index(key)))
+    sentences = [', '.join(_what(verdict.axis, verdict.symbol) for verdict, own in zip(
+        verdicts, keys, strict=True) if own == key) + f': {key[1]}' for key in order]
+    return sentences, [None if key is None else order.index(key) + 1 for key in keys]
+
+
 def in_written_unit(verdict: Verdict, value: float) -> str:
     """Return a value of the verdict in the unit that the specification uses, without the unit."""
     return number(convert(value, verdict.unit, unit_of(verdict.specified)))
