@@ -108,9 +108,10 @@ def _cell(verdict: Verdict, number: int | None, *, limit: bool, wide: bool = Fal
           ) -> dict[str, Any]:
     value, interval, _ = figures(verdict)
     mark, style = _MARKS[verdict.verdict]
-    return {'mark': mark, 'class': style, 'number': number or '', 'verdict': verdict.verdict, 'wide': wide,
-            'limit': _shown(verdict.specified) if limit else '',
-            'value': value, 'interval': interval.replace(' .. ', ' – ')}
+    return {'mark': mark, 'class': style, 'number': number or '',
+            'verdict': verdict.verdict, 'wide': wide,
+            'limit': _shown(verdict.specified) if limit else '', 'value': value,
+            'interval': interval.replace(' .. ', ' – ')}
 
 
 def _shown(specified: str) -> str:
