@@ -302,20 +302,24 @@ def unsteady(axis: AxisResult) -> AxisResult:
 
 def widened(axis: AxisResult, too_low: float, too_high: float) -> AxisResult:
     """Return an axis whose noise density may be off by such shares, too, beside chance."""
-    found = axis.coefficients['noise_density']
-    if found.ci95 is None or not (too_low or too_high):
+    if not (too_low or too_high):
         return axis
-    low, high = found.ci95
-    interval = low / (1 + too_high), high / (1 - min(too_low, _MOST_TOO_LOW))
-    return replace(axis, coefficients=dict(axis.coefficients) | {
-        'noise_density': replace(found, ci95=interval)})
+    found = axis.coefficients['noise_density']
+    most = 1 / (1 - min(too_low, _MOST_TOO_LOW))
+    if found.ci95 is not None:
+        low, high = found.ci95
+        found = replace(found, ci95=(low / (1 + too_high), high * most))
+    if found.upper95 is not None:
+        found = replace(found, upper95=found.upper95 * most)
+    return replace(axis, coefficients=dict(axis.coefficients) | {'noise_density': found})
 
 
 def _upper_bound(found: Coefficient) -> Coefficient:
     """Return what was found as the most that it may be."""
     if not found.observable or found.ci95 is None:
         return found
-    return Coefficient(found.symbol, found.unit, False, None, None, found.ci95[1])
+    return replace(found, observable=False, value=None, ci95=None, upper95=found.ci95[1],
+                   observable_in_s=None, ci_halves_in_s=None)
 
 
 def _empty(quantity: Quantity, mean: float | None) -> AxisResult:

@@ -19,15 +19,15 @@ processes from the Allan variance). T. Gneiting, A. Raftery, JASA 102 (2007) (sc
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
-from weakref import ref
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.process_means import mean_variance, on_mean, rest_of_mean
 from imu_allan.result import AxisResult, GaussMarkov
 from imu_allan.tuning.arguments import positive_number, positive_time
-from imu_allan.tuning.processes import drift_model_of, line_power
+from imu_allan.tuning.processes import Drift, drift_of, line_power
 from imu_allan.tuning.uncertainty import hidden_variance, upper_factors
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,8 @@ Times as long as a walk takes to reach the white noise: over so long a process i
 does. Less makes a conservative filter overconfident on more real halves, more makes it wider:
 chosen on the 24 halves of two ADIS16405, which therefore do not validate it.
 """
+_KEPT = 256
+"""Tunings: a report writes configurations of some thirty consumers, most of the same wishes."""
 _WHITE_FLOOR = 0.05     # of the variance: a filter without white noise divides by nearly nothing
 
 
@@ -157,16 +159,14 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
         raise ImuAllanError(f"bias must be 'random_walk' or 'gauss_markov', not {bias!r}")
     if correlation_time_s is not None:
         correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
-    known = tunings_of(axis)
-    wish = (aiding_interval_s, coast_s, bias, conservative, correlation_time_s)
-    if wish not in known:
-        known[wish] = _tune(axis, *wish)
-    return known[wish]
+    return _tune(drift_of(axis), aiding_interval_s, coast_s, bias, conservative,
+                 correlation_time_s)
 
 
-def _tune(axis: AxisResult, aiding_interval_s: float, coast_s: float, bias: Bias,
+@lru_cache(maxsize=_KEPT)
+def _tune(drift: Drift, aiding_interval_s: float, coast_s: float, bias: Bias,
           conservative: bool, correlation_time_s: float | None) -> FilterTuning:
-    truth = Truth(axis)
+    truth = Truth(drift)
     horizons = _horizons(aiding_interval_s, coast_s)
     s2 = truth.allan_variance(aiding_interval_s)
     if s2 <= 0:
@@ -230,20 +230,22 @@ def assess(axis: AxisResult, noise_density: float, random_walk: float,
         correlation_time_s = positive_time('correlation_time_s', correlation_time_s)
     noise_density = positive_number('noise_density', noise_density)
     random_walk = positive_number('random_walk', random_walk)
-    known = tunings_of(axis)
-    given = (noise_density, random_walk, aiding_interval_s, coast_s, correlation_time_s)
-    if given not in known:
-        truth = Truth(axis)
-        horizons = _horizons(aiding_interval_s, coast_s)
-        white, walk = np.array([noise_density**2]), np.array([random_walk**2])
-        filters = Filters.walking(white, walk, aiding_interval_s)
-        if correlation_time_s is not None:
-            filters = Filters.markov(white, np.sqrt(walk * correlation_time_s / 2),
-                                     np.array([correlation_time_s]), aiding_interval_s)
-        expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
-        known[given] = _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0],
-                               coast_s)
-    return known[given]
+    return _assess(drift_of(axis), noise_density, random_walk, aiding_interval_s, coast_s,
+                   correlation_time_s)
+
+
+@lru_cache(maxsize=_KEPT)
+def _assess(drift: Drift, noise_density: float, random_walk: float, aiding_interval_s: float,
+            coast_s: float, correlation_time_s: float | None) -> FilterTuning:
+    truth = Truth(drift)
+    horizons = _horizons(aiding_interval_s, coast_s)
+    white, walk = np.array([noise_density**2]), np.array([random_walk**2])
+    filters = Filters.walking(white, walk, aiding_interval_s)
+    if correlation_time_s is not None:
+        filters = Filters.markov(white, np.sqrt(walk * correlation_time_s / 2),
+                                 np.array([correlation_time_s]), aiding_interval_s)
+    expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
+    return _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0], coast_s)
 
 
 def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
@@ -346,27 +348,27 @@ class Truth:
 
     Parameters
     ----------
-    axis : AxisResult
+    drift : Drift
 
     """
 
-    def __init__(self, axis: AxisResult) -> None:
-        self.axis = axis
-        self.model = drift_model_of(axis)
+    def __init__(self, drift: Drift) -> None:
+        self.drift = drift
+        self.model = drift.drift_model
 
     def allan_variance(self, interval_s: float) -> float:
         """Allan variance of the model with its lines, and what is measured above the band."""
-        return (float(drift_avar(self.model, self.axis.all_tones, interval_s))
+        return (float(drift_avar(self.model, self.drift.all_tones, interval_s))
                 + self._above_band(interval_s))
 
     def _above_band(self, interval_s: float) -> float:
         """Allan variance that stands above the model where the model does not reach."""
-        curve = self.axis.curve
+        curve = self.drift.curve
         if interval_s >= self.model.from_s * (1 - 1e-6) or not curve.tau_s:
             return 0.0
         measured = np.exp(2 * np.interp(np.log(interval_s), np.log(curve.tau_s),
                                         np.log(np.maximum(curve.adev, 1e-300))))
-        model = float(drift_avar(self.model, self.axis.all_tones, interval_s))
+        model = float(drift_avar(self.model, self.drift.all_tones, interval_s))
         return max(float(measured) - model, 0.0)
 
     def _shows_s(self, walk: float) -> float:
@@ -383,11 +385,11 @@ class Truth:
         total = np.zeros((len(horizons), len(filters.white)))
         for scale_s, part in self._parts(filters, horizons):
             if scale_s is None:
-                factor, _ = upper_factors(self.axis, horizons)
+                factor, _ = upper_factors(self.drift, horizons)
             else:
                 # A process is known by how often it came and went, however short the horizon, or,
                 # a slow one, by how often it stood clear of the white noise.
-                _, factor = upper_factors(self.axis, np.maximum(horizons, scale_s))
+                _, factor = upper_factors(self.drift, np.maximum(horizons, scale_s))
             total = total + part * factor[:, None]
         return total
 
@@ -401,9 +403,9 @@ class Truth:
         # What is above the band averages out as its phase does.
         yield None, (self.model.noise_density**2 * (weight**2 * memory / t + 1 / h)
                      + above * (weight**2 * memory + (t / h) ** 2))
-        yield 0.0, (weight**2 * memory * line_power(self.axis.all_tones, t)
-                    + line_power(self.axis.all_tones, h)
-                    + hidden_variance(self.axis, horizons)[:, None])
+        yield 0.0, (weight**2 * memory * line_power(self.drift.all_tones, t)
+                    + line_power(self.drift.all_tones, h)
+                    + hidden_variance(self.drift, horizons)[:, None])
         walk = self.model.rate_random_walk
         # Over short times a process is a walk, too.
         processes = [(min(_PEAK * p.correlation_time_s,
@@ -426,33 +428,6 @@ class Truth:
             yield scale_s, variance * (weight**2 * memory * (r0 + 2 * c1 * (1 - lost) / follow)
                                        - 2 * weight * ah * a * g / follow
                                        + mean_variance(time, h))
-
-
-_TUNINGS: dict[int, tuple['ref[AxisResult]', dict[tuple[object, ...], FilterTuning]]] = {}
-
-
-def tunings_of(axis: AxisResult) -> dict[tuple[object, ...], FilterTuning]:
-    """
-    Return what was tuned of this very axis object already, by the arguments of `tune`.
-
-    What was assessed stands there too, by the arguments of `assess`: where `tune` has the name of
-    a bias model, those have a number. A report writes the configurations of some thirty consumers,
-    most of which want the same. The entry goes when the axis does.
-
-    Parameters
-    ----------
-    axis : AxisResult
-        The object itself, not one that is equal.
-
-    """
-    # What is no axis is told before it is referred to.
-    drift_model_of(axis)
-    place = id(axis)
-    found = _TUNINGS.get(place)
-    if found is None or found[0]() is not axis:
-        found = ref(axis, lambda _: _TUNINGS.pop(place, None)), {}
-        _TUNINGS[place] = found
-    return found[1]
 
 
 def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: Array,

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of an axis: what is told of the fit, and the model beside the curve."""
 
+from dataclasses import replace
 import re
 import tracemalloc
 
@@ -17,7 +18,7 @@ from imu_allan.noise.drift_model import drift_avar
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, AXES, Quantity, TERMS
-from imu_allan.result import Curve, GoodnessOfFit
+from imu_allan.result import Coefficient, Curve, GoodnessOfFit
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -287,3 +288,19 @@ def test_an_error_that_is_no_chance_widens_the_interval_of_the_density():
     wide = widened(axis, too_low=0.25, too_high=0.6).coefficients['noise_density'].ci95
     assert wide == pytest.approx((low / 1.6, high / 0.75))
     assert widened(axis, 0.0, 0.0) is axis
+
+
+def test_a_density_that_may_be_too_low_has_a_higher_bound():
+    density = Coefficient('N', 'rad/s/sqrt(Hz)', False, None, None, 2e-3)
+    axis = replace(characterize(WHITE[:2000], RATE), coefficients={'noise_density': density})
+    wide = widened(axis, too_low=0.25, too_high=0.6).coefficients['noise_density']
+    assert wide == replace(density, upper95=pytest.approx(2e-3 / 0.75))
+
+
+@pytest.mark.parametrize('bounding', [bounded, with_bounded_walk])
+def test_what_becomes_a_bound_keeps_the_spread_between_parts(bounding):
+    walk = Coefficient('K', 'rad/s^2/sqrt(Hz)', True, 1e-5, (5e-6, 2e-5), None, between=4e-6)
+    axis = characterize(WHITE[:2000], RATE)
+    found = bounding(replace(axis, coefficients={**axis.coefficients, 'rate_random_walk': walk}))
+    assert found.coefficients['rate_random_walk'] == Coefficient(
+        'K', 'rad/s^2/sqrt(Hz)', False, None, None, 2e-5, between=4e-6)

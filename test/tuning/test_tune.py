@@ -7,9 +7,10 @@ from dataclasses import replace
 from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
-from imu_allan.result import Segment, Stationarity
+from imu_allan.result import Segment, Stationarity, Tone
 from imu_allan.tuning.coasting import coasting_variance
-from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune, tunings_of
+from imu_allan.tuning.processes import drift_of
+from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune
 from imu_allan.tuning.uncertainty import unsteadiness
 import numpy as np
 import pytest
@@ -36,10 +37,10 @@ def test_a_filter_with_a_process_claims_what_the_kalman_filter_of_its_model_clai
 
 def test_where_the_filter_is_right_what_happens_is_what_it_claims():
     walking = Filters.walking(one(4e-6), one(9e-10), 1.0)
-    np.testing.assert_allclose(Truth(axis_of(2e-3, 3e-5)).expected(walking, HORIZONS),
+    np.testing.assert_allclose(Truth(drift_of(axis_of(2e-3, 3e-5))).expected(walking, HORIZONS),
                                walking.claimed(HORIZONS), rtol=1e-9)
     markov = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
-    truth = Truth(axis_of(2e-3, 0.0, ((5e-4, 40.0),)))
+    truth = Truth(drift_of(axis_of(2e-3, 0.0, ((5e-4, 40.0),))))
     np.testing.assert_allclose(truth.expected(markov, HORIZONS), markov.claimed(HORIZONS),
                                rtol=1e-9)
 
@@ -63,15 +64,16 @@ def test_what_happens_to_a_wrong_filter_is_what_a_simulation_shows(kind):
                Filters.markov(one(2e-6), one(8e-4), one(8.0), 1.0))
     samples = simulate(terms, 2_000_000, 1.0, seed=8)
     for horizon in (1, 10, 60):
-        expected = Truth(truth).expected(filters, one(float(horizon)))[0, 0]
+        expected = Truth(drift_of(truth)).expected(filters, one(float(horizon)))[0, 0]
         assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.02)
 
 
 def test_what_happens_to_a_wrong_filter_on_a_walk_is_what_a_simulation_shows():
     samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 1_000_000, 1.0, seed=8)
     filters = Filters.walking(one(4e-6), one(1e-9), 1.0)
+    truth = Truth(drift_of(axis_of(1e-3, 1e-4)))
     for horizon in (1, 10, 60):
-        expected = Truth(axis_of(1e-3, 1e-4)).expected(filters, one(float(horizon)))[0, 0]
+        expected = truth.expected(filters, one(float(horizon)))[0, 0]
         assert happened(samples, filters, horizon) == pytest.approx(expected, rel=0.03)
 
 
@@ -286,7 +288,7 @@ def test_numbers_that_are_not_positive_are_refused():
 def test_half_of_what_a_conservative_filter_adds_would_not_do(minutes):
     """Beside flicker: the pair that lies so far between the tuned one and the conservative one."""
     bank = tuple((3e-4 * np.sqrt(np.log(4) / np.pi), 0.01 * 4.0**k) for k in range(16))
-    truth, horizons = Truth(axis_of(1e-3, processes=bank)), np.geomspace(1.0, 60.0, 7)
+    truth, horizons = Truth(drift_of(axis_of(1e-3, processes=bank))), np.geomspace(1.0, 60.0, 7)
     shares = {'tuned': 0.0, 'half': 0.5, 'three quarters': 0.75, 'conservative': 1.0}
     ratios, wider = {name: [] for name in shares}, []
     for seed in range(100):
@@ -329,7 +331,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes)
     horizons = np.geomspace(1.0, 60.0, 7)
     print(f'\n{minutes} min: overconfident at 1 to 60 s, bound over error after 60 s (50, 95 %)')
     for name, (terms, drift) in sensors.items():
-        truth = Truth(axis_of(1e-3, **drift))
+        truth = Truth(drift_of(axis_of(1e-3, **drift)))
         over, bound = [], []
         for seed in range(40):
             samples = simulate({'noise_density': 1e-3, **terms}, 3000 * minutes, 50.0, seed)
@@ -345,12 +347,12 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes)
         assert np.mean(over, axis=0).max() < 0.12, name
 
 
-def test_an_axis_is_tuned_once_and_forgotten_with_it():
+def test_axes_that_are_equal_for_a_filter_are_tuned_once_and_others_anew():
     axis = axis_of(2e-3, 3e-5)
     first = tune(axis)
-    assert tune(axis) is first
-    assert tune(axis, coast_s=10.0) is not first
-    assert len(tunings_of(axis)) == 2
-    twin = replace(axis)
-    assert tunings_of(twin) == {}
-    assert tune(twin) == first
+    assert tune(replace(axis, mean=0.5)) is first
+    assert tune(axis, coast_s=10.0) != first
+    louder = replace(axis, weaker_tones=(Tone(5.0, 1e-2, 40),))
+    assert tune(louder).noise_density > 1.1 * first.noise_density
+    curve = replace(axis.curve, adev=tuple(2 * value for value in axis.curve.adev))
+    assert tune(replace(axis, curve=curve), 0.005) != tune(axis, 0.005)
