@@ -1,0 +1,49 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""One axis through the doors of a characterization: its result, and its warnings by code."""
+
+from imu_allan.characterization.axis import axis_results
+from imu_allan.noise.axis_fit import fit_axes
+from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.joint import joint_fits
+from imu_allan.noise.terms import Quantity
+
+
+def characterized(samples, rate_hz, thermometer=None):
+    """Return the result of a record, and its warnings; `thermometer` is a TemperatureCourse."""
+    estimator = taken_in(samples)
+    fits = None if thermometer is None else fit_axes(estimator.finished(), 1 / rate_hz,
+                                                     thermometer)
+    return one_axis(estimator, rate_hz, fits)
+
+
+def together(records, rate_hz, thermometers=None):
+    """Return the joint result of several records, and its warnings."""
+    estimators = [taken_in(samples) for samples in records]
+    fits = joint_fits([one.finished() for one in estimators], 1 / rate_hz, thermometers)
+    return one_axis(estimators[0], rate_hz, fits, of_one_record=False)
+
+
+def one_axis(estimator, rate_hz, fits=None, of_one_record=True):
+    """Return the result of the only axis of an estimator, and its warnings."""
+    [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity.ANGULAR_VELOCITY], fits,
+                                     of_one_record=of_one_record)
+    return axis, {remark.code: remark.message for remark in remarks}
+
+
+def taken_in(samples):
+    """Return an estimator that has taken in a record."""
+    estimator = Estimator()
+    estimator.update(samples)
+    return estimator
+
+
+def ends(coefficient):
+    """Return the interval of a coefficient; a bound is that from zero."""
+    return coefficient.ci95 or (0.0, coefficient.upper95)
+
+
+def holds(coefficient, truth):
+    """Whether the interval, or the bound, of a coefficient holds its true value."""
+    low, high = ends(coefficient)
+    return low <= truth <= high

@@ -1,0 +1,54 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A random walk goes on all the time; what a mean does once is none, whatever its shape."""
+
+from characterized import characterized, holds
+from imu_allan.noise.simulate import simulate
+import numpy as np
+import pytest
+
+RATE = 10.0
+TWO_HOURS = 72_000
+TIME = np.arange(TWO_HOURS) / RATE
+STILL = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
+WALKING = {**STILL, 'rate_random_walk': 4.4e-6}
+B = STILL['bias_instability']
+
+COURSES = {
+    'warms up evenly': lambda size: size * B * np.maximum(1 - TIME / 1000, 0),
+    'is switched on in two stages': lambda size: size * B * (
+        np.exp(-TIME / 700) + 0.5 * np.expm1(-np.maximum(TIME - 2800, 0) / 700)),
+    'goes over from one level to another': lambda size: size * B / (
+        1 + np.exp((TIME - 2600) / 400)),
+    'turns round': lambda size: size * B * np.abs(TIME - 3600) / 7200}
+
+
+def coefficients(terms, seed, course=0.0):
+    return characterized(simulate(terms, TWO_HOURS, RATE, seed) + course, RATE)[0].coefficients
+
+
+@pytest.mark.parametrize('size', [30, 300])
+@pytest.mark.parametrize('course', COURSES)
+def test_a_mean_that_moves_once_is_no_random_walk(course, size):
+    found = coefficients(STILL, 3, COURSES[course](size))
+    assert not found['rate_random_walk'].observable
+    assert holds(found['bias_instability'], B)
+
+
+@pytest.mark.parametrize('course', [None, 'turns round'])
+def test_a_random_walk_is_found_beside_a_mean_that_moves(course):
+    found = coefficients(WALKING, 3, COURSES[course](3) if course else 0.0)
+    walk = found['rate_random_walk']
+    assert walk.observable
+    assert holds(walk, WALKING['rate_random_walk'])
+
+
+@pytest.mark.slow
+def test_means_that_move_make_few_walks_and_cover_the_flicker():
+    """Forty records of each course and size: binomial bounds of 99.9 % on 3 % and 95 %."""
+    records = [coefficients(STILL, seed, course(size)) for course in COURSES.values()
+               for size in (30, 300) for seed in range(40)]
+    walks = sum(one['rate_random_walk'].observable for one in records)
+    assert walks <= 22
+    held = sum(holds(one['bias_instability'], B) for one in records)
+    assert held >= 288
