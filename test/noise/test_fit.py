@@ -4,24 +4,19 @@
 
 from dataclasses import replace
 
-from imu_allan.characterization.axis import axis_results, characterize
+from battery.bounds import reference_widths, term_power
+from battery.sensors import Sensor
+from characterized import characterized, taken_in
+from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import fit_remarks
-from imu_allan.noise import band, intervals
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.correlated import levels_off, promising_time, with_gauss_markov
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import COLUMNS, Fit, fit
-from imu_allan.noise.groups import grouped, WALK, WHITE
-from imu_allan.noise.likelihood import maximise
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import AXES
-from imu_allan.noise.trial import fit_band, residuals
 from imu_allan.result import Remark
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from scipy.signal import butter, freqz, lfilter
+from scipy.fft import idct
+from scipy.signal import butter, lfilter
 from whole_lines import refused
 
 DEGREE = np.pi / 180
@@ -169,22 +164,10 @@ def test_walk_that_goes_on_is_no_gauss_markov_process():
         assert all(axis.coefficients['rate_random_walk'].observable for axis in axes)
 
 
-@pytest.mark.parametrize('model', [{'noise_density': 1e-3},
-                                   {'noise_density': 1e-3, 'rate_random_walk': 3e-4}])
-def test_gauss_markov_process_that_explains_no_more_is_none(model):
-    trial = fit_band(spectrum_without_chance(50_000, **model), None)
-    assert not levels_off(trial)
-    assert with_gauss_markov(trial, 1 / RATE) is None
-
-
-def test_flicker_that_looks_like_a_process_by_chance_is_none():
-    groups = spectrum_without_chance(72_000, noise_density=1e-3, bias_instability=1e-3)
-    rng = np.random.default_rng(3)
-    for _ in range(400):
-        trial = fit_band(replace(groups, power=groups.power * rng.chisquare(groups.dof)
-                                 / groups.dof), None)
-        # One of them is likelier with a process by a ratio of 15.
-        assert promising_time(trial, 1 / RATE) is None or not with_gauss_markov(trial, 1 / RATE)
+def test_flicker_is_no_gauss_markov_process():
+    terms = {'noise_density': 1e-3, 'bias_instability': 1e-3}
+    assert not any(characterize(simulate(terms, 72_000, RATE, seed), RATE).gauss_markov
+                   for seed in range(12))
 
 
 def test_gauss_markov_process_behind_a_low_pass_is_found():
@@ -195,24 +178,6 @@ def test_gauss_markov_process_behind_a_low_pass_is_found():
     assert axis.gauss_markov.sigma == pytest.approx(1e-3, rel=0.25)
     assert axis.gauss_markov.correlation_time_s == pytest.approx(60, rel=0.4)
     assert near(axis.coefficients['noise_density'], 1e-3)
-
-
-def test_gauss_markov_process_is_the_most_likely_one():
-    model = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
-    estimator, dt = Estimator(), 1 / RATE
-    estimator.update(simulate(model, 500_000, RATE, 2))
-    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), dt), 0)
-    trial, process = with_gauss_markov(fit_band(groups, None), dt)
-    time = process.correlation_time_s
-    white = groups.design[:, WHITE]
-
-    def loss(time):
-        extra = white * dt * gauss_markov(groups.frequency * dt, dt, time)
-        return maximise(groups.with_design(np.column_stack((groups.design, extra))),
-                        fixed={0: 0.0}, trend='restricted').loss
-
-    assert loss(time) == pytest.approx(trial.solution.loss, abs=1e-3)
-    assert loss(time) < min(loss(0.97 * time), loss(1.03 * time))
 
 
 @pytest.mark.parametrize('slope', [2e-6, -2e-6])
@@ -277,139 +242,77 @@ def test_spectrum_that_no_model_describes_is_called_so():
     assert not axis.goodness_of_fit.acceptable
 
 
-def spectrum_without_chance(samples, **coefficients):
-    """Give groups whose power is exactly what is expected."""
-    estimator = Estimator()
-    estimator.update(np.random.default_rng(0).standard_normal(samples))
-    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 1 / RATE), 0)
-    slope = coefficients.pop('rate_ramp', 0.0)
-    theta = np.zeros(4)
-    for key, coefficient in coefficients.items():
-        theta[COLUMNS[key]] = coefficient**2
-    # The slowest coefficients, whose sign is known, have the ramp as their mean.
-    mean = np.maximum(groups.ramp, 0)
-    expected = groups.design @ theta
-    # What remains about a ramp that is fitted is less by the uncertainty of the ramp.
-    taken = mean / np.sum(groups.dof * mean / expected)
-    return replace(groups, power=expected + slope**2 * np.abs(groups.ramp) - taken,
-                   cross=slope * mean, along=slope * mean[:, None])
+FLICKER_ENDS = (.7737, .9028, .9311, .9499, .9592, .9664, .9709, .9747)
+"""What the ends of a record leave of flicker in its slowest coefficients."""
+WHOLE = 8192
+"""Samples of a record that is transformed as a whole."""
 
 
-SUMS = [{'noise_density': 1e-3}, {'noise_density': 1e-3, 'quantization_noise': 1e-5},
-        {'noise_density': 1e-3, 'bias_instability': 5e-4, 'rate_random_walk': 1e-4},
-        {'noise_density': 1e-3, 'bias_instability': 2e-3},
-        {'noise_density': 1e-3, 'rate_random_walk': 3e-4, 'quantization_noise': 4e-5},
-        {'noise_density': 1e-3, 'rate_ramp': -1e-6},
-        {'noise_density': 1e-3, 'bias_instability': 2e-4, 'rate_ramp': 1e-5}]
+def record_without_chance(terms, ramp=0.0):
+    """Give a record whose every coefficient has exactly the power that is expected of it."""
+    nu, number = np.arange(1, WHOLE) / (2 * WHOLE), np.arange(1, WHOLE)
+    ends = np.concatenate((FLICKER_ENDS, 1 - 2 / (np.pi**2 * number[len(FLICKER_ENDS):])))
+    power = sum(size**2 * term_power(key, nu, RATE) * (ends if key == 'bias_instability' else 1)
+                for key, size in terms.items())
+    signs = np.random.default_rng(0).choice([-1, 1], WHOLE - 1)
+    samples = idct(np.concatenate(([0.0], signs * np.sqrt(power))), norm='ortho')
+    return samples + ramp * np.arange(WHOLE) / RATE
 
 
-@pytest.mark.parametrize('samples', [20_000, 2_000_000])
-@pytest.mark.parametrize('truth', SUMS, ids='+'.join)
-def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_the_profile(
-        truth, samples):
-    groups = spectrum_without_chance(samples, **truth)
-    found = fit(groups, 1 / RATE)
-    assert found.acceptable
-    assert found.window_s is None
-    assert found.p_value > 0.9
-    assert found.misfit == 0
-    fixed = {} if found.estimates['quantization_noise'].observable else {0: 0.0}
-
-    def loss(**held):
-        if 'rate_ramp' in held:
-            return maximise(groups, fixed=fixed, ramp=held['rate_ramp']).loss
-        columns = {COLUMNS[key]: value**2 for key, value in held.items()}
-        # Quantization noise stands at zero unless the question is about itself.
-        others = {} if 'quantization_noise' in held else fixed
-        return maximise(groups, fixed={**others, **columns}, trend='restricted').loss
-
-    def rise(**held):
-        of_mean = {'ramp': None} if 'rate_ramp' in held else {'trend': 'restricted'}
-        best = maximise(groups, fixed={} if 'quantization_noise' in held else fixed, **of_mean)
-        return 2 * (loss(**held) - best.loss)
-
-    seen = {key for key, one in found.estimates.items() if one.observable}
-    for key, estimate in found.estimates.items():
-        if not estimate.observable:
-            assert abs(truth.get(key, 0.0)) <= estimate.upper
-            # The bound of a ramp is the larger of two.
-            ends = (-1, 1) if key == 'rate_ramp' else (1,)
-            assert min(rise(**{key: end * estimate.upper}) for end in ends) == pytest.approx(
-                3.841, rel=0.05)
-            continue
-        if seen == set(truth):
-            assert estimate.value == pytest.approx(truth[key], rel=1e-3)
-        if key == 'noise_density':
-            # The hull with what a bend would make of it, of about twice the width.
-            assert 3.7 < rise(**{key: estimate.low}) < 60
-            assert 3.7 < rise(**{key: estimate.high}) < 60
-            continue
-        # Walks that level off later than the record tells rise higher, and leave less flicker.
-        hull = {'rate_random_walk': estimate.high, 'bias_instability': estimate.low}.get(key)
-        for end in (estimate.low, estimate.high):
-            if end == hull:
-                assert 3.7 < rise(**{key: end}) < 5
-            else:
-                assert rise(**{key: end}) == pytest.approx(3.841, rel=0.03)
-    if samples > 1_000_000:
-        assert seen == set(truth)
+SUMS = [{'noise_density': 1e-3}, {'noise_density': 1e-3, 'quantization_noise': 4e-5},
+        {'noise_density': 1e-3, 'bias_instability': 5e-3},
+        {'noise_density': 1e-3, 'rate_random_walk': 3e-3},
+        {'noise_density': 1e-3, 'rate_random_walk': 3e-3, 'quantization_noise': 4e-5},
+        {'noise_density': 1e-3, 'bias_instability': 5e-3, 'rate_random_walk': 1e-2}]
 
 
-@pytest.mark.parametrize(('key', 'level'), [
-    ('quantization_noise', 6.635), ('bias_instability', 6.635), ('rate_random_walk', 6.635),
-    ('rate_ramp', 6.635)])
-def test_a_term_is_observable_from_its_likelihood_ratio_on(key, level):
-    def ratio(coefficient):
-        groups = spectrum_without_chance(50_000, noise_density=1e-3, **{key: coefficient})
-        kept, dropped = {}, {0: 0.0}
-        if key != 'quantization_noise':
-            kept, dropped = {0: 0.0}, {0: 0.0}
-        if key in ('bias_instability', 'rate_random_walk'):
-            dropped[COLUMNS[key]] = 0.0
-        if key == 'rate_ramp':
-            free, still = maximise(groups, fixed=kept, ramp=None), maximise(groups, fixed=kept)
-        else:
-            free = maximise(groups, fixed=kept, trend='restricted')
-            still = maximise(groups, fixed=dropped, trend='restricted')
-        return 2 * (still.loss - free.loss), groups
-
-    for share in (0.93, 1.07):
-        coefficient = brentq(lambda x, wanted: ratio(x)[0] - wanted, 1e-9, 1e-2, (share * level,),
-                             xtol=1e-12)
-        found = fit(ratio(coefficient)[1], 1 / RATE).estimates[key]
-        assert found.observable == (share > 1)
+@pytest.mark.parametrize('ramp', [0.0, 1e-4, -1e-2])
+@pytest.mark.parametrize('terms', SUMS, ids='+'.join)
+def test_without_chance_the_coefficients_are_exact_and_their_intervals_those_of_the_bound(
+        terms, ramp):
+    axis = characterize(record_without_chance(terms, ramp), RATE)
+    assert axis.goodness_of_fit.acceptable
+    assert axis.goodness_of_fit.p_value > 0.9
+    assert axis.goodness_of_fit.worst_relative_misfit == 0
+    assert axis.band_limit_s is None
+    assert {key for key, found in axis.coefficients.items() if found.observable} \
+        - {'rate_ramp'} == set(terms)
+    bound = reference_widths(Sensor(RATE, WHOLE / RATE, terms))
+    for key, truth in terms.items():
+        found = axis.coefficients[key]
+        low, high = found.ci95
+        # A median lies a little beside the most likely value, and a doubt widens.
+        assert abs(found.value - truth) < 0.08 * bound[key]
+        widest = 3 if key == 'noise_density' else 1.5
+        assert 0.9 * bound[key] < high - low < widest * bound[key]
+    for key in set(bound) - set(terms):
+        assert 0.5 * bound[key] < axis.coefficients[key].upper95 < 5 * bound[key]
 
 
-def test_spectrum_that_is_described_in_no_band_is_called_so_and_keeps_the_best():
-    # At 4 kHz there are ten octaves to leave out, none of which is the last.
-    dt = 1 / 4000
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1.0}, 2_000_000, 1 / dt, seed=4))
-    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), dt), 0)
-    ripples = 1 + 0.9 * np.cos(2 * np.pi * np.log2(groups.frequency))
-    # As of a record a hundred times as long.
-    rippled = replace(groups, power=groups.power * ripples, dof=groups.dof * 100)
-    found = fit(rippled, dt)
-    assert not found.acceptable
-    assert found.misfit > 0.05
-    density = found.estimates['noise_density']
+@pytest.mark.parametrize(('key', 'clearly'), [
+    ('quantization_noise', 2.5), ('bias_instability', 6), ('rate_random_walk', 20)])
+def test_a_term_is_observable_where_it_is_several_standard_errors(key, clearly):
+    # Such a square is two standard errors of it.
+    unit = reference_widths(Sensor(RATE, WHOLE / RATE, {'noise_density': 1e-3}))[key]
+    for size, observable in ((0.7, False), (clearly, True)):
+        axis = characterize(record_without_chance({'noise_density': 1e-3, key: size * unit}), RATE)
+        assert axis.coefficients[key].observable == observable
+
+
+def test_spectrum_that_ripples_all_over_is_said_to_be_bent_and_has_its_mean_density():
+    # At 4 kHz there are ten octaves to leave out.
+    rate, samples = 4000.0, 1_000_000
+    frequency = np.arange(1, samples) / (2 * samples) * rate
+    ripples = 1 + 0.9 * np.cos(2 * np.pi * np.log2(frequency))
+    drawn = np.random.default_rng(4).standard_normal(samples - 1)
+    axis, words = characterized(idct(np.concatenate(
+        ([0.0], np.sqrt(ripples * rate) * drawn)), norm='ortho'), rate)
+    assert {'band_limited', 'poor_fit'} & words.keys()
+    density = axis.coefficients['noise_density']
     assert density.value == pytest.approx(1.0, rel=0.5)
-    # By the dispersion that remains the interval is several times as wide as chance makes it.
-    groups = replace(groups, dof=groups.dof * 100).below(found.edge_hz or np.inf)
-    sampling = 1.96 * np.sqrt(1 / (2 * groups.dof.sum()))
-    assert (density.high - density.low) / (2 * density.value) > 3 * sampling
-
-
-@pytest.mark.parametrize('factor', [0.5, 1.5])
-def test_misfit_is_that_of_the_worst_half_octave_beyond_chance(factor):
-    groups = spectrum_without_chance(2_000_000, noise_density=1e-3)
-    trial = fit_band(groups, None)
-    # From 2 to 2.8 Hz, a half-octave of the residuals.
-    inside = (groups.frequency >= 2) & (groups.frequency < 2 * np.sqrt(2))
-    spoilt = replace(groups, power=np.where(inside, factor, 1) * groups.power)
-    _, misfit, _ = residuals(spoilt, trial.solution)
-    # 4 % of the band: 30,000 coefficients, of which chance makes 3 %.
-    assert misfit == pytest.approx(0.47, abs=0.02)
+    low, high = density.ci95
+    # As chance alone would have it the interval would be a fiftieth of that.
+    assert (high - low) / density.value > 0.02
 
 
 def test_forecast_says_how_much_longer_to_record():
@@ -463,13 +366,6 @@ def test_strictly_periodic_signal_is_named_as_a_tone(period):
     assert any(tone.frequency_hz == pytest.approx(RATE / period, abs=0.02) for tone in axis.tones)
 
 
-def remarks_of(samples, rate):
-    estimator = Estimator()
-    estimator.update(samples)
-    [(axis, remarks)] = axis_results(estimator, rate, [AXES['gyro_x']])
-    return axis, {remark.code: remark.message for remark in remarks}
-
-
 def bent_above(edge):
     return (f'the spectrum is bent above {edge:.3g} Hz (a low-pass in sensor or driver, or noise '
             'that no term describes); the coefficients are fitted below')
@@ -477,15 +373,16 @@ def bent_above(edge):
 
 def test_steep_low_pass_is_told_with_the_frequency_below_which_the_fit_stands():
     white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
-    axis, remarks = remarks_of(lfilter(*butter(4, 5, fs=200.0), white), 200.0)
+    axis, remarks = characterized(lfilter(*butter(4, 5, fs=200.0), white), 200.0)
     assert remarks['band_limited'] == bent_above(axis.band_edge_hz)
     assert 0.5 < axis.band_edge_hz < 5
     assert near(axis.coefficients['noise_density'], 1e-3)
 
 
 def test_roll_off_seen_only_at_the_edge_of_the_band_is_told_with_its_window():
-    fitted = Fit({}, 0.01, None, 0.5, 0.0, True)
-    assert fit_remarks(fitted, AXES['gyro_x']) == [Remark(
+    estimator = taken_in(simulate({'noise_density': 1e-3}, 5000, RATE, seed=1))
+    [axis] = fit_axes(estimator.finished(), 1 / RATE)
+    assert fit_remarks(replace(axis.fit, window_s=0.01), AXES['gyro_x']) == [Remark(
         'band_limited', 'the noise rolls off towards the highest frequencies (a low-pass in '
         'sensor or driver): its effective window is 0.01 s')]
 
@@ -496,86 +393,10 @@ def test_low_passed_record_too_short_for_a_gauss_markov_process_has_none():
     assert axis.gauss_markov is None
 
 
-@pytest.mark.parametrize(('level', 'scale'), [(3.84, 0.1), (3.84, -0.1), (2.7, 3.0),
-                                              (3.84, -3.0)])
-@pytest.mark.parametrize('power', [1.0, 2.0, 0.5, 3.0])
-def test_interval_ends_where_the_likelihood_ratio_reaches_its_level(level, scale, power):
-    # Steeper and flatter than a parabola, with steps far too short and far too long.
-    def rise(x):
-        return abs(np.log(x)) ** power * 2 if x > 0 else np.inf
-
-    end = intervals.crossing(rise, 1.0, scale, level)
-    assert (end > 1) == (scale > 0)
-    assert np.sqrt(rise(end)) == pytest.approx(np.sqrt(level), rel=0.011)
-
-
-def test_interval_without_an_end_goes_on_for_ever():
-    assert intervals.crossing(lambda _: 0.0, 1.0, 0.1, 3.84) == np.inf
-    assert intervals.crossing(lambda _: 0.0, 1.0, -0.1, 3.84) == 0
-
-
-def test_a_lower_end_is_not_sought_for_long_where_zero_is_likely_enough():
-    asked = []
-
-    def rise(value):
-        asked.append(value)
-        return 3.0 * (1 - value)
-
-    assert intervals.crossing(rise, 1.0, -0.4, 3.84) == 0
-    assert len(asked) <= 3
-
-
-def test_without_bins_that_know_the_ramp_nothing_is_said_of_it():
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1e-3}, 30_000, 100.0, seed=1))
-    groups = grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0)
-    nothing = np.zeros_like(groups.ramp)
-    estimate = fit(replace(groups, ramp=nothing, cross=nothing), 0.01).estimates[
-        'rate_ramp']
-    assert not estimate.observable
-    assert np.isnan(estimate.upper)
-
-
-def test_interval_ends_behind_a_leap_of_the_likelihood_ratio():
-    end = intervals.crossing(lambda x: 100.0 * (x > 2), 1.0, 0.7, 3.84)
-    assert 2 < end < 3
-
-
-def test_coefficient_whose_interval_has_no_end_is_not_observable(monkeypatch):
-    white = simulate({'noise_density': 1e-3}, 3_000, 100.0, seed=1)
-    monkeypatch.setattr(intervals, 'crossing', lambda *_: np.inf)
-    axis = characterize(white, 100.0)
-    assert not axis.coefficients['noise_density'].observable
-    assert axis.coefficients['noise_density'].upper95 is None
-
-
-def test_an_octave_further_is_taken_only_where_it_is_worth_its_price(monkeypatch):
-    groups = spectrum_without_chance(200_000, noise_density=1e-3)
-    response = np.abs(freqz(*butter(2, 5, fs=RATE), 2 * np.pi * groups.frequency / RATE)[1])**2
-    bent = replace(groups, power=groups.power * response)
-    usual = fit(bent, 1 / RATE)
-    monkeypatch.setattr(band, 'WORTH', 0.0)
-    hasty = fit(bent, 1 / RATE)
-    assert hasty.edge_hz == 2 * usual.edge_hz
-    assert (abs(hasty.estimates['noise_density'].value - 1e-3)
-            > 3 * abs(usual.estimates['noise_density'].value - 1e-3))
-
-
 def test_gentle_low_pass_costs_an_octave_or_two_and_leaves_the_density_alone():
     white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
-    axis, remarks = remarks_of(lfilter([0.5, 0.5], [1.0], white), 200.0)
+    axis, remarks = characterized(lfilter([0.5, 0.5], [1.0], white), 200.0)
     assert remarks['band_limited'] == bent_above(axis.band_edge_hz)
     assert 12 < axis.band_edge_hz < 100
     assert near(axis.coefficients['noise_density'], 1e-3)
     assert axis.gauss_markov is None
-
-
-def test_an_interval_that_reaches_zero_is_a_bound():
-    estimator = Estimator()
-    estimator.update(simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 100_000, 100, 3))
-    trial = fit_band(grouped(bins_of(estimator.finished().periodogram.pieces(), 0.01), 0), None)
-    sure, unsure = (intervals.estimate(trial, WALK, widening) for widening in (1.0, 1e4))
-    assert sure.observable
-    assert 0 < sure.low < 1e-4 < sure.high
-    assert not unsure.observable
-    assert unsure.upper > sure.high

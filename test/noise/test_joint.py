@@ -1,9 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise import fit, intervals
-from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.intervals import estimate
+from characterized import characterized, ends, holds, taken_in, together
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.temperature_course import TemperatureCourse
@@ -14,15 +11,8 @@ RATE_HZ = 100.0
 MODEL = {'noise_density': 1e-3, 'bias_instability': 8e-4, 'rate_random_walk': 2e-4}
 
 
-def finished(samples):
-    estimator = Estimator()
-    estimator.update(samples)
-    return estimator.finished()
-
-
 def estimates(records):
-    (found,) = joint_fits([finished(samples) for samples in records], 1 / RATE_HZ)
-    return found.fit.estimates
+    return together(records, RATE_HZ)[0].coefficients
 
 
 @pytest.fixture(scope='module')
@@ -34,7 +24,8 @@ def test_the_coefficients_of_three_records_lie_in_their_intervals(records):
     found = estimates(records)
     for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
         assert found[key].observable
-        assert 0.7 * found[key].low < MODEL[key] < 1.3 * found[key].high
+        low, high = found[key].ci95
+        assert 0.7 * low < MODEL[key] < 1.3 * high
 
 
 def test_every_record_has_its_own_mean_and_its_own_ramp(records):
@@ -53,7 +44,8 @@ def test_a_record_too_short_for_itself_does_no_harm(records):
 
 
 def test_an_axis_that_is_constant_in_every_record_has_no_fit():
-    assert joint_fits([finished(np.ones(500)), finished(np.full(500, 2.0))], 0.01) == [None]
+    still = [taken_in(np.full(500, value)).finished() for value in (1.0, 2.0)]
+    assert joint_fits(still, 0.01) == [None]
 
 
 def test_a_record_in_which_the_axis_stood_still_is_left_out(records):
@@ -65,41 +57,18 @@ def test_a_record_in_which_the_axis_stood_still_is_left_out(records):
 def test_a_line_of_one_record_is_left_out_there_and_named(records):
     time = np.arange(60_000) / RATE_HZ
     humming = records[0] + 0.01 * np.sin(2 * np.pi * 17.3 * time)
-    (found,) = joint_fits([finished(samples) for samples in (humming, *records[1:])],
-                          1 / RATE_HZ)
-    assert [round(line.frequency_hz, 1) for line in found.lines] == [17.3]
-    assert found.fit.estimates['noise_density'].value == pytest.approx(1e-3, rel=0.01)
-
-
-def test_interval_of_the_density_is_that_with_a_bend_alone(records, monkeypatch):
-    found = estimates(records)['noise_density']
-    asked = []
-
-    def spy(trial, column, widening=1.0):
-        asked.append(estimate(trial, column, widening))
-        return asked[-1]
-
-    # Doubt about the exponent of flicker only widens it.
-    monkeypatch.setattr(fit, 'with_doubt_of_flicker', lambda *given: given[2])
-    without = estimates(records)['noise_density']
-    assert found.low <= without.low < without.high <= found.high
-    found = without
-    monkeypatch.setattr(intervals, 'estimate', spy)
-    assert estimates(records)['noise_density'] == found
-    # The last that is asked for is the density beside a bend.
-    assert (found.low, found.high) == (asked[-1].low, asked[-1].high)
-    assert found.low < found.value < found.high
+    found, _ = together([humming, *records[1:]], RATE_HZ)
+    assert [round(tone.frequency_hz, 1) for tone in found.tones] == [17.3]
+    assert found.coefficients['noise_density'].value == pytest.approx(1e-3, rel=0.01)
 
 
 def test_one_record_alone_gives_what_it_gives_by_itself(records):
-    whole = finished(records[0])
-    (joint,) = joint_fits([whole], 1 / RATE_HZ)
-    (alone,) = fit_axes(whole, 1 / RATE_HZ)
+    joint, alone = estimates(records[:1]), characterized(records[0], RATE_HZ)[0].coefficients
     for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
-        one, other = joint.fit.estimates[key], alone.fit.estimates[key]
-        assert one.observable == other.observable
-        assert one.value == pytest.approx(other.value, rel=1e-4)
-        assert one.low == pytest.approx(other.low, rel=1e-2)
+        assert joint[key].observable == alone[key].observable
+        if alone[key].observable:
+            assert joint[key].value == pytest.approx(alone[key].value, rel=1e-3)
+        assert ends(joint[key]) == pytest.approx(ends(alone[key]), rel=2e-2)
 
 
 FLICKER = {'noise_density': 1e-3, 'bias_instability': 3e-4}
@@ -107,26 +76,26 @@ HOUR = np.arange(72_000) / 20
 
 
 def hours(course_of):
-    """Fit four hours of flicker at 20 Hz, each with a course of its own."""
-    samples = [simulate(FLICKER, len(HOUR), 20.0, 40 + part) + course_of(part)
-               for part in range(4)]
-    (found,) = joint_fits([finished(rows) for rows in samples], 1 / 20)
-    return found.fit
+    """Characterize four hours of flicker at 20 Hz together, each with a course of its own."""
+    return together([simulate(FLICKER, len(HOUR), 20.0, 40 + part) + course_of(part)
+                     for part in range(4)], 20.0)
 
 
 def test_a_warm_up_in_every_record_is_no_random_walk():
-    found = hours(lambda part: (-1)**part * 3e-3 * np.exp(-HOUR / 400))
-    assert not found.estimates['rate_random_walk'].observable
-    [warm] = found.warmings
-    assert warm.shortest_s < 400 < warm.longest_s
+    found, _ = hours(lambda part: (-1)**part * 3e-3 * np.exp(-HOUR / 400))
+    assert not found.coefficients['rate_random_walk'].observable
+    warm = found.trend.warm_up
+    assert found.trend.second_warm_up is None
+    assert warm.time_constant_ci95[0] < 400 < warm.time_constant_ci95[1]
     assert warm.time_constant_s == pytest.approx(400, rel=0.4)
-    assert abs(warm.low) < 3e-3 < abs(warm.high) or abs(warm.high) < 3e-3 < abs(warm.low)
+    ends = sorted(map(abs, warm.ci95))
+    assert ends[0] < 3e-3 < ends[1]
 
 
 def test_a_slow_cycle_in_every_record_is_no_random_walk():
-    found = hours(lambda part: 6e-4 * np.sin(2 * np.pi * HOUR / 1200 + part))
-    assert not found.estimates['rate_random_walk'].observable
-    assert found.walk_unclear or found.cycle_s == pytest.approx(1200, rel=0.1)
+    found, words = hours(lambda part: 6e-4 * np.sin(2 * np.pi * HOUR / 1200 + part))
+    assert not found.coefficients['rate_random_walk'].observable
+    assert 'trend_or_walk' in words or found.trend.cycle_s == pytest.approx(1200, rel=0.1)
 
 
 def test_the_temperature_of_every_record_explains_its_mean():
@@ -134,10 +103,11 @@ def test_the_temperature_of_every_record_explains_its_mean():
             for part in range(4)]
     samples = [simulate(FLICKER, len(HOUR), 20.0, 40 + part)
                + 2e-4 * np.interp(HOUR, HOUR[::20], heat[part].celsius) for part in range(4)]
-    (found,) = joint_fits([finished(rows) for rows in samples], 1 / 20, heat)
-    assert not found.fit.estimates['rate_random_walk'].observable
-    assert found.fit.temperature.low < 2e-4 < found.fit.temperature.high
-    assert found.fit.temperature.per_kelvin == pytest.approx(2e-4, rel=0.05)
+    found, _ = together(samples, 20.0, heat)
+    assert not found.coefficients['rate_random_walk'].observable
+    low, high = found.trend.temperature.ci95
+    assert low < 2e-4 < high
+    assert found.trend.temperature.per_kelvin == pytest.approx(2e-4, rel=0.05)
 
 
 @pytest.mark.slow
@@ -153,7 +123,7 @@ def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
         for key, truth in MODEL.items():
             values[key].append(found[key].value / truth - 1)
             whole[key].append(once[key].value / truth - 1)
-            covered[key] += found[key].low < truth < found[key].high
+            covered[key] += holds(found[key], truth)
     for key in ('noise_density', 'bias_instability'):
         ratio = np.std(values[key]) / np.std(whole[key])
         # Two spreads of 150 each are known to 8 %.
@@ -163,6 +133,6 @@ def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
 
 @pytest.mark.parametrize('size', [7, 15])
 def test_a_step_in_every_record_is_no_random_walk(size):
-    found = hours(lambda part: size * 3e-4 * (900 + 500 * part < HOUR))
-    assert not found.estimates['rate_random_walk'].observable
-    assert found.walk_unclear
+    found, words = hours(lambda part: size * 3e-4 * (900 + 500 * part < HOUR))
+    assert not found.coefficients['rate_random_walk'].observable
+    assert words.keys() & {'trend_or_walk', 'bias_step'}

@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slow noise with an exponent of its own, and what must not be taken for it."""
 
-from imu_allan.characterization.axis import axis_results, characterize
+from characterized import characterized, holds, one_axis, together
+from imu_allan.characterization.axis import characterize
 from imu_allan.noise import spectrum
-from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.curve import edf
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fitted_model import FittedModel
-from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.simulate import flicker, simulate
-from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar, Quantity
+from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -28,12 +27,6 @@ def slow(exponent, crossing_hz, samples, seed):
     rng = np.random.default_rng([seed, 77])
     return simulate({'noise_density': DENSITY}, samples, 1 / DT, seed) \
         + amplitude * DT ** ((exponent - 1) / 2) * flicker(samples, rng, exponent)
-
-
-def finished(record):
-    estimator = Estimator()
-    estimator.update(record)
-    return estimator.finished()
 
 
 @pytest.mark.parametrize('exponent', [0.4, 0.7, 1.0, 1.3, 1.8])
@@ -98,10 +91,9 @@ def test_bias_instability_is_bounded_by_the_lowest_point_of_the_curve():
 
 
 def test_several_records_have_one_exponent():
-    [axis] = joint_fits([finished(slow(0.7, 5, 100_000, seed)) for seed in (3, 4)], DT)
-    density = axis.fit.estimates['noise_density']
-    assert density.low <= DENSITY <= density.high
-    low, high = axis.fit.power_law.ci95
+    axis, _ = together([slow(0.7, 5, 100_000, seed) for seed in (3, 4)], 1 / DT)
+    assert holds(axis.coefficients['noise_density'], DENSITY)
+    low, high = axis.power_law.exponent_ci95
     assert low <= 0.7 <= high
 
 
@@ -110,9 +102,9 @@ def test_any_split_into_batches_gives_the_same_exponent():
     estimator = Estimator()
     for part in np.split(record, [1, 777, 50_000]):
         estimator.update(part)
-    [split], [whole] = (fit_axes(one, DT) for one in (estimator.finished(), finished(record)))
-    assert split.fit.power_law == whole.fit.power_law
-    assert split.fit.estimates == whole.fit.estimates
+    (split, _), (whole, _) = one_axis(estimator, 1 / DT), characterized(record, 1 / DT)
+    assert split.power_law == whole.power_law
+    assert split.coefficients == whole.coefficients
 
 
 @pytest.mark.parametrize('time', [0.05, 0.1])
@@ -120,11 +112,12 @@ def test_any_split_into_batches_gives_the_same_exponent():
 def test_white_noise_above_the_band_that_is_level_again_is_no_low_pass(time, seed):
     # At the slow end the process is as strong as the white noise.
     process = {'sigma': DENSITY / np.sqrt(2 * time), 'correlation_time_s': time}
-    axis, remarks = axis_of({'noise_density': DENSITY, 'gauss_markov': process}, seed)
+    terms = {'noise_density': DENSITY, 'gauss_markov': process}
+    axis, words = characterized(simulate(terms, HOUR, 1 / DT, seed), 1 / DT)
     assert not axis.goodness_of_fit.acceptable
     assert axis.band_limit_s is None
     assert axis.band_edge_hz is not None
-    [said] = [remark.message for remark in remarks if remark.code in ('poor_fit', 'band_limited')]
+    [said] = [words[code] for code in ('poor_fit', 'band_limited') if code in words]
     assert said == Varying(
         f'above {axis.band_edge_hz:.3g} Hz the noise levels out again, at <number> % of its '
         'density below: that is no low-pass, and no sum of noise terms describes it (a short '
@@ -141,13 +134,6 @@ def test_behind_a_low_pass_a_rounded_output_adds_no_plateau():
     axis = characterize(step * np.round(record / step), 1 / DT)
     assert axis.band_limit_s is not None
     assert axis.coefficients['noise_density'].value == pytest.approx(DENSITY, rel=0.03)
-
-
-def axis_of(terms, seed):
-    estimator = Estimator()
-    estimator.update(simulate(terms, HOUR, 1 / DT, seed))
-    [(axis, remarks)] = axis_results(estimator, 1 / DT, [Quantity.ANGULAR_VELOCITY])
-    return axis, remarks
 
 
 OTHERS = {
@@ -167,10 +153,10 @@ def test_nothing_else_is_taken_for_a_power_law(name):
     record = simulate({'noise_density': DENSITY, **terms}, HOUR, 1 / DT, 6)
     if low_pass is not None:
         record = lfilter(*low_pass, record)[1000:]
-    [axis] = fit_axes(finished(record), DT)
-    assert axis.fit.power_law is None
-    assert (axis.fit.window_s is not None) == (low_pass is not None)
-    assert (axis.fit.gauss_markov is not None) == ('gauss_markov' in terms)
+    axis = characterize(record, 1 / DT)
+    assert axis.power_law is None
+    assert (axis.band_limit_s is not None) == (low_pass is not None)
+    assert (axis.gauss_markov is not None) == ('gauss_markov' in terms)
 
 
 @pytest.mark.parametrize(('rate_hz', 'duration_s', 'crossing_hz', 'share'), [
