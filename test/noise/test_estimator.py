@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from itertools import pairwise
 
+from characterized import one_axis
 from hypothesis import given, settings, strategies as st
 from imu_allan.characterization.axis import axis_results, characterize
-from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.cells import MOST_RUNS
 from imu_allan.noise.curve import octaves
 from imu_allan.noise.estimator import CHUNK, Estimator
@@ -148,13 +148,12 @@ def test_merging_two_records_adds_their_information():
     one, other = Estimator(), Estimator()
     one.update(first)
     other.update(second)
-    alone = fit_axes(one.finished(), 0.01)[0].fit.estimates['noise_density']
+    alone = one_axis(one, 100)[0].coefficients['noise_density'].ci95
     one.merge(other)
-    both = fit_axes(one.finished(), 0.01)[0].fit.estimates['noise_density']
+    both = one_axis(one, 100)[0].coefficients['noise_density'].ci95
     assert one.samples == 200_000
     assert one.mean[0] == pytest.approx(np.mean([first, second]))
-    assert (both.high - both.low) / (alone.high - alone.low) == pytest.approx(
-        np.sqrt(0.5), rel=0.1)
+    assert np.diff(both) / np.diff(alone) == pytest.approx(np.sqrt(0.5), rel=0.1)
 
 
 def test_merged_curve_is_the_pooled_curve():

@@ -4,8 +4,7 @@
 
 from functools import partial
 
-from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.estimator import Estimator
+from characterized import characterized, ends, holds
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.temperature_course import TemperatureCourse
 import numpy as np
@@ -47,16 +46,23 @@ def lagging(celsius, seconds):
     return lfilter([share], [1, share - 1], celsius, zi=[(1 - share) * celsius[0]])[0]
 
 
-def fits(model, celsius, mean=None, records=RECORDS, first=0):
-    """Fit records whose mean is that of every record, with the temperature of a thermometer."""
+def axes_of(model, celsius, mean=None, records=RECORDS, first=0):
+    """Characterize records that have a mean, each with the temperature of a thermometer."""
     found = []
     for seed in range(first, first + records):
         samples = simulate(model, len(TIME), RATE, seed)
-        estimator = Estimator()
-        estimator.update(samples if mean is None else samples + mean(seed))
         course = None if celsius is None else TemperatureCourse(TIME, celsius(seed))
-        found.append(fit_axes(estimator.finished(), 1 / RATE, course)[0].fit)
+        found.append(characterized(samples if mean is None else samples + mean(seed), RATE,
+                                   course)[0])
     return found
+
+
+def walk_of(axis):
+    return axis.coefficients['rate_random_walk']
+
+
+def inside(interval, truth):
+    return interval[0] < truth < interval[1]
 
 
 def share(flags):
@@ -67,78 +73,76 @@ def test_a_mean_that_follows_the_temperature_is_no_random_walk():
     def mean(seed):
         return 1e-3 * warm_up_and_cycle(seed)
 
-    without, beside = fits(NOISE, None, mean), fits(NOISE, warm_up_and_cycle, mean)
-    # Without a thermometer it is a walk, or a mean that moves in some way.
-    assert all(one.estimates['rate_random_walk'].observable or one.mean_moves for one in without)
-    assert share(one.estimates['rate_random_walk'].observable for one in beside) <= 0.1
-    assert all(one.temperature is not None for one in beside)
-    assert share(one.temperature.low < 1e-3 < one.temperature.high for one in beside) > 0.7
-    errors = {name: np.sqrt(np.mean([(one.estimates['bias_instability'].value / 3e-4 - 1)**2
-                                     for one in some]))
+    without, beside = axes_of(NOISE, None, mean), axes_of(NOISE, warm_up_and_cycle, mean)
+    heat = [one.trend.temperature for one in beside]
+    assert share(walk_of(one).observable for one in beside) <= 0.1
+    assert all(one is not None for one in heat)
+    assert share(inside(one.ci95, 1e-3) for one in heat) > 0.7
+    widths = {name: np.mean([np.diff(ends(one.coefficients['bias_instability']))
+                             for one in some])
               for name, some in (('without', without), ('beside', beside))}
-    assert errors['beside'] < 0.6 * errors['without']
-    assert all('rate_random_walk' in one.temperature.before for one, plain in zip(
-        beside, without, strict=True) if plain.estimates['rate_random_walk'].observable)
+    assert widths['beside'] < widths['without']
+    assert all(holds(one.coefficients['bias_instability'], 3e-4) for one in beside)
+    assert all('rate_random_walk' in one.before for one, plain in zip(heat, without, strict=True)
+               if walk_of(plain).observable)
 
 
 def test_a_mean_that_bends_with_the_temperature_shows_the_square():
     celsius = warm_up_and_cycle()
-    found, = fits(NOISE, lambda _: celsius, lambda _: 3e-4 * (celsius - celsius.mean())**2, 1)
-    assert found.temperature.per_kelvin_squared == pytest.approx(3e-4, rel=0.2)
-    assert found.temperature.low < 0 < found.temperature.high
-    assert (found.temperature.lowest_c, found.temperature.highest_c) == (
-        celsius.min(), celsius.max())
+    found, = axes_of(NOISE, lambda _: celsius, lambda _: 3e-4 * (celsius - celsius.mean())**2, 1)
+    heat = found.trend.temperature
+    assert heat.per_kelvin_squared == pytest.approx(3e-4, rel=0.2)
+    assert inside(heat.ci95, 0)
+    assert (heat.lowest_c, heat.highest_c) == (celsius.min(), celsius.max())
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('model', [NOISE, WALK])
 def test_an_unrelated_temperature_changes_nothing(model):
-    for one, plain in zip(fits(model, warm_up_and_cycle), fits(model, None), strict=True):
-        assert one.temperature is None
-        assert one.estimates == plain.estimates
+    for one, plain in zip(axes_of(model, warm_up_and_cycle), axes_of(model, None), strict=True):
+        assert one.trend.temperature is None
+        assert one.coefficients == plain.coefficients
 
 
 def test_a_walk_is_not_made_of_a_temperature_whose_lag_is_unknown():
-    for one in fits(NOISE, lambda seed: lagging(walking(seed), 400.0),
-                    lambda seed: 1e-3 * walking(seed)):
-        assert not one.estimates['rate_random_walk'].observable
+    for one in axes_of(NOISE, lambda seed: lagging(walking(seed), 400.0),
+                       lambda seed: 1e-3 * walking(seed)):
+        assert not walk_of(one).observable
 
 
 def test_what_a_lag_leaves_of_the_temperature_is_doubt_about_the_flicker():
     # By itself, with the lag 35 s off, its interval began above the truth.
-    found, = fits(NOISE, lambda _: lagging(walking(6), 180.0), lambda _: 1e-3 * walking(6), 1, 6)
-    flicker = found.estimates['bias_instability']
-    assert flicker.low < NOISE['bias_instability'] < flicker.high
+    found, = axes_of(NOISE, lambda _: lagging(walking(6), 180.0),
+                     lambda _: 1e-3 * walking(6), 1, 6)
+    assert holds(found.coefficients['bias_instability'], NOISE['bias_instability'])
 
 
 @pytest.mark.parametrize(('lag', 'shown', 'felt'), [
     (180.0, partial(lagging, seconds=180.0), np.array), (-180.0, np.array, partial(
         lagging, seconds=180.0))])
 def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_told(lag, shown, felt):
-    found = fits(NOISE, lambda seed: shown(heated(seed)),
-                 lambda seed: 1e-3 * felt(heated(seed)), 4)
-    heat = [one.temperature for one in found]
+    found = axes_of(NOISE, lambda seed: shown(heated(seed)),
+                    lambda seed: 1e-3 * felt(heated(seed)), 4)
+    heat = [one.trend.temperature for one in found]
     assert all(one is not None for one in heat)
     late = [one for one in heat if one.lag_s is not None]
     assert len(late) >= 3
-    assert share(one.lag_ci95[0] < lag < one.lag_ci95[1] for one in late) > 0.7
-    assert share(one.low < 1e-3 < one.high for one in heat) > 0.7
-    assert share(one.estimates['rate_random_walk'].observable for one in found) <= 0.25
+    assert share(inside(one.lag_ci95, lag) for one in late) > 0.7
+    assert share(inside(one.ci95, 1e-3) for one in heat) > 0.7
+    assert share(walk_of(one).observable for one in found) <= 0.25
 
 
 def test_a_thermometer_without_a_lag_has_none():
-    found = fits(NOISE, heated, lambda seed: 1e-3 * heated(seed), 4)
-    assert all(one.temperature.lag_s is None for one in found)
+    found = axes_of(NOISE, heated, lambda seed: 1e-3 * heated(seed), 4)
+    assert all(one.trend.temperature.lag_s is None for one in found)
 
 
 def test_a_thermometer_that_lags_steals_no_random_walk():
-    found = fits(WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
-                 lambda seed: 1e-3 * warm_up_and_cycle(seed))
-    assert share(one.temperature is not None for one in found) > 0.7
-    walks = [one.estimates['rate_random_walk'] for one in found]
-    assert share(walk.observable for walk in walks) > 0.6
-    assert share(walk.low < 3e-5 < walk.high if walk.observable else walk.upper > 3e-5
-                 for walk in walks) > 0.6
+    found = axes_of(WALK, lambda seed: lagging(warm_up_and_cycle(seed), 180.0),
+                    lambda seed: 1e-3 * warm_up_and_cycle(seed))
+    assert share(one.trend.temperature is not None for one in found) > 0.7
+    assert share(walk_of(one).observable for one in found) > 0.6
+    assert share(holds(walk_of(one), 3e-5) for one in found) > 0.6
 
 
 def test_what_a_lag_does_to_a_temperature_is_undone():
@@ -158,11 +162,11 @@ def test_false_coefficients_and_walks_made_of_a_lag_are_rare():
             warm_up_and_cycle, heated, lambda seed: 20 + np.cumsum(
                 np.random.default_rng(seed).standard_normal(len(TIME))) / 50)]
 
-    named = [one.temperature is not None for model in (NOISE, WALK) for celsius in temperatures(1)
-             for one in fits(model, celsius, records=60)]
-    walks = [one.estimates['rate_random_walk'].observable for celsius in temperatures(2)
-             for one in fits(NOISE, lambda seed, c=celsius: lagging(c(seed), 180.0),
-                             lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
+    named = [one.trend.temperature is not None for model in (NOISE, WALK)
+             for celsius in temperatures(1) for one in axes_of(model, celsius, records=60)]
+    walks = [walk_of(one).observable for celsius in temperatures(2)
+             for one in axes_of(NOISE, lambda seed, c=celsius: lagging(c(seed), 180.0),
+                                lambda seed, c=celsius: 1e-3 * c(seed), records=60)]
     print(f'unrelated, named: {sum(named)} of {len(named)}; '
           f'a walk beside a lag: {sum(walks)} of {len(walks)}')
     assert share(named) <= 0.05
@@ -174,5 +178,5 @@ def test_a_ramp_beside_the_temperature_is_told_apart():
     def mean(seed):
         return 1e-3 * warm_up_and_cycle(seed) + 1e-6 * TIME
 
-    ramps = [one.estimates['rate_ramp'] for one in fits(NOISE, warm_up_and_cycle, mean, 6)]
-    assert all(ramp.observable and ramp.low < 1e-6 < ramp.high for ramp in ramps)
+    ramps = [one.trend.ramp for one in axes_of(NOISE, warm_up_and_cycle, mean, 6)]
+    assert all(ramp is not None and inside(ramp.ci95, 1e-6) for ramp in ramps)
