@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds for every test."""
 
+from collections.abc import Iterator
 import os
+from pathlib import Path
 import signal
+from typing import Any
 
 from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
+from rosdep_workspace import lacking
 
 # A line that is not the one expected is shown beside it.
 pytest.register_assert_rewrite('whole_lines')
@@ -32,3 +36,28 @@ def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Start no coverage in child processes: it imports modules and writes files of its own."""
     for name in ('COVERAGE_PROCESS_CONFIG', 'COVERAGE_PROCESS_START'):
         monkeypatch.delenv(name, raising=False)
+
+
+
+def _skip_if_lacking(report: Any, error: BaseException | None, path: Path) -> None:
+    if report.failed and (name := lacking(error)):
+        report.outcome = 'skipped'
+        report.longrepr = (str(path), 1, f'Skipped: needs {name}, which rosdep does not install: '
+                                         f'pip install {name}')
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
+    """Skip a file of tests that imports what only PyPI has, where that is missing."""
+    outcome: Any = yield
+    report = outcome.get_result()
+    call = getattr(report, 'call', None)
+    _skip_if_lacking(report, call and call.excinfo and call.excinfo.value, collector.path)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item,
+                              call: pytest.CallInfo[None]) -> Iterator[None]:
+    """Skip a test that comes upon something that only PyPI has, where that is missing."""
+    outcome: Any = yield
+    _skip_if_lacking(outcome.get_result(), call.excinfo and call.excinfo.value, item.path)

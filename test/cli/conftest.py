@@ -4,7 +4,6 @@
 
 from pathlib import Path
 
-from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel, parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import pytest
@@ -23,5 +22,7 @@ def model() -> NoiseModel:
 @pytest.fixture(scope='session')
 def recording(tmp_path_factory: pytest.TempPathFactory, model: NoiseModel) -> Path:
     """Five minutes of a simulated IMU, topic /imu/data_raw, MCAP."""
+    from imu_allan.recordings.write import write_recording
+
     blocks = simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=START_NS)
     return write_recording(tmp_path_factory.mktemp('recordings') / 'at_rest', blocks)

@@ -17,7 +17,6 @@ from typing import Any, TypeVar
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu, encode_imu_rows
 from imu_allan.node.drained_subscription import DrainedSubscription
-from mcap.writer import Writer
 import numpy as np
 import pytest
 from rclpy._rclpy_pybind11 import RCLError
@@ -322,6 +321,8 @@ class Driver:
 
 def recorded(path: Path, blocks: Mapping[str, ImuBlock]) -> Path:
     """Write messages as a recording, each block as a topic."""
+    from mcap.writer import Writer
+
     with path.open('wb') as file:
         writer = Writer(file)
         writer.start('ros2')
