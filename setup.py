@@ -3,10 +3,16 @@
 """Package description for colcon (ament_python) and pip."""
 
 from glob import glob
+from pathlib import Path
+import re
 
 from setuptools import find_packages, setup
 
 package_name = 'imu_allan'
+here = Path(__file__).parent
+# Pictures and links of the page lead into the repository, which a package page cannot show.
+long_description = re.sub(
+    r'!?\[([^\]]*)\]\((?!https?:)[^)]*\)', r'\1', (here / 'README.md').read_text('utf-8'))
 
 setup(
     name=package_name,
@@ -74,10 +80,31 @@ setup(
         'docs': ['sphinx>=7', 'myst-parser>=3', 'furo'],
     },
     zip_safe=True,
+    author='The imu_allan authors',
     maintainer='The imu_allan authors',
-    maintainer_email='maintainers@imu-allan.org',
     description='Allan deviation and noise coefficients of an IMU, live and from recordings',
+    long_description=long_description,
+    long_description_content_type='text/markdown',
     license='Apache-2.0',
+    keywords=['Allan variance', 'IMU', 'gyroscope', 'accelerometer', 'noise', 'ROS 2'],
+    # RELEASING.md: once the repository and the documentation have an address.
+    project_urls={},
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Environment :: Console',
+        'Intended Audience :: Developers',
+        'Intended Audience :: Science/Research',
+        'Operating System :: OS Independent',
+        'Programming Language :: Python :: 3',
+        'Programming Language :: Python :: 3.10',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+        'Programming Language :: Python :: 3.14',
+        'Topic :: Scientific/Engineering',
+        'Topic :: Scientific/Engineering :: Physics',
+        'Typing :: Typed',
+    ],
     entry_points={
         'console_scripts': [
             'imu_allan = imu_allan.__main__:main',

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sphinx: `make docs` builds the pages into docs/_build/html, warnings are errors."""
 
-from pathlib import Path
-import re
+from importlib.util import find_spec
 
 project = 'imu_allan'
 copyright = '2026, The imu_allan authors'  # noqa: A001
 author = 'The imu_allan authors'
-release = re.search(r'<version>(.*)</version>',
-                    (Path(__file__).parents[1] / 'package.xml').read_text())[1]
+release = '0.1.0'
 
 extensions = [
     'myst_parser',
@@ -20,7 +18,8 @@ myst_enable_extensions = ['dollarmath', 'deflist']
 myst_heading_anchors = 3
 exclude_patterns = ['_build']
 
-html_theme = 'furo'
+# The build farm of ROS has its own theme only.
+html_theme = 'furo' if find_spec('furo') else 'sphinx_rtd_theme'
 html_title = 'imu_allan'
 html_static_path = ['_static']
 html_css_files = ['tables.css']
