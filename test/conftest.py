@@ -11,7 +11,7 @@ from typing import Any
 from hypothesis import settings
 from imu_allan.blas_threads import use_one_thread
 import pytest
-from rosdep_workspace import lacking
+from rosdep_workspace import lacking, told
 
 # A line that is not the one expected is shown beside it.
 pytest.register_assert_rewrite('whole_lines')
@@ -38,9 +38,9 @@ def children_unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
-
 def _skip_if_lacking(report: Any, error: BaseException | None, path: Path) -> None:
-    if report.failed and (name := lacking(error)):
+    if report.failed and (name := lacking(error) or told(report.longreprtext + ''.join(
+            text for _, text in report.sections), path)):
         report.outcome = 'skipped'
         report.longrepr = (str(path), 1, f'Skipped: needs {name}, which rosdep does not install: '
                                          f'pip install {name}')

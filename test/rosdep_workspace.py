@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a workspace that rosdep filled lacks, and who may ask for it."""
 
+from importlib import import_module
 from pathlib import Path
+import re
 import traceback
 
 ON_PYPI_ALONE = frozenset((
@@ -23,4 +25,17 @@ def lacking(error: BaseException | None) -> str | None:
             if asking and asking[-1].relative_to(ROOT).as_posix().startswith(_MAY_ASK):
                 return name.partition('.')[0]
         error = error.__cause__
+    return None
+
+
+def told(text: str, path: Path) -> str | None:
+    """Name the package of PyPI that a program of a test said it lacks, and that is lacking."""
+    # A node has no excuse for a traceback.
+    said = 'needs the Python package ' + ('' if 'node' in path.parts else "|No module named '")
+    for name in re.findall(rf'(?:{said})(\w+)', text):
+        if name in ON_PYPI_ALONE:
+            try:
+                import_module(name)
+            except ModuleNotFoundError:
+                return str(name)
     return None

@@ -127,8 +127,12 @@ def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Pat
     pytest.importorskip('rclpy')
     _, _, package, program, *arguments = shlex.split(command)
     assert package == 'imu_allan'
+    # Where `ros2 run` looks: pip installs beside the interpreter, colcon below its prefix.
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    [found, *_] = [str(path) for path in (Path(sys.executable).parent / program, *(
+        Path(prefix, 'lib', 'imu_allan', program) for prefix in prefixes)) if path.is_file()]
     with subprocess.Popen(
-            [str(Path(sys.executable).parent / program), *arguments], cwd=tmp_path,
+            [found, *arguments], cwd=tmp_path,
             stderr=subprocess.PIPE, text=True, env=os.environ | {
                 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'HOME': str(tmp_path),
                 'ROS_LOG_DIR': str(tmp_path)}) as process:
