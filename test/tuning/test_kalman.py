@@ -73,6 +73,17 @@ def test_the_steady_state_is_where_the_filter_arrives():
     assert (np.linalg.eigvalsh(steady_covariance(space)) > 0).all()
 
 
+@pytest.mark.parametrize('walk', [0.0, 1e-9, 3e-5])
+@pytest.mark.parametrize('noise', [1e-3, 2e-3])
+def test_the_steady_covariance_solves_the_riccati_equation(noise, walk):
+    s = state_space(axis_of(noise, walk, ((5e-4, 40.0),)), 1.0)
+    p = steady_covariance(s)
+    claimed = s.observation @ p @ s.observation.T + s.measurement
+    gain = (s.transition @ p @ s.observation.T + s.cross) / claimed
+    after = s.transition @ p @ s.transition.T + s.process - gain @ claimed @ gain.T
+    np.testing.assert_allclose(after, p, rtol=1e-9, atol=1e-12 * np.trace(p))
+
+
 def test_many_filters_run_as_each_does_alone():
     spaces = [state_space(axis_of(1e-3, 1e-5, ((4e-4, 20.0), (1e-4, 90.0))), 1.0),
               state_space(axis_of(2e-3), 1.0)]
