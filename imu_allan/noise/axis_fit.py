@@ -15,12 +15,10 @@ from imu_allan.noise.bridges import Bridges
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import Fit, fit
 from imu_allan.noise.groups import grouped, Groups, Spectra
-from imu_allan.noise.harmonics import Cycle
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.mean_in_blocks import Course, without_mean
 from imu_allan.noise.part_of_record import Part
-from imu_allan.noise.periodogram import Periodogram
-from imu_allan.noise.slow_cycle import is_harmonic
+from imu_allan.noise.periodogram import Periodogram, SpectrumPiece
 from imu_allan.noise.stationarity import (
     segment_powers,
     SegmentPowers,
@@ -29,7 +27,7 @@ from imu_allan.noise.stationarity import (
     steadiness,
 )
 from imu_allan.noise.temperature_course import TemperatureCourse
-from imu_allan.noise.tones import find_lines, NAMED
+from imu_allan.noise.tones import find_lines, NAMED, vibrations
 from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.result import Tone
 
@@ -99,7 +97,6 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
     quarters = _quarters(finished.periodogram, dt, bridges)
     found: list[AxisFit | None] = []
     asked: dict[int, partial[Fit]] = {}
-    records: dict[int, RecordSpectrum] = {}
     for axis in range(finished.axes):
         if axis_fault(finished, axis) is not None:
             found.append(None)
@@ -123,12 +120,12 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         again = partial(fit, groups, dt, first, record, steady, parts, temperature, calmed)
         fitted = again()
         found.append(AxisFit(fitted, lines, groups, whole, fitted.steady, own))
-        asked[axis], records[axis] = again, record
-    return _asked_for_cycles(found, asked, records)
+        asked[axis] = again
+    return _asked_for_cycles(found, asked, pieces, dt)
 
 
 def _asked_for_cycles(found: list[AxisFit | None], asked: dict[int, partial[Fit]],
-                      records: dict[int, RecordSpectrum]) -> list[AxisFit | None]:
+                      pieces: Sequence[SpectrumPiece], dt: float) -> list[AxisFit | None]:
     """Ask every axis for the slow cycles of the others: what heats one heats all."""
     known = {axis: one.fit.cycle_s for axis, one in enumerate(found)
              if one is not None and one.fit.cycle_s is not None}
@@ -138,14 +135,8 @@ def _asked_for_cycles(found: list[AxisFit | None], asked: dict[int, partial[Fit]
         if axis not in known:
             fitted = again(known_hz=[1 / period_s for period_s in known.values()])
             one = replace(one, fit=fitted, steadiness=fitted.steady)
-        found[axis] = replace(one, lines=vibrations(one.lines, one.fit.cycle, records[axis]))
+        found[axis] = replace(one, lines=vibrations(one.lines, one.fit.cycle_s, pieces, dt))
     return found
-
-
-def vibrations(lines: list[Tone], cycle: Cycle | None, record: RecordSpectrum) -> list[Tone]:
-    """Leave out the lines that are harmonics of a slow cycle."""
-    return [line for line in lines
-            if cycle is None or not is_harmonic(line.frequency_hz, cycle, record)]
 
 
 def copies(finished: Estimator) -> list[tuple[int, int, int]]:

@@ -28,7 +28,6 @@ from imu_allan.noise.doubt_of_flicker import with_doubt_of_flicker
 from imu_allan.noise.doubt_of_process import with_doubt_of_process
 from imu_allan.noise.doubt_of_walk import doubt_of_walk
 from imu_allan.noise.groups import FLICKER, Groups, QUANTIZATION, Spectra, WALK, WHITE
-from imu_allan.noise.harmonics import Cycle
 from imu_allan.noise.intervals import (
     bent_density,
     Estimate,
@@ -87,9 +86,8 @@ class Fit:
         Whether what looks like a random walk may as well be a course of the mean, or levels off.
     warmings : tuple of Warming
         The parts of a warm-up, the largest first, which the coefficients are given without.
-    cycle : Cycle or None
-        A slow cycle, which the coefficients are given without; of several records that of the
-        first.
+    cycle_s : float or None
+        Period of a slow cycle, which the coefficients are given without.
     temperature : Dependence or None
         How the mean depends on temperature, which the coefficients are given without.
     between : dict
@@ -119,7 +117,7 @@ class Fit:
     gauss_markov: Process | None = None
     walk_unclear: bool = False
     warmings: tuple[Warming, ...] = ()
-    cycle: Cycle | None = None
+    cycle_s: float | None = None
     temperature: Dependence | None = None
     between: dict[str, float] = field(default_factory=dict)
     trial: Trial | None = None
@@ -138,12 +136,7 @@ class Fit:
     @property
     def mean_is_told(self) -> bool:
         """Whether it is known what moves the mean, beside a ramp."""
-        return self.temperature is not None or bool(self.warmings) or self.cycle is not None
-
-    @property
-    def cycle_s(self) -> float | None:
-        """Period of a slow cycle."""
-        return None if self.cycle is None else 1 / self.cycle.frequency_hz
+        return self.temperature is not None or bool(self.warmings) or self.cycle_s is not None
 
 
 def fit(groups: Groups, dt: float, start: Solution | None = None,
@@ -267,7 +260,7 @@ def _power_law(found: Fit, groups: Groups, dt: float) -> PowerLaw | None:
     trial = found.trial
     assert trial is not None
     helped = trial.bent or trial.p_value < BENT_P
-    moves = bool(found.warmings) or found.cycle is not None
+    moves = bool(found.warmings) or found.cycle_s is not None
     if not helped and (moves or found.gauss_markov is None):
         return None
     return free_exponent(groups, dt, trial)
@@ -346,7 +339,7 @@ def _fit(groups: Groups, dt: float, start: Solution | None,
     return Fit(estimates, window, trial.edge_hz, trial.p_value, trial.misfit, trial.good, process,
                walk_unclear=unclear,
                warmings=mean.warmings if mean else (),
-               cycle=mean.cycle.cycles[0] if mean and mean.cycle else None,
+               cycle_s=mean.cycle.period_s if mean and mean.cycle else None,
                between={key: one.between for key, one in said.items()}, trial=trial,
                plain=plain, steady=steady, record=mean.record if mean else None)
 

@@ -17,15 +17,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise.axis_fault import axis_fault
-from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD, vibrations
+from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD
 from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fit import fit
 from imu_allan.noise.groups import grouped, joined_groups
-from imu_allan.noise.harmonics import Cycle
 from imu_allan.noise.likelihood import maximise, Solution
 from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
-from imu_allan.noise.tones import find_lines
+from imu_allan.noise.tones import find_lines, vibrations
 from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
 from imu_allan.result import Tone
 import numpy as np
@@ -147,14 +146,15 @@ def fit_spectra(spectra: Sequence[RecordedSpectrum], dt: float,
     solution = maximise(groups, Solution(theta, 0.0, np.inf), trend='restricted')
     fitted = fit(groups, dt, solution, joint, temperature=temperature)
     whole = joined_groups([grouped(one.bins, one.axis) for one in joint.records])
-    return AxisFit(fitted, _lines_of(spectra, fitted.cycle), groups, whole)
+    return AxisFit(fitted, _lines_of(spectra, fitted.cycle_s, dt), groups, whole)
 
 
-def _lines_of(spectra: Sequence[RecordedSpectrum], cycle: Cycle | None) -> list[Tone]:
+def _lines_of(spectra: Sequence[RecordedSpectrum], cycle_s: float | None, dt: float
+              ) -> list[Tone]:
     """Lines of all records but those of a slow cycle, each once at its largest, by size."""
     kept: list[Tone] = []
     for line in sorted((line for one in spectra
-                        for line in vibrations(one.lines, cycle, one.spectrum)),
+                        for line in vibrations(one.lines, cycle_s, one.spectrum.pieces, dt)),
                        key=lambda line: -line.amplitude):
         if all(abs(line.frequency_hz - other.frequency_hz) > _SAME_LINE * other.frequency_hz
                for other in kept):

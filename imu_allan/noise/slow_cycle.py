@@ -50,12 +50,6 @@ _CERTAIN_COMB = 1e-11
 """The same in the noise beside them, where they are a cycle: of frequencies many are tried."""
 _FEW = (1, 4)
 """Harmonics by which the frequency is fitted first."""
-_LINE_OFF = 1.5
-"""Spacings of coefficients, by which the frequency of a weak line may be off."""
-_BEYOND_ALL = 2
-"""Times the last harmonic that can be fitted: where that is there those behind it are lines."""
-_CYCLE_OFF = 3.0
-"""Standard errors, by which that of a cycle may be."""
 
 
 @dataclass(frozen=True)
@@ -113,18 +107,6 @@ def likeliest_cycle(trial: Trial, record: Spectrum, still: Solution) -> tuple[fl
 def _fastest(record: RecordSpectrum) -> float:
     """Return the frequency, in Hz, up to which a line may be a slow cycle."""
     return min(float(_CYCLES[-1]) / record.duration_s, 1 / _NO_VIBRATION_S)
-
-
-def is_harmonic(frequency_hz: float, cycle: Cycle, record: RecordSpectrum) -> bool:
-    """Tell whether a line is a harmonic that a slow cycle has, as well as both are known."""
-    order = round(frequency_hz / cycle.frequency_hz)
-    fitted = len(cycle.cosines)
-    if not 1 <= order <= (fitted if fitted < HARMONICS[-1] else _BEYOND_ALL * fitted):
-        return False
-    spacing = min((one.spacing_hz(record.dt) for one in record.pieces
-                   if frequency_hz < one.last * one.spacing_hz(record.dt)), default=0.0)
-    return abs(frequency_hz - order * cycle.frequency_hz) < (
-        _LINE_OFF * spacing + _CYCLE_OFF * cycle.error * frequency_hz)
 
 
 def slow_cycle(trial: Trial, process: Process | None, record: Spectrum, frequency_hz: float,

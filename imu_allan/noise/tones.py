@@ -54,6 +54,14 @@ _BROAD = 64
 """Bins from which a rise is a hump with its centre of mass, not a line with a highest bin."""
 _LOWEST_FLOOR = 1e-9
 """Of the mean level: 90 dB below is no noise, and a ratio to it is still a number."""
+_OFF = 1.5
+"""Spacings of coefficients, by which the frequency of a weak line may be off."""
+_CYCLE_OFF = 0.02
+"""Of the frequency of a cycle, by which a harmonic may be, as its period is not known better."""
+_FIRST_HARMONICS = 2
+"""A cycle may have them without a line: the second, where it is symmetric, is none ..."""
+_NEXT_HARMONIC = 2
+"""... and the next one is at most so many times the last: a vibration lies far beyond."""
 _LEAST_LEFT = 0.5
 """With less of the spectrum left than that, no line is left out and the fit says what is wrong."""
 _LOBE_MARGIN = 2.0
@@ -125,6 +133,42 @@ def strongest(lines: Sequence[Tone]) -> tuple[tuple[Tone, ...], tuple[Tone, ...]
         late = sum((line.amplitude / line.frequency_hz)**2 for line in some)
         weaker.append(Tone(sqrt(power / late), sqrt(power), len(some)))
     return tuple(lines[:NAMED]), tuple(weaker)
+
+
+def vibrations(lines: Sequence[Tone], cycle_s: float | None, pieces: Sequence[SpectrumPiece],
+               dt: float) -> list[Tone]:
+    """
+    Leave out the lines of a slow cycle, whose harmonics come one after the other from the first.
+
+    Parameters
+    ----------
+    lines : sequence of Tone
+        Of one record.
+    cycle_s : float or None
+        Period of its cycle.
+    pieces : sequence of SpectrumPiece
+        In which the lines were found.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    list of Tone
+        In the same order.
+
+    """
+    if cycle_s is None:
+        return list(lines)
+    last, harmonics = _FIRST_HARMONICS, set()
+    for line in sorted(lines, key=lambda line: line.frequency_hz):
+        order = round(line.frequency_hz * cycle_s)
+        spacing = min((piece.spacing_hz(dt) for piece in pieces
+                       if line.frequency_hz < piece.last * piece.spacing_hz(dt)), default=0.0)
+        off = abs(line.frequency_hz - order / cycle_s)
+        if 1 <= order <= _NEXT_HARMONIC * last and off < _OFF * spacing + _CYCLE_OFF / cycle_s:
+            last = max(last, order)
+            harmonics.add(line)
+    return [line for line in lines if line not in harmonics]
 
 
 def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, first: Solution,
