@@ -109,15 +109,22 @@ def _of_spectrum(spectrum: Any, dt: float) -> Answer:
 
 def _of_fit(spectrum: Any, dt: float) -> Answer:
     from imu_allan.noise.fit import fit
+    from imu_allan.noise.high_pass import high_pass_beside_flicker
     began = time.process_time()
-    found = fit(spectrum.groups(), dt, None, spectrum)
+    groups = spectrum.groups()
+    found = fit(groups, dt, None, spectrum)
+    behind = high_pass_beside_flicker(groups, dt, found)
     cpu_s = time.process_time() - began
+    if behind is not None and behind.certain:
+        return Answer(dict.fromkeys(TERMS, Said(None, None, None)), ('high_passed',), cpu_s)
+    estimates = behind.with_and_without(found.estimates) if behind else found.estimates
     words = {'power_law': found.power_law is not None,
              'gauss_markov': found.gauss_markov is not None,
              'band_limited': found.window_s is not None, 'warm_up': bool(found.warmings),
              'slow_cycle': found.cycle_s is not None, 'trend_or_walk': found.walk_unclear,
-             'ramp': found.estimates['rate_ramp'].observable, 'poor_fit': not found.acceptable}
-    return Answer(_said(found.estimates), _true(words), cpu_s)
+             'ramp': found.estimates['rate_ramp'].observable, 'poor_fit': not found.acceptable,
+             'perhaps_high_passed': behind is not None}
+    return Answer(_said(estimates), _true(words), cpu_s)
 
 
 def _said(estimates: Mapping[str, Any]) -> dict[str, Said]:
