@@ -135,10 +135,12 @@ def reported_model(axis: AxisResult) -> FittedModel:
     with: `imu_allan.predicted_drift` shows what it says.
     """
     process, law = axis.gauss_markov, axis.power_law
+    values = {key: found.value for key, found in axis.coefficients.items()
+              if found.observable and found.value is not None}
+    if not values and process is None and law is None:
+        return FittedModel({})
     return FittedModel(
-        {key: found.value for key, found in axis.coefficients.items()
-         if found.observable and found.value is not None},
-        axis.band_limit_s,
+        values, axis.band_limit_s,
         () if process is None else ((process.sigma, process.correlation_time_s),),
         axis.all_tones, None if law is None else (law.amplitude, law.exponent))
 

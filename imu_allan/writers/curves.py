@@ -62,7 +62,7 @@ class ModelCurve(NamedTuple):
         In seconds, from the shortest time of which the model was fitted; empty where there is no
         model.
     adev : ndarray, shape (n,)
-        That of what is reported, in the unit of a sample.
+        That of what is reported, in the unit of a sample; NaN where nothing is.
     bound : ndarray, shape (n,)
         With the terms that are only bounded at their bounds; NaN where that makes no difference.
 
@@ -91,11 +91,11 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     """
     rate = axis.sample_rate_hz or timeline.sample_rate_hz
     tau, coarse = np.array(axis.curve.tau_s), np.array(axis.curve.model_adev)
-    if not coarse.any():
+    model = reported_model(axis) if coarse.any() else FittedModel({})
+    if not (coarse.any() or hidden_avar(axis, tau).any()):
         return ModelCurve(tau[:0], coarse[:0], coarse[:0])
     if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER:
         return ModelCurve(tau, coarse, np.full(len(tau), np.nan))
-    model = reported_model(axis)
     # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
     avar = model.allan_variance(size, 1 / rate)
@@ -108,7 +108,7 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     keep = keep[size[keep] / rate >= shortest_fitted_s(axis)]
     size, avar = size[keep], avar[keep]
     bound = avar + hidden_avar(axis, size / rate)
-    return ModelCurve(size / rate, np.sqrt(avar),
+    return ModelCurve(size / rate, np.sqrt(np.where(avar > 0, avar, np.nan)),
                       np.sqrt(np.where(bound > _APART * avar, bound, np.nan)))
 
 

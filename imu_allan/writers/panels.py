@@ -85,9 +85,12 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
                    transform=panel.transAxes, color=colour)
         return
     fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
+    if timeline is not None:
+        drawn = model_curve(axis, timeline)
+        panel.plot(drawn.tau, drawn.bound, color=colour, linewidth=0.9, linestyle=_BOUND,
+                   zorder=2.8)
     if timeline is not None and model.any():
-        fine, model, bound = model_curve(axis, timeline)
-        panel.plot(fine, bound, color=colour, linewidth=0.9, linestyle=_BOUND, zorder=2.8)
+        fine, model, _ = drawn
         dof = np.exp(np.interp(np.log(fine), np.log(tau), np.log(np.maximum(curve.edf, 1e-3))))
         panel.fill_between(fine, np.sqrt(chi_square.lower(0.025, dof) / dof) * model,
                            np.sqrt(chi_square.upper(0.025, dof) / dof) * model, color=colour,

@@ -214,7 +214,7 @@ _ABOVE_ZERO = {
     Curve: ('tau_s', 'edf'), DriftModel: ('from_s', 'to_s'),
     GaussMarkov: ('correlation_time_s',), Innovations: ('interval_s', 'steps'),
     PowerLaw: ('psd_1hz',), Segment: ('duration_s', 'noise_density'), Signal: ('step_s',),
-    Spectrum: ('frequency_hz',), Tone: ('frequency_hz',), WarmUp: ('time_constant_s',),
+    Spectrum: ('frequency_hz',), Tone: ('frequency_hz', 'lines'), WarmUp: ('time_constant_s',),
     AxisResult: ('sample_rate_hz', 'band_edge_hz', 'high_passed_hz'),
 }
 _NOT_NEGATIVE = {

@@ -9,6 +9,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.characterization.axis import characterize, with_bounded_walk
+from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance
 from imu_allan.result import (
@@ -22,6 +23,7 @@ from imu_allan.result import (
     Span,
     Spectrum,
     Timeline,
+    Tone,
 )
 from imu_allan.writers import curves, panels, plot
 from imu_allan.writers.charts.allan import allan_chart
@@ -253,6 +255,22 @@ def test_a_term_that_is_only_bounded_is_a_dashed_line_at_its_bound(result, make_
                                  'rate_random_walk': 1e-3})
     assert np.isnan(curves.model_curve(known, result.timeline).bound).all()
     assert 'class="bound"' not in allan_chart('gyro', {'gyro_x': known}, result.timeline).svg
+
+
+def test_an_axis_of_which_only_bounds_are_known_is_drawn_with_its_bounds(result, make_axis):
+    axis = make_axis('gyro_x', {}, {'noise_density': 1e-3, 'bias_instability': 1e-5,
+                                    'rate_random_walk': 1e-7})
+    axis = with_model_curve(replace(axis, tones=(Tone(20.0, 1e-3),)))
+    assert not any(axis.curve.model_adev)
+    tau, adev, bound = curves.model_curve(axis, result.timeline)
+    assert np.isnan(adev).all()
+    assert bound[0] == pytest.approx(1e-3 / sqrt(tau[0]))
+    measured = replace(axis.curve, adev=tuple(0.9e-3 / np.sqrt(axis.curve.tau_s)))
+    axes = {'gyro_x': replace(axis, curve=measured)}
+    chart = allan_chart('gyro', axes, result.timeline)
+    assert 'class="bound"' in chart.svg
+    assert 'class="curve model"' not in chart.svg
+    plot.render(plot.overview_figure(replace(result, axes=axes)))
 
 
 def test_the_model_spectrum_of_slow_terms_follows_the_textbook(make_axis):
