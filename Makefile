@@ -44,7 +44,7 @@ FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timelin
 	-m 'not slow and not browser and not thorough' $(foreach slower,plot comparison fleet folder, \
 	--ignore test/writers/test_$(slower).py) --ignore test/timeline/test_nothing_silent.py
 
-LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py \
+LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py docs/make_findings.py \
 	docs/make_figures.py setup.py
 
 RUN := $(VENV)/bin

@@ -20,12 +20,13 @@ from typing import Literal, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding, finding
 from imu_allan.recordings import open_recording, read_blocks, Recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.same_recording import files_digest, Fingerprint
 from imu_allan.recordings.thermometers import temperatures
 from imu_allan.recordings.time_window import between
-from imu_allan.result import Remark, Result
+from imu_allan.result import Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
 from imu_allan.tuning.means import Means
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 _WHOLE_PART = 0.99
 """Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
 
-Taken = tuple['Stream', 'Characterization', list[Remark]]
+Taken = tuple['Stream', 'Characterization', list[Finding]]
 
 
 def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *,
@@ -101,9 +102,10 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
     else:
         result = _alone(path, topic, options, reading, start_s, duration_s, progress, opening)
     chosen = said(topic, options, reading, start_s, duration_s)
-    return replace(result, source=replace(
+    from imu_allan.writers.words import with_words
+    return with_words(replace(result, source=replace(
         result.source, options=chosen,
-        files=files))
+        files=files)))
 
 
 def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
@@ -136,7 +138,8 @@ def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]
         result, own = characterization.fitted(remarks)
         results.append(result)
         fits |= {name: fit for name, fit in own.items() if name.startswith(stream.half or '')}
-    return _as_one([stream for stream, *_ in taken], results), fits
+    from imu_allan.writers.words import with_words
+    return with_words(_as_one([stream for stream, *_ in taken], results)), fits
 
 
 def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),  # noqa: B008
@@ -277,7 +280,7 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
 
     Yields
     ------
-    list of (Stream, Characterization, list of Remark)
+    list of (Stream, Characterization, list of Finding)
         With all that came so far, one for each half of the IMU where it comes in halves; once more
         when the recording has ended.
 
@@ -374,7 +377,7 @@ def second_means(path: str | Path, topic: str | None = None, *,
 def _characterized(recording: Recording, stream: Stream, options: TimelineOptions,
                    start_s: float, duration_s: float | None,
                    progress: Callable[[int], None] | None, fingerprint: Fingerprint | None
-                   ) -> tuple[Characterization, list[Remark]]:
+                   ) -> tuple[Characterization, list[Finding]]:
     characterization, blocks, remarks = _begun(recording, stream, options, start_s, duration_s,
                                                progress)
     characterization.take(blocks if fingerprint is None else fingerprint.watch(blocks))
@@ -392,22 +395,20 @@ def _take_temperature(recording: Recording, stream: Stream, characterization: Ch
 
 def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start_s: float,
            duration_s: float | None, progress: Callable[[int], None] | None
-           ) -> tuple[Characterization, Iterable[ImuBlock], Callable[[], list[Remark]]]:
+           ) -> tuple[Characterization, Iterable[ImuBlock], Callable[[], list[Finding]]]:
     """Begin to read; the remarks are complete when the blocks are through."""
     blocks, unit = _in_si_units(recording, stream, progress)
     # Reading has begun in a process of its own: numerics are imported meanwhile.
     from imu_allan.characterization import Characterization
 
-    shortfall: list[Remark] = []
+    shortfall: list[Finding] = []
 
     def ended(recorded_s: float, part_s: float) -> None:
         if part_s < 0:
             raise ImuAllanError(f'{recording.path}: lasts {duration(recorded_s)}: --start '
                                 f'{duration(start_s)} leaves nothing of it')
         if duration_s is not None and part_s < _WHOLE_PART * duration_s:
-            shortfall.append(Remark(
-                'short_part', f'only {duration(part_s)} of the {duration(duration_s)} asked for '
-                'are recorded'))
+            shortfall.append(finding('short_part', recorded_s=part_s, asked_s=duration_s))
 
     if start_s > 0 or duration_s is not None:
         blocks = between(blocks, start_s, duration_s, ended)

@@ -69,6 +69,8 @@ def typed(kind: Any, value: Any, where: str) -> Any:
         If the value is none of that type; the message names the field.
 
     """
+    if kind is Any:
+        return _any(value, where)
     origin = get_origin(kind)
     if origin in (Union, types.UnionType):
         if value is None:
@@ -112,3 +114,14 @@ def typed(kind: Any, value: Any, where: str) -> Any:
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value
     raise ImuAllanError(f'{where}: expected {kind.__name__}, found {type(value).__name__}')
+
+
+def _any(value: Any, where: str) -> Any:
+    """Return what JSON holds, of a field that may be of any kind; nothing in it is not finite."""
+    if isinstance(value, list):
+        return tuple(_any(item, f'{where}[{i}]') for i, item in enumerate(value))
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return typed(float, value, where)
+    raise ImuAllanError(f'{where}: expected a number, a text or a list')

@@ -14,6 +14,7 @@ from math import pi, sqrt
 from typing import Any, Literal
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding
 from imu_allan.json_of_dataclasses import json_text, plain, typed
 
 SCHEMA = 'imu_allan.result/1'
@@ -509,14 +510,6 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Remark:
-    """A finding the user should know about: a fixed code and one plain sentence."""
-
-    code: str
-    message: str
-
-
-@dataclass(frozen=True)
 class RecordingPart:
     """One recording of a joint result, with the mean of each axis in it."""
 
@@ -556,7 +549,7 @@ class Result:
     source: Source
     timeline: Timeline
     axes: Mapping[str, AxisResult]
-    warnings: tuple[Remark, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     recordings: tuple[RecordingPart, ...] = ()
     turn_on_bias: Mapping[str, TurnOnBias] = field(default_factory=dict)
     inspection: Inspection | None = None

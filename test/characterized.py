@@ -7,6 +7,7 @@ from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.terms import Quantity
+from imu_allan.writers.words import message_of
 
 
 def characterized(samples, rate_hz, thermometer=None):
@@ -28,7 +29,7 @@ def one_axis(estimator, rate_hz, fits=None, of_one_record=True):
     """Return the result of the only axis of an estimator, and its warnings."""
     [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity.ANGULAR_VELOCITY], fits,
                                      of_one_record=of_one_record)
-    return axis, {remark.code: remark.message for remark in remarks}
+    return axis, {remark.code: message_of(remark) for remark in remarks}
 
 
 def taken_in(samples):

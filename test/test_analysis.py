@@ -10,6 +10,7 @@ from imu_allan.cli.main import main
 from imu_allan.noise.simulate import simulate
 from imu_allan.wording import origin_of
 from imu_allan.writers.filters import export
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -32,7 +33,7 @@ def written(tmp_path):
 def test_start_auto_leaves_out_the_warm_up(written):
     path = written(0.02 * np.exp(-TIME / 500))
     cold, warm = analyze(path), analyze(path, start_s='auto')
-    [told] = [one.message for one in warm.warnings if one.code == 'start_auto']
+    [told] = [message_of(one) for one in warm.warnings if one.code == 'start_auto']
     assert told == Varying('the first <words> were left out: the sensor warmed up')
     assert 20 <= float(told.split()[2]) <= 50
     assert cold.axes['gyro_x'].trend.warm_up is not None
@@ -43,7 +44,7 @@ def test_start_auto_leaves_out_the_warm_up(written):
 
 def test_start_auto_leaves_nothing_out_where_nothing_settles(written):
     result = analyze(written(0.0), start_s='auto')
-    [told] = [one.message for one in result.warnings if one.code == 'start_auto']
+    [told] = [message_of(one) for one in result.warnings if one.code == 'start_auto']
     assert told == 'no warm-up was found: the recording is used from its beginning'
     assert result.timeline.duration_s == pytest.approx(7200, abs=1)
 

@@ -19,6 +19,7 @@ from imu_allan.characterization.findings import (
     step_remarks,
     still_remark,
 )
+from imu_allan.finding import Finding
 from imu_allan.noise.axis_fault import (
     axis_fault,
     AxisFault,
@@ -56,7 +57,6 @@ from imu_allan.result import (
     Interval,
     PowerLaw,
     Ramp,
-    Remark,
     Saturation,
     Segment,
     Signal,
@@ -140,7 +140,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
                  fits: Sequence[AxisFit | None] | None = None,
                  corners_hz: Sequence[float | None] | None = None, of_one_record: bool = True
-                 ) -> list[tuple[AxisResult, list[Remark]]]:
+                 ) -> list[tuple[AxisResult, list[Finding]]]:
     """
     Fit every axis of an estimator, which is left as it is.
 
@@ -161,7 +161,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
 
     Returns
     -------
-    list of (AxisResult, list of Remark)
+    list of (AxisResult, list of Finding)
         What is worth telling the user beside each axis; messages do not name the axis.
 
     """
@@ -177,7 +177,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
     for axis, (quantity, fitted_axis) in enumerate(zip(quantities, fits, strict=True)):
         base = replace(_empty(quantity, float(mean[axis]) if finished.samples else None),
                        signal=signals[axis])
-        remarks: list[Remark] = []
+        remarks: list[Finding] = []
         if fitted_axis is None:
             fault = axis_fault(finished, axis)
             curve = (_flat_curve(points, dt) if isinstance(fault, Constant)
@@ -261,7 +261,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
 
 
 def _with_fault(axis: AxisResult, fault: AxisFault, quantity: Quantity, dt: float
-                ) -> tuple[AxisResult, list[Remark]]:
+                ) -> tuple[AxisResult, list[Finding]]:
     """Enter into an axis why it does not measure, and say so."""
     match fault:
         case Constant(value):

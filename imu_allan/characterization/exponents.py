@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import exp
 
+from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import interval
@@ -16,7 +17,6 @@ from imu_allan.result import (
     GoodnessOfFit,
     Interval,
     PowerLaw,
-    Remark,
 )
 import numpy as np
 
@@ -96,7 +96,7 @@ def with_own_exponents(joint: AxisResult, singles: Sequence[AxisResult]) -> Axis
                    curve=replace(joint.curve, model_adev=(0.0,) * len(joint.curve.tau_s)))
 
 
-def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Remark:
+def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Finding:
     """
     Say what the slow noise of an axis is in each recording.
 
@@ -107,18 +107,12 @@ def remark_on_exponents(singles: Mapping[str, AxisResult]) -> Remark:
 
     Returns
     -------
-    Remark
+    Finding
 
     """
-    said = ', '.join(
-        f'{"flicker or none" if axis.power_law is None else _law(axis.power_law.exponent)} in '
-        f'{path}' for path, axis in singles.items())
-    what = ('the noise density is the mean of the single results, the other terms are bounded by '
-            'the largest of theirs' if _densities(singles.values()) else
-            'every term is bounded by the largest of the single results')
-    return Remark(
-        'power_law', f'the slow noise is not told to be the same in all recordings ({said}); '
-        f'{what}; analyze the recordings without --together for a result of each')
+    return finding('power_law', recordings=list(singles), exponents=[
+        None if axis.power_law is None else axis.power_law.exponent for axis in singles.values()],
+        density_is_mean=bool(_densities(singles.values())))
 
 
 def _is_below(axis: AxisResult, law: PowerLaw) -> bool:
@@ -152,10 +146,6 @@ def _weighted_mean(densities: Sequence[tuple[float, float, float]]) -> tuple[flo
     middle = float(weights @ middles)
     return exp(middle), (exp(middle - half - float(weights @ (lows - both))),
                          exp(middle + half + float(weights @ (highs - both))))
-
-
-def _law(exponent: float) -> str:
-    return f'1/f to the power of {exponent:.2f}'
 
 
 def _most(found: Coefficient) -> float | None:

@@ -1,22 +1,22 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was found in the words that users read, in one module as they are read together."""
+"""What was found in the noise, as findings, in one module as they are read together."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import ceil, exp, inf, isfinite, isinf, log
+from typing import Any
 
 from imu_allan.characterization.thermometer import COVERED, Temperature
+from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
 from imu_allan.noise.bias_step import BiasStep
 from imu_allan.noise.fit import Fit
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
-from imu_allan.noise.temperature import Dependence
-from imu_allan.noise.terms import AXES, FLICKER_FLOOR, Quantity, TERMS
+from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
 from imu_allan.noise.warm_up import Warming
-from imu_allan.result import AxisResult, Deadband, Remark, Segment, Span
+from imu_allan.result import AxisResult, Deadband, Segment, Span
 from imu_allan.timeline import TimelineSummary
-from imu_allan.wording import about, duration, listed, named
 import numpy as np
 from scipy.special import fdtri
 
@@ -26,10 +26,6 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 
 _COARSE = 1 / 8
 """Share of the range that a step of the thermometer may be: the mean then follows it in jumps."""
-_FACTOR = 2.0
-"""From which on an error is no percentage."""
-_HEATED_S = 30.0
-"""Period from which on a slow cycle may be one of temperature."""
 _HALVES_CHANCE = 1.35e-3
 """Of a difference of the halves as large by chance, either way: 3 standard errors. A judgment."""
 _HALVES_STEPS = 25
@@ -42,142 +38,104 @@ _STEP_SHARE = 0.7
 """Share of the spread between segments from which it is told as one step."""
 
 
-def constant_remark(value: float, quantity: Quantity) -> Remark:
+def constant_remark(value: float, quantity: Quantity) -> Finding:
     """Say that an axis never changes."""
-    return Remark('constant_axis', f'every sample is {value:g} {quantity.unit}: '
-                  'there is no noise to measure')
+    return finding('constant_axis', value=value, unit=quantity.unit)
 
 
-def still_remark(span: Span) -> Remark:
+def still_remark(span: Span) -> Finding:
     """Say that an axis gave one value for a while."""
-    return Remark('stood_still',
-                  f'one and the same value for {duration(span.duration_s)} from '
-                  f'{duration(span.start_s)} on: the sensor or its driver stood still; no '
-                  'coefficient is told, analyze the rest with --start and --duration')
+    return finding('stood_still', start_s=span.start_s, duration_s=span.duration_s)
 
 
-def saturated_remark(end: CutOff, quantity: Quantity) -> Remark:
+def saturated_remark(end: CutOff, quantity: Quantity) -> Finding:
     """Say that the output ends where the noise does not."""
-    return Remark('saturated',
-                  f'{100 * end.share:.1f} % of the samples stand at {end.value:.6g} '
-                  f'{quantity.unit}, the {"highest" if end.is_highest else "lowest"} value: the '
-                  'output is cut off there, noise is higher than it seems; no coefficient is '
-                  'told, choose a larger range or another position')
+    return finding('saturated', share=end.share, value=end.value, unit=quantity.unit,
+                   end='highest' if end.is_highest else 'lowest')
 
 
-def deadband_remark(found: Deadband, quantity: Quantity) -> Remark:
+def deadband_remark(found: Deadband, quantity: Quantity) -> Finding:
     """Say that small values are given as zero."""
-    return Remark('deadband',
-                  f'{100 * found.share:.0f} % of the samples are exactly 0, and none lies between '
-                  f'0 and {found.width:.3g} {quantity.unit}: the driver gives small values as 0 '
-                  '(a deadband), noise is higher than it seems; no coefficient is told, switch '
-                  'the deadband off')
+    return finding('deadband', share=found.share, width=found.width, unit=quantity.unit)
 
 
-def copy_remark(one: str, other: str, sign: int) -> Remark:
-    """Say that two axes are one; the only finding of an axis that names it itself."""
-    return Remark('copied_axis',
-                  f'{one} and {other} are the same, {"but for the sign, " if sign < 0 else ""}to '
-                  'the last digit of every sample: the driver gives one axis of the sensor twice, '
-                  'and another not at all; correct its assignment of axes')
+def copy_remark(one: str, other: str, sign: int) -> Finding:
+    """Say that two axes are one."""
+    return finding('copied_axis', (one, other), opposite=sign < 0)
 
 
-def high_pass_remark(corner_hz: float) -> Remark:
+def high_pass_remark(corner_hz: float) -> Finding:
     """Say that a filter has taken out what is slow."""
-    return Remark('high_passed',
-                  f'below about {corner_hz:.2g} Hz the noise falls away, which no sensor does: a '
-                  'filter has subtracted a bias that it estimates, as imu_complementary_filter '
-                  'does (or a broad vibration covers the noise); no coefficient is told, take the '
-                  'raw topic')
+    return finding('high_passed', corner_hz=corner_hz)
 
 
-def perhaps_high_passed_remark(corner_hz: float) -> Remark:
+def perhaps_high_passed_remark(corner_hz: float) -> Finding:
     """Say that a filter may have taken out what is slow."""
-    return Remark('perhaps_high_passed',
-                  f'below about {corner_hz:.2g} Hz the noise may fall away, as behind a filter '
-                  'that subtracts a bias it estimates, or is small by chance: bias instability '
-                  'and rate random walk are as uncertain as such a filter would make them; record '
-                  'for longer, or take the raw topic if there is one')
+    return finding('perhaps_high_passed', corner_hz=corner_hz)
 
 
-def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Remark]:
+def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Finding]:
     """Say where the output steps by more than the noise of one sample; `step` may be infinite."""
     if not noise < step < inf or noise <= 0:
         return []
-    return [Remark('coarse_resolution',
-                   f'the output steps by {step:.3g} {quantity.unit}, {step / noise:.1f} times '
-                   'the noise of one sample: what lies below the step is hidden')]
+    return [finding('coarse_resolution', step=step, unit=quantity.unit, ratio=step / noise)]
 
 
-def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+def tone_findings(axes: Mapping[str, AxisResult]) -> list[Finding]:
+    """Say which lines were left out of the spectra: of each axis the strongest."""
+    found = []
+    for name, axis in axes.items():
+        if axis.tones:
+            strongest = max(axis.tones, key=lambda tone: tone.amplitude)
+            found.append(finding(
+                'tones', (name,), unit=axis.unit,
+                count=len(axis.tones) + sum(tone.lines for tone in axis.weaker_tones),
+                frequency_hz=strongest.frequency_hz, amplitude=strongest.amplitude))
+    return found
+
+
+def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Finding]:
     """Say what the fit of an axis found beside coefficients."""
     remarks = []
     if fitted.window_s is not None and fitted.edge_hz is not None:
-        remarks.append(Remark(
-            'band_limited',
-            f'the spectrum is bent above {fitted.edge_hz:.3g} Hz (a low-pass in sensor or driver, '
-            'or noise that no term describes); the coefficients are fitted below'))
+        remarks.append(finding('band_limited', edge_hz=fitted.edge_hz))
     elif fitted.window_s is not None:
-        remarks.append(Remark(
-            'band_limited',
-            'the noise rolls off towards the highest frequencies (a low-pass in sensor or '
-            f'driver): its effective window is {fitted.window_s:.3g} s'))
+        remarks.append(finding('band_limited', window_s=fitted.window_s))
     if fitted.plateau is not None and fitted.edge_hz is not None:
         density = fitted.estimates['noise_density']
-        remarks.append(Remark(
-            'poor_fit',
-            f'above {fitted.edge_hz:.3g} Hz the noise levels out again, at '
-            f'{100 * fitted.plateau / density.value:.0f} % of its density below: that is no '
-            'low-pass, and no sum of noise terms describes it (a short correlation, or what '
-            'strong vibration leaves around its lines); the noise density is that below, its '
-            'interval reaches to that above'))
+        remarks.append(finding('poor_fit', edge_hz=fitted.edge_hz,
+                               plateau_share=fitted.plateau / density.value))
     elif not fitted.acceptable:
-        remarks.append(Remark(
-            'poor_fit',
-            'no sum of noise terms describes this spectrum (worst half-octave off by '
-            f'{100 * fitted.misfit:.0f} %); the intervals are widened accordingly'))
+        remarks.append(finding('poor_fit', misfit_share=fitted.misfit))
     if (law := fitted.power_law) is not None:
-        remarks.append(Remark(
-            'power_law',
-            f'the slow noise is no flicker: its density goes with 1/f to the power of '
-            f'{law.exponent:.2f} (95 % interval {law.ci95[0]:.2f} to {law.ci95[1]:.2f}), not of '
-            '1; the noise density is that of the white noise beside it, and the bias instability '
-            'an upper bound from the lowest point of the curve; for a filter take the tuned '
-            'numbers, N and K alone leave this noise out'))
+        remarks.append(finding('power_law', exponent=law.exponent, exponent_low=law.ci95[0],
+                               exponent_high=law.ci95[1]))
     if fitted.gauss_markov:
-        sigma, time = fitted.gauss_markov.sigma, fitted.gauss_markov.correlation_time_s
-        remarks.append(Remark(
-            'gauss_markov',
-            f'a first-order Gauss-Markov process of {sigma:.3g} {quantity.unit} with a '
-            f'correlation time of {time:.3g} s is part of the noise'))
+        remarks.append(finding('gauss_markov', sigma=fitted.gauss_markov.sigma,
+                               unit=quantity.unit,
+                               correlation_time_s=fitted.gauss_markov.correlation_time_s))
     return [*remarks, *_temperature_remarks(fitted, quantity),
             *_mean_remarks(fitted, quantity)]
 
 
-def bias_step_remark(step: BiasStep, dt: float, quantity: Quantity) -> Remark:
+def bias_step_remark(step: BiasStep, dt: float, quantity: Quantity) -> Finding:
     """Say that the mean steps once."""
-    return Remark('bias_step',
-                  f'the mean steps by {step.size:.3g} {quantity.unit} after about '
-                  f'{about(step.place * dt)}, and nowhere else (a knock, or another supply '
-                  'voltage or setting): the rate random walk is given as an upper bound; analyze '
-                  'what lies before or behind it with --start and --duration')
+    return finding('bias_step', size=step.size, unit=quantity.unit, after_s=step.place * dt)
 
 
-def leaving_remark(tau_s: float) -> Remark:
+def leaving_remark(tau_s: float) -> Finding:
     """Say that the model does not follow the curve at its long end."""
-    return Remark('poor_fit', f'from averaging times of {duration(tau_s)} on the measured curve '
-                  'leaves the band of the model: no sum of noise terms describes it there')
+    return finding('poor_fit', leaves_at_s=tau_s)
 
 
-def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Remark]:
+def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[Finding]:
     """Say in which band the noise changes most, by how much and when."""
     if steady.steady or not steady.changes:
         return []
     change = steady.changes[0]
-    where = ('' if change.low_hz <= 0 and isinf(change.high_hz)
-             else f' below {change.high_hz:g} Hz' if change.low_hz <= 0
-             else f' above {change.low_hz:g} Hz' if isinf(change.high_hz)
-             else f' between {change.low_hz:g} and {change.high_hz:g} Hz')
+    band: dict[str, Any] = {
+        'low_hz': change.low_hz if change.low_hz > 0 else None,
+        'high_hz': None if isinf(change.high_hz) else change.high_hz}
     level = change.amplitude
     # The split into a beginning and an end that explains most of the spread.
     count = len(level)
@@ -186,16 +144,14 @@ def steadiness_remarks(steady: Steadiness, segments: Sequence[Segment]) -> list[
     total = count * float(((level - level.mean())**2).sum())
     if gain > _STEP_SHARE * total:
         ratio = float(level[:cut].mean() / level[cut:].mean()) - 1
-        until = duration(segments[cut].start_s) if cut < len(segments) else ''
-        words = (f'the noise{where} is {100 * abs(ratio):.0f} % '
-                 f'{"higher" if ratio > 0 else "lower"} in the first {until} than after')
-    else:
-        words = (f'the noise{where} changes by {100 * change.spread:.0f} % (standard deviation) '
-                 f'between parts of {duration(segments[0].duration_s)}')
-    return [Remark('not_steady', f'{words}; the intervals are widened accordingly')]
+        return [finding('not_steady', **band, change_share=abs(ratio),
+                        higher='first' if ratio > 0 else 'then',
+                        until_s=segments[cut].start_s if cut < len(segments) else None)]
+    return [finding('not_steady', **band, spread_share=change.spread,
+                    segment_s=segments[0].duration_s)]
 
 
-def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Remark]:
+def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
     """
     Say by how much one half of the record drifts more than the other, by axis.
 
@@ -220,13 +176,10 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Remark]:
     return told
 
 
-def _halves_remark(log_ratio: float, interval_s: float, axis: AxisResult) -> Remark:
-    more, less = ('first', 'second') if log_ratio > 0 else ('second', 'first')
-    each = duration(axis.backtest.tested_s) if axis.backtest is not None else ''
-    return Remark('not_steady', f'over {duration(interval_s)} the {more} half drifts '
-                  f'{exp(abs(log_ratio) / 2):.1f} times as much as the {less} ({each} each, of '
-                  'the longest stretch without a break); numbers for a filter are between the '
-                  'two, and no interval is widened for it')
+def _halves_remark(log_ratio: float, interval_s: float, axis: AxisResult) -> Finding:
+    return finding('not_steady', interval_s=interval_s, drift_ratio=exp(abs(log_ratio) / 2),
+                   higher='first' if log_ratio > 0 else 'second',
+                   half_s=axis.backtest.tested_s if axis.backtest is not None else None)
 
 
 def _change_of_halves(axis: AxisResult) -> tuple[float, float, float] | None:
@@ -271,117 +224,72 @@ def start_of(steady_s: Sequence[float], length_s: float) -> float:
                default=0.0)
 
 
-def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Remark:
+def start_remark(start_s: float, length_s: float, longest_s: float = 0.0) -> Finding:
     """Say what choosing the start has come to, where an axis takes as long as `longest_s`."""
-    if start_s <= 0:
-        return Remark('start_auto', 'no warm-up was found: the recording is used from its '
-                      'beginning')
-    if not is_worth_cutting(start_s, length_s):
-        return Remark('start_auto', f'the warm-up takes {duration(start_s)}, more than half of '
-                      'the recording: nothing is left out, and the coefficients are given without '
-                      'the warm-up; record for longer, or switch on earlier')
-    rest = (f'; an axis that takes {duration(longest_s)} is given without its warm-up'
-            if longest_s > start_s else '')
-    return Remark('start_auto', f'the first {duration(start_s)} were left out: the sensor warmed '
-                  f'up{rest}')
+    return finding('start_auto', warm_up_s=max(start_s, 0.0),
+                   left_out=start_s > 0 and is_worth_cutting(start_s, length_s),
+                   longest_s=longest_s if longest_s > start_s else None)
 
 
-def thermometer_remarks(seen: Temperature) -> list[Remark]:
+def thermometer_remarks(seen: Temperature) -> list[Finding]:
     """Say what is wrong with the readings of a thermometer."""
     if seen.course is None and seen.covered < COVERED:
-        return [Remark('temperature', f'the temperature covers {100 * seen.covered:.0f} % of the '
-                       'record only: it is not used')]
+        return [finding('thermometer', fault='short', covered_share=seen.covered)]
     if seen.course is None:
-        return [Remark('temperature', 'the temperature never changes: nothing can be told from '
-                       'it')]
+        return [finding('thermometer', fault='constant')]
     remarks = []
     span = seen.course.highest - seen.course.lowest
     if seen.step > span * _COARSE:
-        remarks.append(Remark(
-            'temperature', f'the temperature comes in steps of {seen.step:.2g} K within a range '
-            f'of {span:.2g} K: what lies between them is a guess'))
+        remarks.append(finding('thermometer', fault='coarse', step_k=seen.step, range_k=span))
     if seen.gaps:
-        remarks.append(Remark(
-            'temperature', f'the temperature has {seen.gaps} '
-            f'{"gap" if seen.gaps == 1 else "gaps"}, over which a line is drawn'))
+        remarks.append(finding('thermometer', fault='gaps', gaps=seen.gaps))
     return remarks
 
 
-def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Finding]:
     """Say how the mean depends on temperature, and what the random walk was without that."""
     heat = fitted.temperature
     if heat is None:
         return []
     walk, before = fitted.estimates['rate_random_walk'], heat.before.get('rate_random_walk')
-    instead = ''
-    if before is not None and (not walk.observable or not walk.low < before < walk.high):
-        instead = (f'. Without the temperature a rate random walk of {before:.3g} would be read '
-                   'from it')
-    curved = ', and not in proportion to it' if heat.per_kelvin_squared is not None else ''
-    return [Remark(
-        'temperature',
-        f'the mean follows the temperature by {heat.per_kelvin:.3g} {quantity.unit}/K{curved} '
-        f'(95 % interval {heat.low:.3g} to {heat.high:.3g}, seen from {heat.lowest_c:.1f} to '
-        f'{heat.highest_c:.1f} degrees Celsius){_lag(heat)}; the coefficients are given without '
-        f'it, the numbers for a filter with it{instead}')]
+    told = before is not None and (not walk.observable or not walk.low < before < walk.high)
+    return [finding(
+        'temperature', per_kelvin=heat.per_kelvin, per_kelvin_low=heat.low,
+        per_kelvin_high=heat.high, unit=quantity.unit, lowest_c=heat.lowest_c,
+        highest_c=heat.highest_c, curved=heat.per_kelvin_squared is not None, lag_s=heat.lag_s,
+        random_walk_without=before if told else None)]
 
 
-def _lag(heat: Dependence) -> str:
-    """Say which of the two follows the other, thermometer or sensor."""
-    if heat.lag_s is None or heat.lag_ci95 is None:
-        return ''
-    behind, ahead = (('thermometer', 'sensor') if heat.lag_s > 0 else ('sensor', 'thermometer'))
-    low, high = sorted(abs(end) for end in heat.lag_ci95)
-    return (f'. The {behind} follows the {ahead} with a time constant of '
-            f'{duration(abs(heat.lag_s))} ({duration(low)} to {duration(high)}), which is taken '
-            'into account')
-
-
-def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Remark]:
+def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Finding]:
     """Say what moves the mean, and what that means for the random walk."""
-    remarks = [Remark('warm_up', _warm_up(fitted, quantity))] if fitted.warmings else []
+    remarks = []
+    if fitted.warmings:
+        flicker = fitted.estimates['bias_instability']
+        floor = FLICKER_FLOOR * (flicker.value if flicker.observable else
+                                 flicker.upper if isfinite(flicker.upper) else 0.0)
+        first = fitted.warmings[0]
+        remarks.append(finding(
+            'warm_up', amplitude=first.amplitude, unit=quantity.unit,
+            time_constant_s=first.time_constant_s,
+            time_constant_factor=first.longest_s / first.time_constant_s,
+            exponentials=len(fitted.warmings),
+            steady_after_s=max(part.steady_after_s(floor) for part in fitted.warmings)))
     if fitted.cycle_s is not None:
-        such = ", such as a heater's" if fitted.cycle_s >= _HEATED_S else ''
-        remarks.append(Remark(
-            'slow_cycle',
-            f'the mean follows a slow cycle of about {about(fitted.cycle_s)}{such}; the '
-            'coefficients are given without it, the numbers for a filter with it'))
+        remarks.append(finding('slow_cycle', period_s=fitted.cycle_s))
     if fitted.walk_unclear:
-        remarks.append(Remark(
-            'trend_or_walk',
-            'the slowest part of the signal may be a random walk, noise that levels off, or a '
-            'mean that bends, settles, steps or follows the temperature in another way than was '
-            'told: the rate random walk is given as an upper bound. A longer recording of the '
-            'warm sensor at one temperature tells them apart'))
+        remarks.append(finding('trend_or_walk'))
     return remarks
 
 
-def _within(part: Warming) -> str:
-    """Say how well a time constant is known."""
-    factor = part.longest_s / part.time_constant_s
-    return (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < _FACTOR
-            else f'within a factor of {factor:.0f}')
-
-
-def _warm_up(fitted: Fit, quantity: Quantity) -> str:
-    """Say how the mean settles, and when it has."""
-    flicker = fitted.estimates['bias_instability']
-    floor = FLICKER_FLOOR * (flicker.value if flicker.observable else
-                             flicker.upper if isfinite(flicker.upper) else 0.0)
-    steady_s = max(part.steady_after_s(floor) for part in fitted.warmings)
-    parts = [f'{part.amplitude:.3g} {quantity.unit} at the beginning, with a time constant of '
-             f'{duration(part.time_constant_s)} ({_within(part)})' for part in fitted.warmings]
-    return (f'the mean settles as after switching on: {", and ".join(parts)}; it is steady after '
-            f'{duration(steady_s)}')
-
-
-def warm_up_remarks(axes: Mapping[str, AxisResult], length_s: float, *, several: bool = False
-                    ) -> list[Remark]:
+def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_s: float, *,
+               several: bool = False) -> list[Finding]:
     """
-    Say which numbers have the warm-up in them, and how to be without it.
+    Enter into the findings of a warm-up which start leaves it out.
 
     Parameters
     ----------
+    found : iterable of Finding
+        Of all axes.
     axes : mapping of axis name to AxisResult
         What was fitted.
     length_s : float
@@ -391,29 +299,22 @@ def warm_up_remarks(axes: Mapping[str, AxisResult], length_s: float, *, several:
 
     Returns
     -------
-    list of Remark
-        One for the whole recording, where an axis warms up: the recording begins once.
+    list of Finding
+        `start` of a warm-up is what ``--start`` should be, None where the recording is too short.
 
     """
     steady = [time for axis in axes.values() if (time := steady_after_s(axis)) > 0]
-    if not steady:
-        return []
-    start_s, longest_s = start_of(steady, length_s), max(steady)
-    if several and longest_s < length_s:
-        advice = f'leave it out with --start {ceil(longest_s / 60)}min'
-    elif several or start_s <= 0:
-        advice = 'this recording is too short to leave it out; let the sensor warm up first'
+    longest_s, start_s = max(steady, default=0.0), start_of(steady, length_s)
+    if several:
+        start = f'{ceil(longest_s / 60)}min' if 0 < longest_s < length_s else None
     else:
-        advice = 'leave it out with --start auto'
-        if longest_s > start_s:
-            advice += (f', which begins after {duration(start_s)}, since half of the recording '
-                       'must remain')
-    return [Remark('warm_up', 'the coefficients are given without the warm-up, but the numbers '
-                   f'for a filter and the drift have it in them; {advice}')]
+        start = 'auto' if start_s > 0 else None
+    return [one.with_values(start=start, start_s=start_s or None) if one.code == 'warm_up'
+            else one for one in found]
 
 
 def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
-                   unclear: Collection[str] = ()) -> list[Remark]:
+                   unclear: Collection[str] = ()) -> list[Finding]:
     """
     Say what the record is too short for.
 
@@ -428,31 +329,20 @@ def length_remarks(axes: Mapping[str, AxisResult], summary: TimelineSummary,
 
     Returns
     -------
-    list of Remark
+    list of Finding
 
     """
     live = {name: axis for name, axis in axes.items()
             if axis.goodness_of_fit.p_value is not None}
-    length = duration(summary.timeline.duration_s)
+    length_s = summary.timeline.duration_s
     if not live:
-        if summary.timeline.samples < SHORTEST_RECORD:
-            return [Remark('short_recording',
-                           f'{summary.timeline.samples} samples in {length} are too few '
-                           f'for any coefficient; at least {SHORTEST_RECORD} are needed')]
-        return []
-    remarks = []
-    for key in ('noise_density', 'rate_random_walk'):
-        hidden = {name: axis.coefficients[key] for name, axis in live.items()
-                  if not axis.coefficients[key].observable
-                  and not (key == 'rate_random_walk' and name in unclear)}
-        if not hidden:
-            continue
-        terms: dict[str, list[str]] = {}
-        for name in hidden:
-            terms.setdefault(TERMS[key].name(AXES[name]), []).append(name)
-        what = listed([f'{term} of {named(names)}' for term, names in terms.items()])
-        remarks.append(Remark(
-            'short_recording',
-            f'{what} {"does" if len(terms) == 1 else "do"} not show in {length} of data: '
-            f'only an upper bound is given'))
-    return remarks
+        few = summary.timeline.samples < SHORTEST_RECORD
+        return [finding('short_recording', severity='act', samples=summary.timeline.samples,
+                        needed=SHORTEST_RECORD, duration_s=length_s)] if few else []
+    return [
+        finding('short_recording', (name,),
+                severity='act' if key == 'noise_density' else 'know',
+                coefficient=key, duration_s=length_s)
+        for key in ('noise_density', 'rate_random_walk') for name, axis in live.items()
+        if not axis.coefficients[key].observable
+        and not (key == 'rate_random_walk' and name in unclear)]

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from imu_allan.result import Remark, Result
+from imu_allan.finding import finding
+from imu_allan.result import Result
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,9 @@ def united(parts: Sequence[HalfResult]) -> Result:
             for part in parts for name, axis in part.result.axes.items()
             if name.startswith(f'{part.half}_')}
     known = [part for part in parts if part.result.axes] or list(parts[:1])
-    rates = ' and '.join(
-        f'the {part.sensor} from {part.topic} at '
-        f'{part.result.timeline.sample_rate_hz or 0:.6g} Hz' for part in known)
-    remarks = [Remark('two_rates', f'{rates}; rate, gaps and faults are those of the '
-                      f'{known[0].sensor}')]
+    remarks = [finding('two_rates', sensors=[part.half for part in known],
+                       topics=[part.topic for part in known],
+                       rates_hz=[part.result.timeline.sample_rate_hz for part in known])]
     for part in parts:
         remarks += [remark for remark in part.result.warnings if remark not in remarks]
     topics = list(dict.fromkeys(part.topic for part in parts))

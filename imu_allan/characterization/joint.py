@@ -20,10 +20,11 @@ from imu_allan.characterization.exponents import (
     remark_on_exponents,
     with_own_exponents,
 )
-from imu_allan.characterization.findings import length_remarks, warm_up_remarks
+from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.characterization.stream import Characterization, FinishedGroup, FinishedRecord
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
 from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.chi_square import NORMAL95
@@ -35,7 +36,6 @@ from imu_allan.result import (
     AxisResult,
     Coefficient,
     RecordingPart,
-    Remark,
     Result,
     Source,
     Span,
@@ -43,8 +43,6 @@ from imu_allan.result import (
     Timeline,
     TurnOnBias,
 )
-from imu_allan.sensor.units import engineering
-from imu_allan.wording import number
 import numpy as np
 
 _SAME_RATE = 0.005
@@ -65,7 +63,7 @@ class _Part:
 
 
 def joint_result(recordings: Sequence[Characterization],
-                 remarks: Sequence[Sequence[Remark]] = ()) -> Result:
+                 remarks: Sequence[Sequence[Finding]] = ()) -> Result:
     """
     Characterize one IMU from several recordings.
 
@@ -73,7 +71,7 @@ def joint_result(recordings: Sequence[Characterization],
     ----------
     recordings : sequence of Characterization
         At least two, each of a whole recording.
-    remarks : sequence of sequence of Remark, optional
+    remarks : sequence of sequence of Finding, optional
         Findings of the front door about each.
 
     Returns
@@ -116,8 +114,7 @@ def joint_result(recordings: Sequence[Characterization],
     axes = {name: widened(replace(_with_faults(_with_spread(axis, name, parts), name, parts),
                                   stationarity=_stationarity(name, parts)), *error)
             for name, (axis, _) in fitted.items()}
-    found = [Remark(remark.code, f'{name}: {remark.message}')
-             for name, (_, own) in fitted.items() for remark in own]
+    found = [remark.of(name) for name, (_, own) in fitted.items() for remark in own]
     timeline = _timeline([part.result.timeline for part in parts], rate)
     summary = replace(first.summary, timeline=timeline)
     source = parts[0].result.source
@@ -129,9 +126,9 @@ def joint_result(recordings: Sequence[Characterization],
                source.clock),
         timeline, axes,
         (*_contradictions(parts, axes), *_turn_on_remarks(spread, axes), *_of_each(parts, axes),
-         *found,
-         *warm_up_remarks(axes, min(part.result.timeline.duration_s for part in parts),
-                          several=True),
+         *with_start(found, axes, min(part.result.timeline.duration_s for part in parts),
+                     several=True),
+         *tone_findings(axes),
          *length_remarks(axes, summary)),
         tuple(RecordingPart(part.path, part.result.source.start_time,
                             part.result.timeline.duration_s, _means(part)) for part in parts),
@@ -249,14 +246,14 @@ def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
 # ---------------------------------------------------------------------------- what is put together
 
 def _axis_results(parts: Sequence[_Part], rate_hz: float
-                  ) -> dict[str, tuple[AxisResult, list[Remark]]]:
+                  ) -> dict[str, tuple[AxisResult, list[Finding]]]:
     """Fit all axes, those at once that came and went together in every recording."""
     together: dict[tuple[int, ...], list[str]] = {}
     names = parts[0].record.names
     for name in names:
         key = tuple(part.record.groups.index(part.record.group_of(name)) for part in parts)
         together.setdefault(key, []).append(name)
-    found: dict[str, tuple[AxisResult, list[Remark]]] = {}
+    found: dict[str, tuple[AxisResult, list[Finding]]] = {}
     for alike in together.values():
         groups = [part.record.group_of(alike[0]).taken(alike) for part in parts]
         found |= zip(alike, _group_results(parts, groups, rate_hz), strict=True)
@@ -264,14 +261,14 @@ def _axis_results(parts: Sequence[_Part], rate_hz: float
 
 
 def _group_results(parts: Sequence[_Part], groups: Sequence[FinishedGroup], rate_hz: float
-                   ) -> list[tuple[AxisResult, list[Remark]]]:
+                   ) -> list[tuple[AxisResult, list[Finding]]]:
     """Give every axis curve and mean of the recordings in which it works, if there are any."""
     fits = joint_fits([group.estimator for group in groups], 1 / rate_hz,
                       [group.temperature for group in groups])
     names = groups[0].names
     quantities = [AXES[name] for name in names]
     corners_hz = [_corner_hz(name, parts) for name in names]
-    of: dict[tuple[int, ...], list[tuple[AxisResult, list[Remark]]]] = {}
+    of: dict[tuple[int, ...], list[tuple[AxisResult, list[Finding]]]] = {}
     found = []
     for axis, name in enumerate(names):
         working = tuple(number for number, part in enumerate(parts)
@@ -286,7 +283,7 @@ def _group_results(parts: Sequence[_Part], groups: Sequence[FinishedGroup], rate
 
 def _steps(name: str, parts: Sequence[_Part]) -> bool:
     """Whether the mean of an axis is told to step in a recording."""
-    return any(remark.code == 'bias_step' and remark.message.startswith(f'{name}: ')
+    return any(remark.code == 'bias_step' and name in remark.axes
                for part in parts for remark in part.result.warnings)
 
 
@@ -338,17 +335,17 @@ def _means(part: _Part) -> dict[str, float]:
     return {name: axis.mean for name, axis in part.result.axes.items() if axis.mean is not None}
 
 
-def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Remark]:
+def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
     """Return what the timeline and the front door said about one recording or another."""
     # An axis that is constant in all of them is said once.
-    constant = tuple(f'{name}: ' for name, axis in axes.items() if axis.constant)
+    constant = {name for name, axis in axes.items() if axis.constant}
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'power_law',
            'coarse_resolution', 'warm_up', 'trend_or_walk', 'temperature', 'high_passed',
-           'perhaps_high_passed')
-    return [Remark(remark.code, f'{part.path}: {remark.message}') for part in parts
+           'perhaps_high_passed', 'tones')
+    return [remark.with_values(recording=part.path) for part in parts
             for remark in part.result.warnings if remark.code not in own
-            and (remark.code != 'constant_axis' or not remark.message.startswith(constant))]
+            and not (remark.code == 'constant_axis' and constant.issuperset(remark.axes))]
 
 
 def _stationarity(name: str, parts: Sequence[_Part]) -> Stationarity | None:
@@ -387,16 +384,13 @@ def _turn_on_bias(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> dic
 
 
 def _turn_on_remarks(spread: Mapping[str, TurnOnBias], axes: Mapping[str, AxisResult]
-                     ) -> list[Remark]:
+                     ) -> list[Finding]:
     remarks = []
     for name, found in spread.items():
         if found.sigma > 0 and found.ci95[0] > 0:
-            value, unit = engineering(found.sigma, axes[name].unit)
-            low, high = (number(engineering(end, axes[name].unit)[0], 3) for end in found.ci95)
-            remarks.append(Remark(
-                'turn_on_bias', f'{name}: the mean differs from recording to recording by '
-                f'{number(value, 3)} {unit} beyond what it wanders in one (at least {low} '
-                f'and at most {high})'))
+            remarks.append(finding('turn_on_bias', (name,), sigma=found.sigma,
+                                   sigma_low=found.ci95[0], sigma_high=found.ci95[1],
+                                   unit=axes[name].unit))
     return remarks
 
 
@@ -453,7 +447,7 @@ def _widened(found: Coefficient, values: Mapping[str, float], errors: Mapping[st
     return replace(found, ci95=(low, high))
 
 
-def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Remark]:
+def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Finding]:
     """Say which recording contradicts the others, and in what."""
     remarks = []
     compared = [(name, key) for name in axes for key in LASTING_TERMS]
@@ -468,14 +462,10 @@ def _contradictions(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> l
         others = [path for path in values if path != odd]
         weights = [errors[path]**-2 for path in others]
         usual = exp(float(np.average([values[path] for path in others], weights=weights)))
-        unit = TERMS[key].unit(AXES[name])
-        shown, shown_unit = engineering(exp(values[odd]), unit)
-        other = number(engineering(usual, unit)[0])
-        where = others[0] if len(others) == 1 else 'the others'
-        remarks.append(Remark(
-            'recordings_disagree',
-            f'{name}: {TERMS[key].name(AXES[name])} differs between the recordings beyond error: '
-            f'{number(shown)} {shown_unit} in {odd}, {other} in {where}; the interval is widened'))
+        remarks.append(finding(
+            'recordings_disagree', (name,), coefficient=key, value=exp(values[odd]),
+            of_recording=odd, usual_value=usual, others=others,
+            unit=TERMS[key].unit(AXES[name])))
     return remarks
 
 

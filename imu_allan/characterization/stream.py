@@ -22,17 +22,19 @@ from imu_allan.characterization.findings import (
     length_remarks,
     MEAN_MOVES,
     thermometer_remarks,
-    warm_up_remarks,
+    tone_findings,
+    with_start,
 )
 from imu_allan.characterization.group import Group
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding, finding
 from imu_allan.noise.alike import SAME
 from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.terms import AXES
-from imu_allan.result import AxisResult, Backtest, Remark, Result, Signal, Source
+from imu_allan.result import AxisResult, Backtest, Result, Signal, Source
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
@@ -268,14 +270,14 @@ class Characterization:
         """Stamps in use; None as long as nothing has been decided for good."""
         return self._timeline.clock
 
-    def result(self, remarks: Iterable[Remark] = (), *,
+    def result(self, remarks: Iterable[Finding] = (), *,
                tested: Mapping[str, Backtest | None] | None = None) -> Result:
         """
         Fit what has come so far; the stream is left as it is.
 
         Parameters
         ----------
-        remarks : iterable of Remark, optional
+        remarks : iterable of Finding, optional
             Findings of the front door, such as a truncated recording; they come first.
         tested : mapping of axis name to Backtest or None, optional
             Backtests of a shorter record, which spare a tenth of a second; else they are made.
@@ -293,7 +295,7 @@ class Characterization:
         """
         return self.fitted(remarks, tested=tested)[0]
 
-    def fitted(self, remarks: Iterable[Remark] = (), *,
+    def fitted(self, remarks: Iterable[Finding] = (), *,
                tested: Mapping[str, Backtest | None] | None = None
                ) -> tuple[Result, dict[str, AxisFit | None]]:
         """Return the result, as `result` does, and the fit of every axis that it was made of."""
@@ -308,8 +310,9 @@ class Characterization:
         summary = twin.summary()
         if summary.mostly_motion and self._kind == 'recording':
             # Two sensors on one topic shake as much as one that moves.
-            mixed = ''.join(f'; {remark.message}' for remark in summary.remarks
-                            if remark.code == 'several_publishers')
+            mixed = ('; or two sensors publish on this topic: ros2 topic info --verbose names '
+                     'the publishers' if any(remark.code == 'several_publishers'
+                                             for remark in summary.remarks) else '')
             raise ImuAllanError(
                 f'{self.place}: the IMU moves during most of the recording; record it at rest, '
                 'choose a still part with --start and --duration, or keep everything with '
@@ -330,16 +333,15 @@ class Characterization:
         return first.thermometer.signal(first.estimator.finished().signal.columns(), 1 / rate)
 
     def _axes(self, summary: TimelineSummary, tested: Mapping[str, Backtest | None] | None
-              ) -> tuple[dict[str, AxisResult], list[Remark], dict[str, AxisFit | None]]:
+              ) -> tuple[dict[str, AxisResult], list[Finding], dict[str, AxisFit | None]]:
         rate = summary.timeline.sample_rate_hz
         if not self._groups:
             return {}, [], {}
         if rate is None:
-            return {}, [Remark('unknown_rate',
-                               'the sample rate cannot be told from so few stamps')], {}
+            return {}, [finding('unknown_rate')], {}
         axes: dict[str, AxisResult] = {}
         fits: dict[str, AxisFit | None] = {}
-        remarks: list[Remark] = []
+        remarks: list[Finding] = []
         unclear: set[str] = set()
         for group in self._groups:
             axes |= self._fit_group(group, rate, remarks, unclear, tested, fits)
@@ -347,10 +349,11 @@ class Characterization:
                 for name in AXES if name in axes}
         axes = {name: widened(axis, *summary.density_error) for name, axis in axes.items()}
         unclear.update(summary.turned)
-        remarks += warm_up_remarks(axes, summary.timeline.duration_s)
+        remarks = [*with_start(remarks, axes, summary.timeline.duration_s),
+                   *tone_findings(axes)]
         return axes, remarks + length_remarks(axes, summary, unclear), fits
 
-    def _fit_group(self, group: Group, rate: float, remarks: list[Remark], unclear: set[str],
+    def _fit_group(self, group: Group, rate: float, remarks: list[Finding], unclear: set[str],
                    tested: Mapping[str, Backtest | None] | None,
                    fits: dict[str, AxisFit | None]) -> dict[str, AxisResult]:
         """Fit a group into `fits`; what is worth telling goes to `remarks`, names to `unclear`."""
@@ -370,13 +373,13 @@ class Characterization:
             for name, of in ((first, second), (second, first)):
                 axes[name] = replace(axes[name], copy_of=of if sign == SAME else f'-{of}')
         for name, (_, own) in zip(names, fitted, strict=True):
-            remarks += [Remark(remark.code, f'{name}: {remark.message}') for remark in own]
+            remarks += [remark.of(name) for remark in own]
             if any(remark.code in MEAN_MOVES for remark in own):
                 unclear.add(name)
         unsaid = {name: axes[name] for name, (_, own) in zip(names, fitted, strict=True)
                   if not any(remark.code in {'not_steady', *MEAN_MOVES} for remark in own)}
         for name, remark in halves_remarks(unsaid).items():
-            remarks.append(Remark(remark.code, f'{name}: {remark.message}'))
+            remarks.append(remark.of(name))
             axes[name] = unsteady(axes[name])
         if heat is not None and group is self._groups[0]:
             remarks += thermometer_remarks(heat)

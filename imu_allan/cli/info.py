@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _print_recording(path: Path, args: argparse.Namespace) -> None:
     from imu_allan.recordings import choose_topic, open_recording
+    from imu_allan.writers.words import message_of
 
     with open_recording(path, options=recording_options(args)) as recording:
         if len(recording.topics) < 2:
@@ -95,7 +96,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         _list('of them might hold an IMU and is not read',
               'of them might hold an IMU and are not read', sorted(recording.reasons.items()))
         for remark in recording.remarks:
-            print('\n'.join(_wrapped('warning: ', remark.message)))
+            print('\n'.join(_wrapped('warning: ', message_of(remark))))
 
 
 def _rate_of(recording: 'Recording', topic: str, args: argparse.Namespace) -> float | None:
@@ -148,6 +149,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     from imu_allan.sensor.acceleration_unit import AccelerationUnit
     from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage
     from imu_allan.wording import named, NO_TOPIC
+    from imu_allan.writers.words import message_of
 
     stage = TimelineStage(TimelineOptions(rate_hz=rate_hz))
     unit = AccelerationUnit()
@@ -193,7 +195,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     heat = thermometer_of(recording, topic)
     if heat is not None:
         rows.append(('temperature', f'from {heat.name}'))
-    rows += [('warning', remark.message) for remark in unit.remarks]
+    rows += [('warning', message_of(remark)) for remark in unit.remarks]
     return lines + [line for name, text in rows
                     for line in _wrapped(f'  {name:<{_INDENT - 2}}', text)]
 
@@ -210,6 +212,7 @@ def _wrapped(name: str, text: str) -> list[str]:
 
 def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, str]]:
     from imu_allan.wording import clock_of, counted, duration
+    from imu_allan.writers.words import message_of
 
     timeline = summary.timeline
     rows = [('frame_id', summary.frame_id or '(empty)')]
@@ -247,7 +250,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
                               for span in spans[:_LISTED])
             more = f' and {count - _LISTED} more' if count > _LISTED else ''
             rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
-    rows.extend(('warning', remark.message) for remark in summary.remarks)
+    rows.extend(('warning', message_of(remark)) for remark in summary.remarks)
     return rows
 
 

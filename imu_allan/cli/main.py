@@ -16,7 +16,7 @@ import os
 import sys
 from typing import Any
 
-from imu_allan.cli import analyze, check, export, info, report, simulate, tune
+from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import require_apart
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.version import __version__
@@ -50,7 +50,7 @@ def command_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='version', version=f'imu_allan {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', dest='verb', required=True)
-    for verb in (analyze, info, simulate, check, tune, export, report):
+    for verb in (analyze, info, simulate, check, tune, export, report, explain):
         verb.register(verbs)
     for verb_parser in verbs.choices.values():
         verb_parser.set_defaults(verb_parser=verb_parser)

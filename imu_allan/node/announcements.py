@@ -7,12 +7,12 @@ Each `see_` method is given what is true now and compares it with what was true 
 """
 
 from imu_allan.node.diagnostics import cause_of_loss, Facts, off_rate, waiting_for
-from imu_allan.node.findings import live_text
 from imu_allan.node.log import Log
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, listed, measured, spoken
+from imu_allan.writers.words import message_of
 
 PAUSE_S = 1.0
 """Longer than a hiccup of Wi-Fi, and shorter than a driver takes to start. A judgment."""
@@ -138,7 +138,7 @@ class Announcements:
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
                            f'{summary.clock or "no"} stamps')
         for remark in summary.remarks:
-            self._say_once(remark.code, live_text(remark))
+            self._say_once(remark.code, message_of(remark, live=True))
         self._turn('moving', summary.moving,
                    'the IMU moves: what it measures meanwhile is left out',
                    'the IMU is at rest again')
@@ -171,7 +171,7 @@ class Announcements:
         for what, axes in fresh.items():
             self._log.info(f'observable: {what} of {"; ".join(axes)}')
         for remark in result.warnings:
-            self._say_once(remark.code, live_text(remark))
+            self._say_once(remark.code, message_of(remark, live=True))
 
     def see_standing(self, facts: Facts) -> None:
         """Tell where the verdict of a standard has changed."""

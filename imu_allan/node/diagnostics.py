@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from imu_allan.node.findings import live_text
 from imu_allan.node.recent import Recent, RECENT_S
 from imu_allan.node.result_messages import as_text
 from imu_allan.node.standards import Finding
@@ -19,6 +18,7 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, spoken
+from imu_allan.writers.words import message_of
 
 _RATE_TOLERANCE = 0.02
 """As in the timeline: a stated rate may be rounded, and a clock off."""
@@ -273,7 +273,8 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
     wrong = off_rate(facts, summary)
     if wrong:
         return WARN, wrong
-    lasting = [live_text(remark) for remark in summary.remarks if remark.code not in _PASSED]
+    lasting = [message_of(remark, live=True) for remark in summary.remarks
+               if remark.code not in _PASSED]
     if lasting:
         return WARN, '; '.join(lasting)
     faults = [f'{counted(count, what)}{why}' for key, what, why in (
@@ -281,7 +282,7 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
         ('out_of_order', 'message', ' out of order'), ('rejected', 'message', ' rejected'),
         ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
     if faults:
-        why = [live_text(remark) for remark in summary.remarks]
+        why = [message_of(remark, live=True) for remark in summary.remarks]
         return WARN, '; '.join([f'{", ".join(faults)} {_LATELY}', *why])
     if not timeline.samples:
         return OK, 'no samples yet'
@@ -332,7 +333,8 @@ def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
         return ERROR, facts.fit_error
     if result is None or not result.axes:
         return OK, 'no result yet'
-    bad = [live_text(remark) for remark in result.warnings if remark.code in _FIT_TROUBLE]
+    bad = [message_of(remark, live=True) for remark in result.warnings
+           if remark.code in _FIT_TROUBLE]
     if bad:
         return WARN, '; '.join(bad)
     following = waiting_for(result)
@@ -354,7 +356,7 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
             values[f'observable/{key}'] = sum(axis.coefficients[key].observable
                                               for axis in result.axes.values())
         for remark in result.warnings:
-            values.setdefault(f'remarks/{remark.code}', live_text(remark))
+            values.setdefault(f'remarks/{remark.code}', message_of(remark, live=True))
         following = waiting_for(result)
         if following is not None:
             axis, key, seconds = following

@@ -12,12 +12,13 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.findings import live_text
+from imu_allan.finding import Finding
 from imu_allan.noise.terms import LASTING_TERMS
-from imu_allan.result import AxisResult, Coefficient, Remark, Result, TurnOnBias
+from imu_allan.result import AxisResult, Coefficient, Result, TurnOnBias
 from imu_allan.tuning.forecast import FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import tune
 from imu_allan.wording import duration
+from imu_allan.writers.words import message_of, of_axis
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
 SENSORS = ('gyro', 'accel')
@@ -98,8 +99,8 @@ def coefficients_message(result: Result, node_name: str, stamp: Time) -> Diagnos
         if not axis.goodness_of_fit.acceptable:
             level = DiagnosticStatus.WARN
             message += '; no noise model fits this axis well'
-        remarks = [remark for remark in result.warnings
-                   if remark.message.startswith(f'{name}: ')]
+        remarks = [of_axis(remark, name) for remark in result.warnings
+                   if name in remark.axes]
         array.status.append(DiagnosticStatus(
             level=level, name=f'{node_name}: {name}', message=message,
             hardware_id=result.source.topic or '',
@@ -184,7 +185,7 @@ def _not_observable(key: str, coefficient: Coefficient) -> str:
     return text
 
 
-def _axis_values(axis: AxisResult, remarks: Sequence[Remark],
+def _axis_values(axis: AxisResult, remarks: Sequence[Finding],
                  spread: TurnOnBias | None) -> list[KeyValue]:
     entries: dict[str, object] = {'unit': axis.unit, 'mean': axis.mean,
                                   'band_limit_s': axis.band_limit_s}
@@ -210,7 +211,7 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Remark],
                     f'weaker_tones/{i}/amplitude': tone.amplitude,
                     f'weaker_tones/{i}/lines': tone.lines}
     entries |= _forecast_values(axis)
-    entries |= {f'remarks/{remark.code}': live_text(remark).partition(': ')[2]
+    entries |= {f'remarks/{remark.code}': message_of(remark, live=True)
                 for remark in remarks}
     return [KeyValue(key=key, value=as_text(value)) for key, value in entries.items()
             if value is not None]

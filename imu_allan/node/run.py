@@ -10,14 +10,16 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import HalfResult, united
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
 from imu_allan.node.same_imu import ChangeWatch, Probation, Signature
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
-from imu_allan.result import Backtest, Remark, Result
+from imu_allan.result import Backtest, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
+from imu_allan.writers.words import with_words
 
 BACKTEST_GROWTH = 1.15
 """A backtest is made again when the record is longer by so much: what it says has hardly changed
@@ -35,7 +37,7 @@ class LaneSnapshot:
     characterization: Characterization
     power_ons: PowerOns
     half: Half | None
-    remarks: Sequence[Remark]
+    remarks: Sequence[Finding]
 
     def fitted(self, tested: Backtests | None = None) -> tuple[Result, Fits]:
         """Fit it: the result, and the fits of its axes."""
@@ -74,10 +76,10 @@ class Snapshot:
     def as_one(self, results: Sequence[Result]) -> Result:
         """Join the results of the lanes."""
         if len(results) == 1:
-            return results[0]
-        return united([HalfResult(lane.half, lane.characterization.topic or '', result)
-                       for lane, result in zip(self.lanes, results, strict=True)
-                       if lane.half is not None])
+            return with_words(results[0])
+        return with_words(united([
+            HalfResult(lane.half, lane.characterization.topic or '', result)
+            for lane, result in zip(self.lanes, results, strict=True) if lane.half is not None]))
 
     def result(self) -> Result:
         """Fit it."""

@@ -167,9 +167,7 @@ def _tell_filtered(recording: Recording, topic: str) -> None:
                   for stamp in common)
     if len(common) >= _ENOUGH and changed > len(common) / 2:
         recording.remark(
-            'filtered',
-            f'the samples of {printable(topic)} have passed an orientation filter that changes '
-            f'them, perhaps by a bias that it estimates; take {printable(raw)}')
+            'filtered', by='orientation', topic=printable(topic), raw=printable(raw))
 
 
 def _tell_others(recording: Recording) -> None:
@@ -178,11 +176,8 @@ def _tell_others(recording: Recording) -> None:
     others = [imu.name for imu in recording.topics if imu.name not in chosen]
     if others:
         recording.remark(
-            'chosen_topic',
-            f'of {len(recording.topics)} IMU topics {" and ".join(map(printable, chosen))} '
-            f'{"is" if len(chosen) == 1 else "are"} read, {recording.preferred_for}; '
-            f'--topic, or --gyro-topic and --accel-topic, choose among '
-            f'{", ".join(map(printable, others))}')
+            'chosen_topic', topics=len(recording.topics), chosen=[*map(printable, chosen)],
+            reason=recording.preferred_for, others=[*map(printable, others)])
 
 
 def half_of(recording: Recording, topic: str) -> Half | None:
@@ -207,26 +202,19 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
     repeated = {half: _is_repeated(samples[:, columns]) for half, columns in _COLUMNS.items()}
     if all(repeated.values()) and _come_in_turn(samples):
         recording.remark(
-            'repeated_half',
-            f'each message of topic {printable(topic)} repeats one of its halves; each sensor is '
-            'analyzed at its own rate')
+            'repeated_half', topic=printable(topic), half=None)
         return [Stream(topic, half, only_new=True) for half in _OTHER]
     for half, other in _OTHER.items():
         if repeated[half] and not repeated[other]:
             streams = [Stream(topic, half, only_new=True), Stream(topic, other)]
             recording.remark(
-                'repeated_half',
-                f'topic {printable(topic)} repeats its {_name(half)} samples between new ones; '
-                'each sensor is analyzed at its own rate')
+                'repeated_half', topic=printable(topic), half=half)
             return streams if half == 'gyro' else streams[::-1]
         on_lines = _lies_on_lines(samples[:, _COLUMNS[half]], stamps) and not _lies_on_lines(
             samples[:, _COLUMNS[other]], stamps)
         if on_lines or _beats(samples[:, _COLUMNS[half]]):
             recording.remark(
-                'interpolated',
-                f'the {_name(half)} samples of topic {printable(topic)} are interpolated between '
-                "fewer: their white noise is two thirds of the sensor's and coloured at short "
-                'times; record without uniting (RealSense: unite_imu_method 0)')
+                'interpolated', topic=printable(topic), half=half)
     return [Stream(topic)]
 
 

@@ -9,7 +9,6 @@ from imu_allan.cdr import MalformedImu
 from imu_allan.errors import printable
 from imu_allan.recordings.messages.decoder import BARE_IMU, ImuMessages
 from imu_allan.recordings.messages.imus_in import IMU_TYPES
-from imu_allan.wording import counted
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,11 @@ class MalformedMessages:
         self.count += count
         self.reason = self.reason or str(error)
 
-    def report(self, imu: ImuTopic, remark: Callable[[str, str], None]) -> None:
-        """Hand code and text to `remark` where there were any in the messages of a topic."""
+    def report(self, imu: ImuTopic, remark: Callable[..., None]) -> None:
+        """Hand a finding to `remark` where there were any in the messages of a topic."""
         if self.count:
             kind = imu.messages.type_name
             kind = 'sensor_msgs/Imu' if kind in IMU_TYPES else printable(kind)
             remark(
-                'malformed_messages',
-                f'left out {counted(self.count, "invalid message")} of {printable(imu.name)} '
-                f'({kind}); the first: {self.reason}')
+                'malformed_messages', what='message', count=self.count,
+                topic=printable(imu.name), type=kind, first=self.reason)

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 
 from imu_allan.block import ImuBlock
+from imu_allan.finding import Finding
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.recording import Recording
 from imu_allan.recordings.topic_readings import is_large, TopicReadings
-from imu_allan.result import Remark
 
 HELD_BYTES = 1 << 27
 """Of messages that are held at a time: two million."""
@@ -51,7 +51,7 @@ class ManyTopics:
         self._held_bytes = held_bytes
         self._recording: Recording | None = None
         self._open = False
-        self._remarks: list[Remark] = []
+        self._remarks: list[Finding] = []
         self._imus: Mapping[str, ImuTopic] = {}
         self._readings = TopicReadings((), held_bytes)
         self._until = 0
@@ -161,7 +161,7 @@ class _HeldTopics(Recording):
 
     def __init__(self, recording: Recording, opened: Callable[[], Recording],
                  imus: Mapping[str, ImuTopic], readings: TopicReadings,
-                 remarks: list[Remark]) -> None:
+                 remarks: list[Finding]) -> None:
         super().__init__(recording.path, recording.options)
         self.in_memory = True
         self.topics, self.thermometers = recording.topics, recording.thermometers

@@ -8,10 +8,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import Serialization
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.finding import Finding, finding
 from imu_allan.recordings.descriptions import Descriptions
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
@@ -24,7 +26,6 @@ from imu_allan.recordings.messages.imus_in import (
 )
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.topic_readings import TopicReadings
-from imu_allan.result import Remark
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """How the names of the files in a rosbag2 directory end."""
@@ -64,7 +65,7 @@ class Recording(ABC):
         Bytes that `decoded` goes through, for progress.
     in_memory : bool
         Whether the messages are in memory, so that nothing is won by reading ahead.
-    remarks : list of Remark
+    remarks : list of Finding
         What the user should know about the file; grows while it is read.
 
     Notes
@@ -87,7 +88,7 @@ class Recording(ABC):
         self.apart = ''
         self.size_bytes = 0
         self.in_memory = False
-        self.remarks: list[Remark] = []
+        self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
         self._descriptions = Descriptions()
 
@@ -150,8 +151,7 @@ class Recording(ABC):
         """Whether a description of so many bytes is kept; where not, that is told."""
         kept = self._descriptions.keep(size)
         if not kept:
-            self.remark('many_definitions', 'what it says about its topics is longer than any '
-                        'recorder writes; the topics from there on are not read')
+            self.remark('many_definitions')
         return kept
 
     def list_own_thermometer(self, imu: ImuTopic) -> None:
@@ -162,12 +162,12 @@ class Recording(ABC):
                 f'{imu.name}:{fields.temperature}', imu.count,
                 replace(imu.messages, fields=heat, factors=(1.0, 1.0)), imu.topic))
 
-    def remark(self, code: str, message: str) -> None:
-        """Add a remark, once."""
-        self.keep_remark(Remark(code, f'{printable(self.path)}: {message}'))
+    def remark(self, code: str, **values: Any) -> None:
+        """Add a finding about this recording, once."""
+        self.keep_remark(finding(code, recording=printable(self.path), **values))
 
     @contextmanager
-    def remarks_apart(self) -> Iterator[list[Remark]]:
+    def remarks_apart(self) -> Iterator[list[Finding]]:
         """Keep the remarks that are made meanwhile out of `remarks`."""
         before = self.remarks, self._withheld
         self.remarks, self._withheld = [], {}
@@ -176,7 +176,7 @@ class Recording(ABC):
         finally:
             self.remarks, self._withheld = before
 
-    def keep_remark(self, remark: Remark) -> None:
+    def keep_remark(self, remark: Finding) -> None:
         """Add a remark, once; of the same kind ten are kept, and the others counted."""
         same = [kept.code for kept in self.remarks].count(remark.code)
         if remark in self.remarks:
@@ -185,8 +185,8 @@ class Recording(ABC):
             self.remarks.append(remark)
             return
         withheld = self._withheld.setdefault(remark.code, set())
-        withheld.add(remark.message)
-        rest = Remark(remark.code, f'{printable(self.path)}: {len(withheld)} more like these')
+        withheld.add(repr(remark))
+        rest = finding(remark.code, recording=printable(self.path), more=len(withheld))
         if same == _MOST_REMARKS:
             self.remarks.append(rest)
         else:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.finding import finding
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.recording import Recording
-from imu_allan.result import Remark
 import numpy as np
 from numpy.typing import NDArray
 
@@ -123,7 +123,7 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
     except ImuAllanError as error:
         if recording.options.temperature is not None:
             raise
-        remarks.append(Remark('temperature', f'the temperature was not read: {error}'))
+        remarks.append(finding('thermometer', fault='unread', reason=str(error)))
     recording.remarks[:] = remarks
 
 

@@ -9,9 +9,9 @@ from operator import itemgetter
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.piece import Piece
-from imu_allan.result import Remark
 import numpy as np
 
 _UNDECODED_BYTES = 1 << 26
@@ -47,7 +47,7 @@ class TopicReading:
         What of the file is none.
     broken_chunks, first_broken : int, (int, str)
         Damaged chunks of the file that hold messages of it; place and reason of the first.
-    remarks : list of (int, Remark)
+    remarks : list of (int, Finding)
         What the user should know of this topic alone, with the number of the file.
     failure : ImuAllanError or None
         Why nothing can be read behind the last of `blocks`.
@@ -60,7 +60,7 @@ class TopicReading:
 
     def __init__(self, imu: ImuTopic, memory: 'TopicReadings') -> None:
         self.blocks: list[ImuBlock] = []
-        self.remarks: list[tuple[int, Remark]] = []
+        self.remarks: list[tuple[int, Finding]] = []
         self.failure: ImuAllanError | None = None
         self.dropped = False
         self.held_bytes = 0
@@ -152,7 +152,7 @@ class TopicReadings:
         self.crowded: set[str] = set()
         self.given_up = not self.by_name
         self._most = most_bytes
-        self._common: list[tuple[int, Remark]] = []
+        self._common: list[tuple[int, Finding]] = []
         self._file = 0
         self._held = self._undecoded = 0
         self._waiting: dict[str, TopicReading] = {}
@@ -168,7 +168,7 @@ class TopicReadings:
                 reading.begin(imu)
                 self.by_source.setdefault(imu.topic, []).append(reading)
 
-    def tell(self, remarks: Iterable[Remark], reading: TopicReading | None = None) -> None:
+    def tell(self, remarks: Iterable[Finding], reading: TopicReading | None = None) -> None:
         """Keep what is to be said of the present file, or of one topic in it."""
         if reading is not None:
             reading.remarks += [(self._file, remark) for remark in remarks]
@@ -176,7 +176,7 @@ class TopicReadings:
             self._common += [(self._file, remark) for remark in islice(
                 remarks, _MOST_COMMON - len(self._common))]
 
-    def remarks_on(self, name: str) -> list[Remark]:
+    def remarks_on(self, name: str) -> list[Finding]:
         """Give all remarks on a topic in the order of the files."""
         return [remark for _, remark in merge(
             self._common, self.by_name[name].remarks, key=itemgetter(0))]

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from imu_allan.block import ImuBlock
-from imu_allan.result import Remark
+from imu_allan.finding import Finding, finding
 from imu_allan.sensor.units import STANDARD_GRAVITY
 import numpy as np
 from numpy.typing import NDArray
@@ -85,12 +85,9 @@ class AccelerationUnit:
         return len(self._latest) > 0 and _verdict(self._latest) is True
 
     @property
-    def remarks(self) -> list[Remark]:
+    def remarks(self) -> list[Finding]:
         """Return what the user should know of it; code `unit_g`."""
-        return [Remark(
-            'unit_g',
-            'the magnitude of the acceleration is near 1: taken as g, not m/s^2; --accel-unit g '
-            'says so, --accel-unit m/s^2 takes the numbers as they are')] if self.in_g else []
+        return [finding('unit_g')] if self.in_g else []
 
     @property
     def waiting(self) -> list[ImuBlock]:

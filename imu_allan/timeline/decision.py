@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import Literal
+from typing import Any, Literal
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES
@@ -58,7 +58,7 @@ class Decision(Record):
     restart : bool
         The next samples given make those before void.
     remarks : dict
-        Why it was decided so, where the user should know: message by code.
+        Why it was decided so, where the user should know: figures by the code of a finding.
 
     """
 
@@ -77,7 +77,7 @@ class Decision(Record):
     numbered: bool = False
     repeated: int = 0
     restart: bool = False
-    remarks: dict[str, str] = field(default_factory=dict)
+    remarks: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def pace(self) -> Pace:

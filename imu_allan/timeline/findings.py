@@ -1,17 +1,18 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What was seen of the messages, in words, in one module as they are told together.
+What was seen of the messages, as findings, in one module as they are told together.
 
-Stamps, losses, gaps, motion: every warning stands here. That of what was counted is given from a
+Stamps, losses, gaps, motion: every finding stands here. That of what was counted is given from a
 threshold on, beside which it stands; that of a decision, such as the choice of a clock, where
 intake.py or stage.py decides it.
 """
 
 from collections.abc import Sequence
 from math import log
+from typing import Any
 
-from imu_allan.result import Remark
+from imu_allan.finding import Finding, finding
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.content import Content
@@ -55,11 +56,15 @@ _LONGEST_LAG_S = 0.3
 """Receive stamps lag by tenths of a second: over some seconds that is a few percent."""
 
 
+Facts = dict[str, dict[str, Any]]
+"""Figures of findings about the recording as a whole, by code."""
+
+
 def remarks_of(counts: Counts, decision: Decision, content: Content, presence: Presence,
                late_axes: LateAxes, options: TimelineOptions, motion: MotionSummary,
-               excursions: Sequence[Sequence[float]] = ()) -> tuple[Remark, ...]:
+               excursions: Sequence[Sequence[float]] = ()) -> tuple[Finding, ...]:
     """
-    Word what the user should know about.
+    Collect what the user should know about.
 
     Parameters
     ----------
@@ -68,47 +73,39 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, presence: P
 
     Returns
     -------
-    tuple of Remark
+    tuple of Finding
         Of the recording as a whole, each code once.
 
     """
-    told = (_presence_remarks(counts, decision, presence) | _late_axes(counts, content, late_axes)
-            | _remarks(counts, decision, content, options, motion))
-    return tuple(Remark(code, text) for code, text in told.items()) + _slow_turns(excursions)
+    values = (_late_axes(counts, content, late_axes)
+              + [finding(code, **found) for code, found in _facts(
+                  counts, decision, content, options, motion).items()])
+    return (*_presence_findings(counts, decision, presence), *values, *_slow_turns(excursions))
 
 
-def receive_clock(flaw: str) -> dict[str, str]:
-    """Tell why receive stamps are used: the flaw of header stamps, as `judge_clock` words it."""
-    return {'receive_clock': f'header stamps are {flaw}: receive stamps are used'}
+def receive_clock(flaw: str) -> Facts:
+    """Tell why receive stamps are used: the flaw of header stamps, as `judge_clock` names it."""
+    return {'receive_clock': {'flaw': flaw}}
 
 
-def even_receive_clock() -> dict[str, str]:
+def even_receive_clock() -> Facts:
     """Tell that header stamps could be used, but less well."""
-    return {'receive_clock': (
-        'header stamps come in ticks or batches: receive stamps, which come evenly, are used')}
+    return {'receive_clock': {'flaw': None}}
 
 
-def clock_changed(flaw: str, since_s: float) -> dict[str, str]:
+def clock_changed(flaw: str, since_s: float) -> Facts:
     """Tell from when on header stamps are given up."""
-    return {'clock_changed': (
-        f'header stamps are {flaw} from about {since_s:.6g} s on: receive stamps are used from '
-        'there')}
+    return {'clock_changed': {'flaw': flaw, 'since_s': since_s}}
 
 
-def counted_samples(rate_hz: float) -> dict[str, str]:
+def counted_samples(rate_hz: float) -> Facts:
     """Tell that no stamps are used at all."""
-    return {'counted_samples': (
-        f'no usable stamps: samples are counted at the stated {rate_hz:g} Hz, and missing ones '
-        'cannot be seen')}
+    return {'counted_samples': {'rate_hz': rate_hz}}
 
 
-def several_publishers() -> dict[str, str]:
+def several_publishers() -> Facts:
     """Tell that messages look as those of two sensors."""
-    return {'several_publishers': (
-        'the values of neighbouring messages differ in turn, as those of two sensors that publish '
-        'with one frame_id do: if so, the rate is twice that of each, and the noise density 29 % '
-        'too low if they are alike and off by any factor if not; ros2 topic info --verbose names '
-        'the publishers')}
+    return {'several_publishers': {}}
 
 
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
@@ -163,144 +160,91 @@ def _moves(motion: MotionSummary) -> bool:
         and motion.struck > 0.5 * _MOSTLY * motion.seen))
 
 
-def _remarks(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
-             motion: MotionSummary) -> dict[str, str]:
-    remarks = decision.remarks | _content_remarks(counts, content) | _clock_remarks(
-        counts, decision)
+def _facts(counts: Counts, decision: Decision, content: Content, options: TimelineOptions,
+           motion: MotionSummary) -> Facts:
+    """Give the figures of what was seen of the recording as a whole, by code."""
+    facts = decision.remarks | _content_facts(counts, content) | _clock_facts(counts, decision)
     if counts.clock_jumps:
-        remarks['clock_jumps'] = (
-            f'the {decision.clock} clock jumped {_times(counts.clock_jumps)}: no difference is '
-            'taken across a jump')
+        facts['clock_jumps'] = {'clock': decision.clock, 'count': counts.clock_jumps}
     if decision.counting:
-        hidden, error = _hidden_error(decision), _short_error(counts, decision)
-        bound = ('' if not hidden else
-                 f'; up to {100 * decision.hidden:.1f} % of the samples may be missing unseen, '
-                 f'and the noise density then be up to {100 * hidden:.1f} % too high')
-        if error:
-            bound += f'; the record is short, its rate may be up to {100 * error:.1f} % off'
-        seen = ('what was lost on the way is known by the numbers that the publisher gave them, '
-                'and of the rest only gaps that last are seen' if decision.numbered else
-                'and only gaps that last are seen')
-        remarks['uneven_stamps'] = (
-            f'{decision.clock} stamps come too unevenly to see a single missing sample: messages '
-            f'are counted, {seen}{bound}')
+        hidden = _hidden_error(decision)
+        facts['uneven_stamps'] = {
+            'clock': decision.clock, 'numbered': decision.numbered,
+            'hidden_share': decision.hidden if hidden else None,
+            'density_high_share': hidden or None,
+            'rate_error_share': _short_error(counts, decision) or None}
     if counts.gaps > len(counts.listed_gaps):
-        remarks['gaps_not_listed'] = (
-            f'{counts.gaps} gaps of {counts.gaps_ns / SECOND:.6g} s in all; only the first '
-            f'{len(counts.listed_gaps)} are listed')
+        facts['gaps_not_listed'] = {'gaps': counts.gaps, 'gaps_s': counts.gaps_ns / SECOND,
+                                    'listed': len(counts.listed_gaps)}
     places = counts.samples + counts.bridged
     if counts.bridged > _MANY_MISSING * places:
-        off = _bridged_error(counts)
-        bound = f'; the noise density may be up to {100 * off:.0f} % off' if off else ''
-        remarks['many_missing'] = (
-            f'{100 * counts.bridged / places:.1f} % of the samples are missing and bridged by the '
-            f'local mean: record with a deeper queue or with reliable delivery{bound}')
+        facts['many_missing'] = {'share': counts.bridged / places,
+                                 'density_error_share': _bridged_error(counts) or None}
     if counts.at_other_rate:
-        stay = counts.at_other_rate < counts.samples
         used, other = SECOND / (decision.interval_ns or 1.0), counts.changed_rate_hz
         # Time is told from the first sample used: what was cut out before has none.
-        change, which = ((f'from {used:.4g} to {other:.4g} Hz at {counts.rate_changed_s:.6g} s',
-                          'another rate than the first') if counts.rate_changed_s > 0 else
-                         (f'from {other:.4g} to {used:.4g} Hz', 'the first rate'))
-        remarks['rate_changed'] = (
-            f'the sample rate changed {change}: the {counts.at_other_rate} samples at {which} are '
-            f'left out; analyze {"them" if stay else "them, the larger part,"} by themselves with '
-            '--start and --duration')
-    remarks |= _rate_remarks(counts)
+        known = counts.rate_changed_s > 0
+        facts['rate_changed'] = {
+            'from_hz': used if known else other, 'to_hz': other if known else used,
+            'at_s': counts.rate_changed_s if known else None, 'left_out': counts.at_other_rate,
+            'most_left_out': counts.at_other_rate >= counts.samples}
+    facts |= _rate_facts(counts)
     if counts.other_frames:
-        others = ', '.join(f'{name!r} ({count} messages)'
-                           for name, count in counts.other_frames.items())
-        remarks['several_frames'] = (
-            f'several publishers on one topic: messages of frame_id {decision.frame_id!r} are '
-            f'used, those of {others} rejected')
+        facts['several_frames'] = {'frame_id': decision.frame_id,
+                                   'others': list(counts.other_frames),
+                                   'rejected': list(counts.other_frames.values())}
     if counts.gravity_samples:
         size = float(np.linalg.norm(counts.gravity)) / counts.gravity_samples
         if abs(size - STANDARD_GRAVITY) > _GRAVITY_TOLERANCE:
-            hint = ('; is it in units of g?' if abs(size - 1) < 0.05
-                    else '; has gravity been removed?' if size < 0.5 else '')
-            remarks['gravity'] = (
-                f'the mean acceleration is {size:.4g} m/s^2, not about 9.81{hint}')
-    if options.motion == 'exclude':
-        return remarks | _motion_remarks(motion)
-    return remarks | _kept_motion(motion)
+            facts['gravity'] = {'mean': size}
+    return facts | (_motion_facts(motion) if options.motion == 'exclude'
+                    else _kept_motion(motion))
 
 
-def _rate_remarks(counts: Counts) -> dict[str, str]:
+def _rate_facts(counts: Counts) -> Facts:
     """Bound the error of a rate that changes too little, or for too short, to be cut out."""
     off = _uneven_error(counts)
     if not off:
         return {}
     rate = counts.paced_steps / counts.paced_ns * SECOND
-    low, high = min(counts.lowest_rate_hz, rate), max(counts.highest_rate_hz, rate)
-    return {'uneven_rate': (
-        f'the sample rate varies between {low:.5g} and {high:.5g} Hz: {rate:.5g} Hz, its mean, is '
-        f'used; averaging times may be up to {100 * off:.1f} % off and noise densities half as '
-        'much')}
+    return {'uneven_rate': {'lowest_hz': min(counts.lowest_rate_hz, rate),
+                            'highest_hz': max(counts.highest_rate_hz, rate),
+                            'mean_hz': rate, 'tau_error_share': off}}
 
 
-def _presence_remarks(counts: Counts, decision: Decision, presence: Presence) -> dict[str, str]:
-    remarks, there = {}, decision.present or [True] * 6
+def _presence_findings(counts: Counts, decision: Decision, presence: Presence) -> list[Finding]:
+    there = decision.present or [True] * 6
     never = [name for name, gone, was in zip(AXIS_NAMES, decision.not_finite, there, strict=True)
              if gone and not was]
-    if never:
-        remarks['axis_not_finite'] = f'{", ".join(never)}: NaN or infinite, left out'
-    lasting: dict[int, list[str]] = {}
-    for name, gone, was in zip(AXIS_NAMES, presence.gone, there, strict=True):
-        if gone and was:
-            lasting.setdefault(gone, []).append(name)
-    if lasting:
-        told = '; '.join(f'{", ".join(names)} in {gone} of {counts.messages} messages'
-                         for gone, names in lasting.items())
-        remarks['axis_absent_in_part'] = (
-            f'no values for a while, NaN or declared absent (covariance[0] is -1): {told}; the '
-            'record of these axes is shorter by that, the others lose nothing')
-    return remarks
+    return [finding('axis_not_finite', (name,)) for name in never] + [
+        finding('axis_absent_in_part', (name,), absent=gone, messages=counts.messages)
+        for name, gone, was in zip(AXIS_NAMES, presence.gone, there, strict=True) if gone and was]
 
 
-def _late_axes(counts: Counts, content: Content, late_axes: LateAxes) -> dict[str, str]:
-    late: dict[int, list[str]] = {}
-    for name, messages in zip(AXIS_NAMES, late_axes.late, strict=True):
-        # Where the whole sensor was dead, that is told in one.
-        if messages > content.head:
-            late.setdefault(messages, []).append(name)
-    if not late:
-        return {}
-    told = '; '.join(f'{", ".join(names)} for the first {messages} of {counts.messages} messages'
-                     for messages, names in late.items())
-    return {'axis_late_start': (
-        f'one value, of an axis that had not come to life yet: {told}; the record of these axes '
-        'begins behind that, the others lose nothing')}
+def _late_axes(counts: Counts, content: Content, late_axes: LateAxes) -> list[Finding]:
+    # Where the whole sensor was dead, that is told in one.
+    return [finding('axis_late_start', (name,), late=messages, messages=counts.messages)
+            for name, messages in zip(AXIS_NAMES, late_axes.late, strict=True)
+            if messages > content.head]
 
 
-def _content_remarks(counts: Counts, content: Content) -> dict[str, str]:
-    remarks = {}
+def _content_facts(counts: Counts, content: Content) -> Facts:
+    facts: Facts = {}
     if content.frozen and content.frozen <= content.head:
-        remarks['late_start'] = (
-            f'the first {content.head} messages hold one value or none: the sensor had not come '
-            'to life yet, they are left out')
+        facts['late_start'] = {'messages': content.head}
     elif content.frozen:
-        since = '' if content.frozen_s is None else f', first at {content.frozen_s:.6g} s'
-        remarks['frozen'] = (
-            f'{content.frozen} messages repeat one value again and again{since}: the sensor or '
-            'its driver stood still, they are left out')
+        facts['frozen'] = {'messages': content.frozen, 'since_s': content.frozen_s}
     if content.held:
-        share = content.repeats / (content.repeats + content.changes)
-        remarks['held_values'] = (
-            f'{100 * share:.0f} % of the messages repeat the values of the one before: the sensor '
-            'is polled faster than it samples; its own rate is used and the repeats are left out')
+        facts['held_values'] = {
+            'share': content.repeats / (content.repeats + content.changes)}
     if counts.spikes:
-        what, they = (('1 single message holds wild values', 'it is') if counts.spikes == 1 else
-                      (f'{counts.spikes} single messages hold wild values', 'they are'))
-        remarks['spikes'] = (f'{what}, ten times the noise and more: {they} left out; look for '
-                             'errors on the bus of the sensor')
+        facts['spikes'] = {'messages': counts.spikes}
     if counts.absent > _MANY_ABSENT * counts.messages:
-        remarks['field_absent'] = (
-            f'{counts.absent} messages declare angular velocity or linear acceleration as not '
-            'provided (covariance[0] is -1), others do not: they are left out')
-    return remarks
+        facts['field_absent'] = {'messages': counts.absent}
+    return facts
 
 
-def _clock_remarks(counts: Counts, decision: Decision) -> dict[str, str]:
+def _clock_facts(counts: Counts, decision: Decision) -> Facts:
     """Compare the speeds of both clocks; a jump of either is no speed."""
     if (decision.clock != 'header' or counts.last_header is None
             or counts.last_receive is None or counts.messages < _FEWEST_FOR_SPEED):
@@ -314,65 +258,45 @@ def _clock_remarks(counts: Counts, decision: Decision) -> dict[str, str]:
     if not (receive > 0 and header > 0) or (
             abs(log(header / receive)) < max(_OTHER_SPEED, _LONGEST_LAG_S / receive)):
         return {}
-    return {'clock_speed': (
-        f'header stamps run {header / receive:.3g} times as fast as receive stamps, as in a '
-        'replay or a simulation; were they wrong, averaging times would be off by that, and the '
-        'noise density by its square root: --clock receive uses the other clock')}
+    return {'clock_speed': {'ratio': header / receive}}
 
 
-def _slow_turns(excursions: Sequence[Sequence[float]]) -> tuple[Remark, ...]:
-    """Tell of means that went away and came back."""
-    if not excursions:
-        return ()
-    listed = ', '.join(
-        f'{AXIS_NAMES[int(axis)]} by {size:.2g} {"rad/s" if axis < 3 else "m/s^2"} for '
-        f'{lasts:.3g} s from {start:.4g} s on'
-        for start, lasts, axis, size in excursions[:_NAMED_RESTS])
-    return (Remark('slow_motion', (
-        f'a mean goes away and comes back, as in a slow turn or tilt: {listed}; bias instability '
-        'and random walk of that axis may be nothing else: they are given as upper bounds; '
-        'analyze the rest alone with --start and --duration')),)
+def _slow_turns(excursions: Sequence[Sequence[float]]) -> list[Finding]:
+    """Tell of means that went away and came back: of each axis the largest, and their number."""
+    of_axis: dict[int, list[Sequence[float]]] = {}
+    for excursion in excursions:
+        of_axis.setdefault(int(excursion[2]), []).append(excursion)
+    found = []
+    for axis, own in sorted(of_axis.items()):
+        start, lasts, _, size = max(own, key=lambda one: abs(one[3]))
+        found.append(finding('slow_motion', (AXIS_NAMES[axis],), size=size,
+                             unit='rad/s' if axis < 3 else 'm/s^2', start_s=start,
+                             duration_s=lasts, count=len(own)))
+    return found
 
 
-def _motion_remarks(motion: MotionSummary) -> dict[str, str]:
-    remarks = {}
+def _motion_facts(motion: MotionSummary) -> Facts:
+    facts: Facts = {}
     if mostly_motion(motion):
-        remarks['mostly_motion'] = (
-            f'{100 * motion.excluded / motion.seen:.0f} % of the samples are motion: record while '
-            'the sensor stands still')
+        facts['mostly_motion'] = {'share': motion.excluded / motion.seen}
     elif _moves(motion):
-        listed = ', '.join(f'{lasts:.4g} s at {start:.5g} s'
-                           for start, lasts in motion.rests[:_NAMED_RESTS])
-        more = len(motion.rests) - _NAMED_RESTS
-        remarks['rest_within_motion'] = (
-            f'the IMU moves during {100 * motion.excluded / motion.seen:.0f} % of the samples: '
-            f'only the {motion.rest_s:.4g} s at rest are used ({listed}'
-            f'{f" and {more} more" if more > 0 else ""})')
+        facts['rest_within_motion'] = {
+            'share': motion.excluded / motion.seen, 'rest_s': motion.rest_s,
+            'rests': len(motion.rests),
+            'starts_s': [start for start, _ in motion.rests[:_NAMED_RESTS]],
+            'durations_s': [lasts for _, lasts in motion.rests[:_NAMED_RESTS]]}
     elif motion.count:
-        remarks['motion'] = (
-            f'motion or knocks were cut out {_times(motion.count)}, {motion.excluded_s:.6g} s '
-            'in all')
+        facts['motion'] = {'count': motion.count, 'excluded_s': motion.excluded_s}
     if motion.count > len(motion.spans):
-        remarks['motion_not_listed'] = (
-            f'only the first {len(motion.spans)} spans of motion are listed')
+        facts['motion_not_listed'] = {'listed': len(motion.spans)}
     if motion.changes:
-        text = ', '.join(f'{ratio:.3g} times at about {time_s:.5g} s'
-                         for time_s, ratio in motion.changes)
-        remarks['noise_level_changed'] = (
-            f'the noise changed for good: {text}; the curve mixes both levels, analyze them '
-            'apart with --start and --duration')
-    return remarks
+        facts['noise_level_changed'] = {'at_s': [time_s for time_s, _ in motion.changes],
+                                        'ratios': [ratio for _, ratio in motion.changes]}
+    return facts
 
 
-def _kept_motion(motion: MotionSummary) -> dict[str, str]:
+def _kept_motion(motion: MotionSummary) -> Facts:
     if not motion.count:
         return {}
-    start = motion.spans[0][0] if motion.spans else 0.0
-    return {'motion_kept': (
-        f'motion or knocks were seen {_times(motion.count)}, {motion.excluded_s:.6g} s in all, '
-        f'first at {start:.5g} s, and kept as asked: coefficients and bounds describe them as '
-        'much as the noise')}
-
-
-def _times(count: int) -> str:
-    return 'once' if count == 1 else f'{count} times'
+    return {'motion_kept': {'count': motion.count, 'seen_s': motion.excluded_s,
+                            'first_s': motion.spans[0][0] if motion.spans else 0.0}}

@@ -10,7 +10,8 @@ The result, `imu_allan info` and the node's /diagnostics all tell the story of o
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.result import Remark, Span, Timeline
+from imu_allan.finding import Finding
+from imu_allan.result import Span, Timeline
 from imu_allan.timeline.clock import iso_time, SECOND
 from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
@@ -46,7 +47,7 @@ class TimelineSummary:
         header.frame_id of the messages used.
     start_time : str or None
         ISO-8601 time of the first sample.
-    remarks : tuple of Remark
+    remarks : tuple of Finding
         Findings the user should know about.
     present : tuple of bool, length 6
         Whether each axis was ever there; the others are NaN in every block.
@@ -90,7 +91,7 @@ class TimelineSummary:
     clock: Clock | None
     frame_id: str | None
     start_time: str | None
-    remarks: tuple[Remark, ...]
+    remarks: tuple[Finding, ...]
     present: tuple[bool, ...]
     messages: int = 0
     bridged: int = 0

@@ -12,7 +12,7 @@ more.
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
 import re
@@ -59,8 +59,9 @@ from imu_allan.writers.charts import (
 from imu_allan.writers.comparison import compare, Difference, shown
 from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
-from imu_allan.writers.grouped_remarks import count_of, grouped, outlook_of
 from imu_allan.writers.means import written_mean
+from imu_allan.writers.outlook import outlook_of
+from imu_allan.writers.words import message_of, presented, title_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -87,14 +88,14 @@ def report_html(result: Result) -> str:
 
     """
     found = answers(result)
-    remarks = [replace(group, sentences=tuple(map(_typeset, group.sentences)))
-               for group in grouped(result)]
+    remarks = [{'title': title_of(one), 'severity': one.severity,
+                'text': _typeset(message_of(one))} for one in presented(result.warnings)]
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
     return _page(
         'report.html.j2', title=' '.join(names_of(result)), names=names_of(result),
         facts=_facts(result), version=printable(result.imu_allan_version),
         cards=[_card(answer) for answer in found], remarks=remarks,
-        remark_count=count_of(remarks) if remarks else '',
+        remark_count=_count_of(result) if remarks else '',
         charts=[chart for answer in found for chart in _charts(result, answer)],
         constant=named(constant) if constant else '',
         tables=[_table(result, sensor) for sensor in sensors_of(result)],
@@ -105,6 +106,13 @@ def report_html(result: Result) -> str:
         aiding=f'{AIDING_S:g} s', coast=duration(COAST_S), calibration=duration(CALIBRATION_S),
         uncertain=UNCERTAIN, gaps=_spans(result.timeline.gaps),
         motion=_spans(result.timeline.motion), configs=_configs(result), fits=_fits(result))
+
+
+def _count_of(result: Result) -> str:
+    """Return ``6 findings: low-pass, poor fit, ...``."""
+    found = presented(result.warnings)
+    titles = dict.fromkeys(map(title_of, found))
+    return f'{counted(len(found), "finding")}: {", ".join(titles)}'
 
 
 def comparison_html(results: Mapping[str, Result]) -> str:

@@ -33,9 +33,10 @@ from imu_allan.writers.answer import (
     GOOD,
     UNCERTAIN,
 )
-from imu_allan.writers.grouped_remarks import grouped, outlook_of
 from imu_allan.writers.means import written_mean
+from imu_allan.writers.outlook import outlook_of
 from imu_allan.writers.terminal import console_of
+from imu_allan.writers.words import message_of, presented, title_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -301,18 +302,16 @@ def _remarks(result: Result, width: int | None) -> 'Iterator[Text]':
     from rich.text import Text
 
     cut = False
-    for group in grouped(result, tones=1):
+    for found in presented(result.warnings):
         # The stretches of motion stand in the heading.
-        if group.code != 'motion' or not result.timeline.motion:
-            # Which sensors are not steady stands above: on a page one sentence of it is enough.
-            few = 1 if width is not None and group.code == 'not_steady' else None
-            cut |= len(group.sentences) > (few or len(group.sentences))
-            for sentence in group.sentences[:few]:
-                text = Text(f'{group.title}: ', style='yellow')
-                short = sentence if width is None else _cut(sentence, width - len(text))
-                cut |= short != sentence
-                text.append(short, style='default')
-                yield text
+        if found.code == 'motion' and result.timeline.motion:
+            continue
+        text = Text(f'{title_of(found)}: ', style='yellow')
+        sentence = message_of(found)
+        short = sentence if width is None else _cut(sentence, width - len(text))
+        cut |= short != sentence
+        text.append(short, style='default')
+        yield text
     if cut:
         yield Text('... goes on: --verbose, or report.html of --output', style='dim')
 

@@ -13,8 +13,8 @@ from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
 from imu_allan.tuning.uncertainty import spread_of_forecast
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
-from imu_allan.writers.grouped_remarks import grouped
 from imu_allan.writers.included import included
+from imu_allan.writers.words import presented, says
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -201,8 +201,8 @@ def steadiness_sentences(result: Result, coast_s: float) -> list[str]:
                      if by < _UNKNOWN else f'any number of times ({title.lower()})')
     return [f'On another day the squared error after {duration(coast_s)} may be {listed(spans)} '
             'as large as here (95 %): sensors change, and a recording is short.',
-            *(f'Not steady: {sentence}.' for group in grouped(result)
-              if group.code == 'not_steady' for sentence in group.sentences)]
+            *(f'Not steady: {says(found)}.' for found in presented(result.warnings)
+              if found.code == 'not_steady')]
 
 
 def included_sentences(result: Result) -> list[str]:

@@ -19,6 +19,7 @@ from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, AXES, Quantity, TERMS
 from imu_allan.result import Coefficient, Curve, GoodnessOfFit
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -150,7 +151,7 @@ def remarks_of(samples):
     estimator = Estimator()
     estimator.update(samples)
     [(axis, remarks)] = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
-    return axis, {remark.code: remark.message for remark in remarks}
+    return axis, {remark.code: message_of(remark) for remark in remarks}
 
 
 def test_what_is_worth_telling_has_its_code():
@@ -252,12 +253,12 @@ def test_a_step_of_the_mean_is_told_and_bounds_the_random_walk():
     walk = axis.coefficients['rate_random_walk']
     assert not walk.observable
     assert 1.6e-6 < walk.upper95 < 3e-5
-    message, = (remark.message for remark in remarks
+    message, = (message_of(remark) for remark in remarks
                 if remark.code in ('bias_step', 'trend_or_walk'))
     assert message == (
         'the mean steps by 0.000472 rad/s after about 67 min, and nowhere else (a knock, or '
-        'another supply voltage or setting): the rate random walk is given as an upper bound; '
-        'analyze what lies before or behind it with --start and --duration')
+        'another supply voltage or setting); K is an upper bound; analyze what lies before or '
+        'behind it with --start and --duration')
     # Several recordings begin anew each: there it says nothing.
     [(_, remarks)] = axis_results(estimator, 10.0, [quantity], of_one_record=False)
     assert 'bias_step' not in {remark.code for remark in remarks}
@@ -272,7 +273,7 @@ def test_a_step_so_large_that_no_walk_shows_beside_it_is_told(size, walk):
     estimator = Estimator()
     estimator.update(samples)
     [(axis, remarks)] = axis_results(estimator, 10.0, [AXES['gyro_x']])
-    message, = (remark.message for remark in remarks if remark.code == 'bias_step')
+    message, = (message_of(remark) for remark in remarks if remark.code == 'bias_step')
     found, = re.findall(r'steps by (\S+) rad/s after about 3[34] min', message)
     assert float(found) == pytest.approx(size * 4.8e-5, rel=0.1)
     found = axis.coefficients['rate_random_walk']

@@ -8,6 +8,7 @@ from imu_allan.characterization.exponents import (
     remark_on_exponents,
     with_own_exponents,
 )
+from imu_allan.finding import finding
 from imu_allan.result import PowerLaw
 import pytest
 
@@ -83,10 +84,8 @@ def test_where_no_recording_shows_the_density_it_is_a_bound(plain):
                   for upper, exponent in ((1.2e-3, 0.7), (1.5e-3, 1.3)))
     own = density_of(plain, one, other)
     assert (own.observable, own.value, own.ci95, own.upper95) == (False, None, None, 1.5e-3)
-    assert remark_on_exponents({'a': one, 'b': other}).message == (
-        'the slow noise is not told to be the same in all recordings (1/f to the power of 0.70 '
-        'in a, 1/f to the power of 1.30 in b); every term is bounded by the largest of the single '
-        'results; analyze the recordings without --together for a result of each')
+    assert remark_on_exponents({'a': one, 'b': other}) == finding(
+        'power_law', recordings=['a', 'b'], exponents=[0.7, 1.3], density_is_mean=False)
 
 
 def test_a_density_whose_interval_begins_at_zero_is_a_bound(plain):

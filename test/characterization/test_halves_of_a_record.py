@@ -11,17 +11,17 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import halves_remarks
+from imu_allan.finding import finding
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.result import AxisResult, Backtest, Innovations, Remark, Result
+from imu_allan.result import AxisResult, Backtest, Innovations, Result
 from imu_allan.tuning.backtest import backtest
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
 RATE = 10.0
 HALF_S = 3600.0
-STRETCH = ('of the longest stretch without a break); numbers for a filter are between the two, '
-           'and no interval is widened for it')
 
 
 @cache
@@ -58,15 +58,15 @@ def gyro(louder: float, axes: int = 1, seed: int = 0) -> Result:
 
 
 def said(result: Result) -> list[str]:
-    return [warning.message for warning in result.warnings if warning.code == 'not_steady']
+    return [message_of(warning) for warning in result.warnings if warning.code == 'not_steady']
 
 
 def test_a_half_that_drifts_more_is_told_and_the_axis_is_not_steady() -> None:
     result = gyro(2.0, seed=1)
     # The segments alone do not see it.
     [told] = said(result)
-    assert told == ('gyro_x: over 61 s the second half drifts 2.0 times as much as the first (60 '
-                    f'min each, {STRETCH}')
+    assert told == ('gyro x: over 61 s the second half drifts 2.0 times as much as the first; '
+                    'numbers for a filter lie between the two; no interval is widened for it')
     assert not result.axes['gyro_x'].stationarity.steady
 
 
@@ -76,12 +76,12 @@ def test_halves_alike_are_not_told() -> None:
     assert all(axis.stationarity.steady for axis in result.axes.values())
 
 
-@pytest.mark.parametrize(('first', 'second', 'words'), [
-    (4.0, 0.25, 'over 60 s the first half drifts 2.0 times as much as the second'),
-    (0.25, 4.0, 'over 60 s the second half drifts 2.0 times as much as the first')])
-def test_which_half_and_how_much(first: float, second: float, words: str) -> None:
+@pytest.mark.parametrize(('first', 'second', 'higher'), [
+    (4.0, 0.25, 'first'), (0.25, 4.0, 'second')])
+def test_which_half_and_how_much(first: float, second: float, higher: str) -> None:
     assert halves_remarks({'gyro_x': axis_of(first, second)}) == {
-        'gyro_x': Remark('not_steady', f'{words} (60 min each, {STRETCH}')}
+        'gyro_x': finding('not_steady', interval_s=60.0, drift_ratio=pytest.approx(2.0),
+                          higher=higher, half_s=3600.0)}
 
 
 def test_axes_that_say_the_same_together_are_believed_where_each_alone_is_not() -> None:
@@ -105,9 +105,7 @@ def test_axes_are_held_together_over_the_same_time_alone() -> None:
     shorter = replace(other, backtest=replace(other.backtest, innovations=(
         replace(rows[0], of_halves=(4.0, 0.25)), replace(rows[1], of_halves=None))))
     found = halves_remarks({'gyro_x': loud, 'gyro_y': loud, 'gyro_z': shorter})
-    assert [found[f'gyro_{letter}'].message for letter in 'xyz'] == [
-        f'over {time} the first half drifts 2.0 times as much as the second (60 min each, '
-        f'{STRETCH}' for time in ('60 s', '60 s', '10 s')]
+    assert [found[f'gyro_{letter}'].values['interval_s'] for letter in 'xyz'] == [60, 60, 10]
 
 
 def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
@@ -117,8 +115,7 @@ def test_where_a_minute_came_too_seldom_a_shorter_interval_speaks() -> None:
     changed = replace(test.innovations[0], steps=118, of_halves=(4.0, 0.25))
     told = halves_remarks({'gyro_x': replace(axis, backtest=replace(
         test, innovations=(changed, test.innovations[1])))})
-    assert told['gyro_x'].message == (
-        f'over 10 s the first half drifts 2.0 times as much as the second (60 min each, {STRETCH}')
+    assert told['gyro_x'].values['interval_s'] == 10
 
 
 def test_the_bound_of_chance_is_that_of_the_ratio_of_two_mean_squares() -> None:

@@ -16,6 +16,7 @@ from imu_allan.recordings.write import write_recording
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet import check
+from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -141,19 +142,20 @@ def test_absent_accelerometer_leaves_three_axes():
 def test_constant_axis_is_named():
     rows = still_imu(5_000)
     rows[:, 1] = 0.0
-    warnings = {w.code: w.message for w in characterized(rows).warnings}
+    warnings = {w.code: message_of(w) for w in characterized(rows).warnings}
     assert warnings['constant_axis'] == (
-        'gyro_y: every sample is 0 rad/s: there is no noise to measure')
+        'gyro y: every sample is 0 rad/s: there is no noise to measure; look whether the axis is '
+        'connected and read out')
 
 
 def test_an_axis_that_stops_is_told_in_a_result_that_can_be_written():
     rows = still_imu(20_000)
     rows[12_000:, 1] = rows[12_000, 1]
     result = characterized(rows)
-    warnings = {w.code: w.message for w in result.warnings}
+    warnings = {w.code: message_of(w) for w in result.warnings}
     assert warnings['stood_still'] == (
-        'gyro_y: one and the same value for 80 s from 2 min on: the sensor or its driver '
-        'stood still; no coefficient is told, analyze the rest with --start and --duration')
+        'gyro y: one and the same value for 80 s from 2 min on: the sensor or its driver stood '
+        'still; no coefficient is given; analyze the rest with --start and --duration')
     assert Result.from_dict(json.loads(result.to_json())) == result
 
 
@@ -161,11 +163,11 @@ def test_an_axis_that_is_cut_off_is_told_in_a_result_that_fails_its_limit():
     rows = still_imu(20_000)
     rows[:, 5] = np.minimum(rows[:, 5], np.median(rows[:, 5]))
     result = characterized(rows)
-    (text,) = [w.message for w in result.warnings if w.code == 'saturated']
+    (text,) = [message_of(w) for w in result.warnings if w.code == 'saturated']
     assert re.fullmatch(
-        r'accel_z: 50\.0 % of the samples stand at [\d.]+ m/s\^2, the highest value: the output '
-        'is cut off there, noise is higher than it seems; no coefficient is told, choose a larger '
-        'range or another position', text)
+        r'accel z: 50\.0 % of the samples stand at [\d.]+ m/s\^2, the highest value: the output '
+        'is cut off there; no coefficient is given; choose a larger range or another position',
+        text)
     assert not any(c.observable for c in result.axes['accel_z'].coefficients.values())
     assert [name for name, axis in result.axes.items() if axis.saturated] == ['accel_z']
     assert Result.from_dict(json.loads(result.to_json())) == result
@@ -183,11 +185,11 @@ def test_a_deadband_is_told_in_a_result_that_fails_its_limit():
     rows[:, 0] -= rows[:, 0].mean()
     rows[np.abs(rows[:, 0]) < 2 * rows[:, 0].std(), 0] = 0.0
     result = characterized(rows)
-    (text,) = [w.message for w in result.warnings if w.code == 'deadband']
+    (text,) = [message_of(w) for w in result.warnings if w.code == 'deadband']
     assert re.fullmatch(
-        r'gyro_x: 9\d % of the samples are exactly 0, and none lies between 0 and [\d.e-]+ rad/s: '
-        r'the driver gives small values as 0 \(a deadband\), noise is higher than it seems; no '
-        'coefficient is told, switch the deadband off', text)
+        r'gyro x: 9\d % of the samples are exactly 0, and none lies between 0 and [\d.e-]+ rad/s: '
+        'the driver gives small values as 0; no coefficient is given; switch the deadband off',
+        text)
     assert not any(c.observable for c in result.axes['gyro_x'].coefficients.values())
     assert [name for name, axis in result.axes.items() if axis.fault] == ['gyro_x']
     assert Result.from_dict(json.loads(result.to_json())) == result
@@ -204,10 +206,10 @@ def test_an_axis_that_copies_another_is_told_in_a_result_that_fails_its_limit():
     rows = still_imu(20_000)
     rows[:, 1] = -rows[:, 0]
     result = characterized(rows)
-    (text,) = [w.message for w in result.warnings if w.code == 'copied_axis']
-    assert text == ('gyro_x and gyro_y are the same, but for the sign, to the last digit of every '
-                    'sample: the driver gives one axis of the sensor twice, and another not at '
-                    'all; correct its assignment of axes')
+    (text,) = [message_of(w) for w in result.warnings if w.code == 'copied_axis']
+    assert text == ('gyro x and y: they are the same to the last digit of every sample, but for '
+                    'the sign: the driver gives one axis twice; correct the assignment of axes in '
+                    'the driver')
     assert Result.from_dict(json.loads(result.to_json())) == result
     verdicts = {verdict.axis: verdict for verdict in check(
         result, parse_model('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}'))}
@@ -298,4 +300,4 @@ def test_every_container_and_every_batch_gives_the_same_result_to_the_last_bit(
             part = slice(at, at + 777)
             stream.update(ImuBlock(block.header_ns[part], block.receive_ns[part],
                                    block.samples[part], block.absent[part], block.frame_id))
-    assert stream.result().to_dict() == expected
+    assert with_words(stream.result()).to_dict() == expected

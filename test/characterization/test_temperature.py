@@ -12,6 +12,7 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet.live import standing
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -54,12 +55,16 @@ def hour():
     return seconds, still(seconds)
 
 
+FINELY = 'record the temperature all the time and finely, or leave it out'
+
+
 def axis_of(stream):
     return stream.result().axes['gyro_x'].trend.temperature
 
 
 def remarks(stream):
-    return [remark.message for remark in stream.result().warnings if remark.code == 'temperature']
+    return [message_of(remark) for remark in stream.result().warnings
+            if remark.code in ('temperature', 'thermometer')]
 
 
 def test_a_verdict_on_the_bench_takes_out_the_temperature_as_the_result_does(hour):
@@ -93,10 +98,10 @@ def test_the_mean_follows_the_temperature_of_the_readings(hour):
         (celsius_at(reading).min(), celsius_at(reading).max()), abs=0.1)
     assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
     assert remarks(stream)[0] == (
-        f'gyro_x: the mean follows the temperature by {one.per_kelvin:.3g} rad/s/K (95 % interval '
-        f'{one.ci95[0]:.3g} to {one.ci95[1]:.3g}, seen from {one.lowest_c:.1f} to '
-        f'{one.highest_c:.1f} degrees Celsius); the coefficients are given without it, the '
-        'numbers for a filter with it')
+        f'gyro x: the mean follows the temperature by {one.per_kelvin:.3g} rad/s/K (95 % interval '
+        f'{one.ci95[0]:.3g} to {one.ci95[1]:.3g}; {one.lowest_c:.1f} to {one.highest_c:.1f} '
+        'degrees Celsius); coefficients are given without the temperature, numbers for a filter '
+        'with it')
     shown = result.temperature
     middle = (np.arange(len(shown.mean)) + 0.5) * shown.step_s
     assert len(middle) <= 128
@@ -159,11 +164,11 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
 
 @pytest.mark.parametrize(('readings', 'expected'), [
     (lambda s: (s[s < 2000][::20], celsius_at(s[s < 2000][::20])),
-     'the temperature covers 64 % of the record only: it is not used'),
+     'the temperature covers 64 % of the record: it is not used; ' + FINELY),
     (lambda s: (s[::20], np.full(len(s[::20]), 25.0)),
-     'the temperature never changes: nothing can be told from it'),
+     'the temperature never changes: its effect cannot be measured; ' + FINELY),
     (lambda s: (s[::20] + 1e6, celsius_at(s[::20])),
-     'the temperature covers 0 % of the record only: it is not used'),
+     'the temperature covers 0 % of the record: it is not used; ' + FINELY),
 ])
 def test_readings_that_are_no_use_are_told(hour, readings, expected):
     seconds, rows = hour
@@ -183,9 +188,8 @@ def test_coarse_steps_and_gaps_of_the_readings_are_told(hour):
     reading = reading[(reading < 1000) | (reading > 1320)]
     stream.take_temperature(stamps_of(reading), np.round(celsius_at(reading) / 2) * 2)
     assert remarks(stream)[-2:] == [
-        'the temperature comes in steps of 2 K within a range of 12 K: what lies between them is '
-        'a guess',
-        'the temperature has 1 gap, over which a line is drawn']
+        'the temperature comes in steps of 2 K within a range of 12 K; ' + FINELY,
+        'the temperature has 1 gap, over which it is interpolated; ' + FINELY]
 
 
 def test_readings_that_are_none_are_left_out():

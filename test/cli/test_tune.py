@@ -8,7 +8,8 @@ import re
 
 import imu_allan
 from imu_allan.cli.main import main
-from imu_allan.result import Remark, Saturation
+from imu_allan.finding import finding
+from imu_allan.result import Saturation
 from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
 import pytest
@@ -119,11 +120,13 @@ def test_how_far_another_day_may_be_off_is_said(result_file, capsys):
 
 def test_what_changed_within_the_recording_is_said(result_file, capsys, tmp_path):
     result = load_result(result_file)
-    told = Remark('not_steady', 'gyro_x: over 60 s the first half drifts 2.0 times as much')
+    told = finding('not_steady', ('gyro_x',), interval_s=60.0, drift_ratio=2.0, higher='first',
+                   half_s=600.0)
     save_result(replace(result, warnings=(told,)), tmp_path / 'told.json')
     assert main(['tune', str(tmp_path / 'told.json'), '--coast', '3h']) == 0
     out = capsys.readouterr().out.splitlines()
-    assert 'Not steady: gyro x: over 60 s the first half drifts 2.0 times as much.' in out
+    assert ('Not steady: gyro x: over 60 s the first half drifts 2.0 times as much as the second.'
+            in out)
     assert ('On another day the squared error after 3 h may be any number of times (gyroscope) '
             'and any number of times (accelerometer) as large as here (95 %): sensors change, and '
             'a recording is short.') in out

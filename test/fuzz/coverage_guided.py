@@ -38,6 +38,7 @@ with atheris.instrument_imports(include=['imu_allan.recordings', 'imu_allan.cdr'
     )
 
 from bags import block, write_bag, write_db3, write_mcap  # noqa: E402
+from imu_allan.writers.words import message_of  # noqa: E402
 
 FOLDER = Path('coverage_guided')
 MESSAGES = block(20)
@@ -57,7 +58,7 @@ def read_all(content: bytes) -> None:
             for topic in recording.topics[:3]:
                 for item in read_blocks(recording, topic.name):
                     assert item.samples.shape == (len(item), 6)
-            assert all(remark.message.isprintable() for remark in recording.remarks)
+            assert all(message_of(remark).isprintable() for remark in recording.remarks)
     except ImuAllanError as error:
         assert str(error).isprintable()
         assert len(str(error)) < 1500

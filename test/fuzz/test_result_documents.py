@@ -13,7 +13,8 @@ import xml.etree.ElementTree as ET
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
-from imu_allan.result import GaussMarkov, PowerLaw, Remark, Result, Span, Tone
+from imu_allan.finding import Finding
+from imu_allan.result import GaussMarkov, PowerLaw, Result, Span, Tone
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineOptions
@@ -51,7 +52,7 @@ def measured() -> Result:
                              power_law=PowerLaw(0.7, (0.6, 0.8), 1e-8))
     timeline = replace(result.timeline, gaps=(Span(10.0, 2.0),), motion=(Span(30.0, 1.0),))
     return replace(result, axes=axes, timeline=timeline,
-                   warnings=(*result.warnings, Remark('motion', 'The IMU moved.')))
+                   warnings=(*result.warnings, Finding('motion', message='The IMU moved.')))
 
 
 RESULT = measured()

@@ -15,6 +15,7 @@ from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.imus_in import imus_in
 from imu_allan.recordings.messages.piece import Piece
+from imu_allan.writers.words import message_of
 from mutations import each, EXTREMES, mutated_text, TEXTS
 import numpy as np
 import pytest
@@ -136,7 +137,7 @@ def read_all(path: Path) -> None:
             for topic in recording.topics[:3]:
                 for part in read_blocks(recording, topic.name):
                     assert len(part.samples) == len(part)
-            assert all(remark.message.isprintable() for remark in recording.remarks)
+            assert all(message_of(remark).isprintable() for remark in recording.remarks)
     except ImuAllanError as error:
         assert str(error).isprintable()
     assert time.process_time() - began < LONGEST_S

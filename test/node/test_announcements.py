@@ -9,12 +9,12 @@ from types import MappingProxyType
 from typing import Any
 
 from imu_allan.characterization import Characterization
+from imu_allan.finding import finding
 from imu_allan.node.announcements import Announcements, progress_line
 from imu_allan.node.diagnostics import Facts
-from imu_allan.node.findings import live_text
 from imu_allan.node.log import Log
 from imu_allan.node.recent import Recent
-from imu_allan.result import Remark, Result, Timeline
+from imu_allan.result import Result, Timeline
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.timeline import TimelineSummary
@@ -76,13 +76,14 @@ def test_what_stays_as_it_is_is_said_once(announcements: Announcements, heard: H
     for now in range(100):
         announcements.see_reception(facts(publishers=2, mixed=True), ['/a', '/b'])
         announcements.see_timeline(now, facts(expected_rate=200.0), summary(
-            moving=True, clock_jumps=1, remarks=(Remark('gravity', 'in units of g?'),)))
+            moving=True, clock_jumps=1, remarks=(finding('several_publishers'),)))
     assert heard.lines == [
         'warning 2 publishers on /imu (/a and /b): where their samples mix they are passed over; '
         'give every IMU a topic of its own',
         'warning the messages on /imu are of more than one publisher: they are passed over',
         "info first samples on /imu: frame_id 'imu', 100 Hz, header stamps",
-        'warning in units of g?',
+        'warning neighbouring messages differ in turn, as those of two sensors that publish with '
+        'one frame_id do; give every IMU a topic of its own',
         'warning the IMU moves: what it measures meanwhile is left out',
         'warning the header clock jumped: no difference is taken across the jump',
         'warning measured 100 Hz, expected 200 Hz; check expected_rate, or the setting of the '
@@ -182,20 +183,6 @@ def test_a_line_of_progress_says_what_has_come_what_shows_and_what_is_next(
         f'6,000 samples at 100 Hz in 60 s, 40 s of it at rest; {shown}')
     assert progress_line(replace(result, axes={})) == (
         '6,000 samples at 100 Hz in 60 s; observable of 0 axes: nothing yet')
-
-
-@pytest.mark.parametrize(('code', 'message', 'live'), [
-    ('noise_level_changed', 'the noise changed for good: 4 times at about 3 s; the curve mixes '
-     'both levels, analyze them apart with --start and --duration',
-     'the noise changed for good: 4 times at about 3 s; call ~/reset to characterize the present '
-     'level alone'),
-    ('gravity', 'the mean acceleration is 1 m/s^2, not about 9.81; is it in units of g?',
-     'the mean acceleration is 1 m/s^2, not about 9.81; is it in units of g?'),
-    ('mostly_motion', '80 % of the samples are motion: record while the sensor stands still',
-     '80 % of the samples are motion; let the IMU rest, or set motion to keep')])
-def test_advice_is_what_one_can_do_with_a_running_node(code: str, message: str,
-                                                       live: str) -> None:
-    assert live_text(Remark(code, message)) == live
 
 
 def test_the_log_of_a_node_tells_its_story(ros: Ros) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from imu_allan.finding import finding
 from imu_allan.node.characterization_node import queue_messages
 from imu_allan.node.diagnostics import diagnostics_message, Facts, waiting_for
 from imu_allan.node.result_messages import (
@@ -26,7 +27,6 @@ from imu_allan.result import (
     Coefficient,
     Curve,
     GoodnessOfFit,
-    Remark,
     Result,
     Source,
     Span,
@@ -128,15 +128,18 @@ def test_the_interval_of_a_hidden_coefficient_reaches_from_zero_to_its_bound() -
 
 
 def test_remarks_of_the_fit_stand_with_their_axis() -> None:
-    remark = Remark('band_limited', 'gyro_x: the noise rolls off')
+    remark = finding('deadband', ('gyro_x',), share=0.5, width=0.01, unit='rad/s')
     result = replace(result_of({name: axis_result(name, ALL) for name in ('gyro_x', 'gyro_y')}),
                      warnings=(remark,))
     x, y = coefficients_message(result, '/imu_allan', STAMP).status
-    assert entries(x)['remarks/band_limited'] == 'the noise rolls off'
-    assert 'remarks/band_limited' not in entries(y)
+    words = ('50 % of the samples are exactly 0, and none lies between 0 and 0.01 rad/s: the '
+             'driver gives small values as 0; no coefficient is given; switch the deadband off, '
+             'then call ~/reset')
+    assert entries(x)['remarks/deadband'] == words
+    assert 'remarks/deadband' not in entries(y)
     array = diagnostics_message('/imu_allan', STAMP, [(facts(), summary())], result)
     [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
-    assert entries(status)['remarks/band_limited'] == 'gyro_x: the noise rolls off'
+    assert entries(status)['remarks/deadband'] == f'gyro x: {words}'
 
 
 def test_a_curve_of_more_octaves_keeps_its_longest_averaging_times() -> None:
@@ -171,6 +174,7 @@ def summary(**changes: Any) -> TimelineSummary:
     return TimelineSummary(timeline=timeline, **{**settings, **changes})
 
 
+JUMPED = finding('clock_jumps', clock='header', count=2)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -209,16 +213,18 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
     ('timeline', facts(expected_rate=200.0), summary(), WARN, 'measured 100 Hz, expected 200 Hz'),
     ('timeline', facts(expected_rate=101.0), summary(), OK, '1,000 samples at 100 Hz'),
     ('timeline', facts(update_error='no clock'), summary(), ERROR, 'no clock'),
-    ('timeline', facts(), summary(remarks=(Remark('gravity', 'in units of g?'),)), WARN,
-     'in units of g?'),
+    ('timeline', facts(), summary(remarks=(finding('several_publishers'),)), WARN,
+     'neighbouring messages differ in turn, as those of two sensors that publish with one '
+     'frame_id do; give every IMU a topic of its own'),
     ('timeline', facts({'rejected': 1}), summary(), WARN, '1 message rejected in the last 30 s'),
-    ('timeline', facts({'clock_jumps': 2}), summary(remarks=(Remark('clock_jumps', 'twice'),)),
-     WARN, '2 jumps of the clock in the last 30 s; twice'),
+    ('timeline', facts({'clock_jumps': 2}), summary(remarks=(JUMPED,)),
+     WARN, '2 jumps of the clock in the last 30 s; the header clock jumped 2 times: no '
+     'difference is taken across a jump'),
     ('timeline', facts({'missing': 200, 'duplicates': 4}), summary(), WARN,
      '200 samples missing, 4 duplicates in the last 30 s'),
     ('timeline', facts(), summary(timeline=Timeline(
         100.0, 1000, 12.0, missing=200, duplicates=4, rejected=3), clock_jumps=2,
-        remarks=(Remark('clock_jumps', 'twice'),)), OK, '1,000 samples at 100 Hz'),
+        remarks=(JUMPED,)), OK, '1,000 samples at 100 Hz'),
     ('estimation', facts(), summary(), OK, 'no result yet'),
     ('estimation', facts(fit_error='broken'), summary(), ERROR, 'broken'),
     ('storage', facts(), summary(), OK, 'no state file: a crash or a reboot begins a new run'),

@@ -9,10 +9,10 @@ from battery.sensors import Sensor
 from characterized import characterized, taken_in
 from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import fit_remarks
+from imu_allan.finding import finding
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
-from imu_allan.result import Remark
 import numpy as np
 import pytest
 from scipy.fft import idct
@@ -382,9 +382,8 @@ def test_steep_low_pass_is_told_with_the_frequency_below_which_the_fit_stands():
 def test_roll_off_seen_only_at_the_edge_of_the_band_is_told_with_its_window():
     estimator = taken_in(simulate({'noise_density': 1e-3}, 5000, RATE, seed=1))
     [axis] = fit_axes(estimator.finished(), 1 / RATE)
-    assert fit_remarks(replace(axis.fit, window_s=0.01), AXES['gyro_x']) == [Remark(
-        'band_limited', 'the noise rolls off towards the highest frequencies (a low-pass in '
-        'sensor or driver): its effective window is 0.01 s')]
+    assert fit_remarks(replace(axis.fit, window_s=0.01), AXES['gyro_x']) == [
+        finding('band_limited', window_s=0.01)]
 
 
 def test_low_passed_record_too_short_for_a_gauss_markov_process_has_none():

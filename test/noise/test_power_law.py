@@ -120,9 +120,8 @@ def test_white_noise_above_the_band_that_is_level_again_is_no_low_pass(time, see
     [said] = [words[code] for code in ('poor_fit', 'band_limited') if code in words]
     assert said == Varying(
         f'above {axis.band_edge_hz:.3g} Hz the noise levels out again, at <number> % of its '
-        'density below: that is no low-pass, and no sum of noise terms describes it (a short '
-        'correlation, or what strong vibration leaves around its lines); the noise density is '
-        'that below, its interval reaches to that above')
+        'density below: no sum of noise terms describes that; the intervals are widened; look '
+        'for vibration, or a filter in the sensor or driver')
     density = axis.coefficients['noise_density']
     assert density.ci95[0] <= DENSITY <= density.ci95[1]
     assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)

@@ -9,8 +9,8 @@ import struct
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
+from imu_allan.finding import Finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, Recording
-from imu_allan.result import Remark
 from mcap.writer import CompressionType, Writer
 import numpy as np
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -43,7 +43,7 @@ def joined(blocks: Iterable[ImuBlock]) -> ImuBlock:
                     held[0].frame_id)
 
 
-def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlock, list[Remark]]:
+def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlock, list[Finding]]:
     """Return all messages of a recording and the remarks on it."""
     with open_recording(path, **options) as recording:
         messages = joined(read_blocks(recording, choose_topic(recording, topic)))

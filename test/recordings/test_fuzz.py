@@ -15,6 +15,7 @@ import time
 from bags import block, IMU, write_bag, write_db3, write_mcap, write_metadata
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording, read_blocks
+from imu_allan.writers.words import message_of
 from mutations import mutated_bytes
 import numpy as np
 import pytest
@@ -110,7 +111,7 @@ def read_whole(path: Path, checked: bool) -> int:
                 assert item.header_ns.shape == item.receive_ns.shape == (count,)
                 if checked and topic.name == '/imu':
                     assert {row.tobytes() for row in item.samples} <= SAMPLES
-        assert all(remark.message.isprintable() for remark in recording.remarks)
+        assert all(message_of(remark).isprintable() for remark in recording.remarks)
     return messages
 
 

@@ -15,12 +15,12 @@ from bags import block, COMPRESSIONS, IMU, joined, ROS1_STORE, START_NS
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding
 from imu_allan.recordings import open_recording, read_blocks, RecordingOptions
 from imu_allan.recordings.formats import compressed_file, effort, mcap_file
 from imu_allan.recordings.formats.mcap_file import McapRecording
 from imu_allan.recordings.many_topics import HELD_BYTES, ManyTopics
 from imu_allan.recordings.recording import Recording
-from imu_allan.result import Remark
 from mcap.writer import Writer
 import pytest
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -164,7 +164,7 @@ WRITERS = {'a.mcap': write_mcap, 'b.mcap': write_mcap_without_index, 'c.mcap': w
 
 
 def read(opening: Callable[[], Recording], topic: str
-         ) -> tuple[ImuBlock | str, list[tuple[str, int]], list[Remark]]:
+         ) -> tuple[ImuBlock | str, list[tuple[str, int]], list[Finding]]:
     """Return all messages, or the complaint, where the frame_id changes, and the remarks."""
     with opening() as recording:
         try:

@@ -11,6 +11,7 @@ from imu_allan.noise.simulate import NoiseStream
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.pieces import EvenPiece
+from imu_allan.writers.words import message_of
 from imu_messages import codes, rows_by_place, run, SIGMA, still
 import numpy as np
 import pytest
@@ -117,7 +118,7 @@ def test_kept_motion_is_told():
     assert remark.code == 'motion_kept'
     assert re.fullmatch(
         r'motion or knocks were seen once, \d(\.\d)? s in all, first at \S+ s, and kept as asked: '
-        'coefficients and bounds describe them as much as the noise', remark.message)
+        'coefficients and bounds describe them as much as the noise', message_of(remark))
 
 
 def test_a_recording_in_motion_throughout_is_mostly_motion():

@@ -6,6 +6,7 @@ from io import StringIO
 
 from imu_allan.writers.answer import answers, GOOD
 from imu_allan.writers.table import print_result
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from scenarios import at_rest, characterized, Messages, MOVES, SIGMA, Truth
@@ -38,7 +39,7 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         density = axis.coefficients['noise_density']
         low, high = density.ci95
         assert low - (density.value - low) < truth.density < high + (high - density.value)
-    told = next(remark.message for remark in result.warnings
+    told = next(message_of(remark) for remark in result.warnings
                 if remark.code == 'rest_within_motion')
     assert told == Varying(f'the IMU moves during <number> % of the samples: only the {rest_s:g} '
                            's at rest are used (<words>)')
@@ -48,7 +49,7 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
 
 def test_the_stretches_at_rest_are_named():
     result = characterized(driven('drives first', 20)[0])
-    assert [remark.message for remark in result.warnings
+    assert [message_of(remark) for remark in result.warnings
             if remark.code == 'rest_within_motion'] == [
         'the IMU moves during 88 % of the samples: only the 46.5 s at rest are used '
         '(15.5 s at 183 s, 15.5 s at 263 s, 15.5 s at 343 s)']

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from browser import Browser, running_browser
+from imu_allan.finding import finding
 from imu_allan.noise.terms import allan_variance, AXES, TERMS
 from imu_allan.result import (
     AxisResult,
@@ -18,7 +19,6 @@ from imu_allan.result import (
     GaussMarkov,
     GoodnessOfFit,
     Innovations,
-    Remark,
     Result,
     Segment,
     Signal,
@@ -103,8 +103,10 @@ def build_result(scale: float = 1.0, **fields: Any) -> Result:
                              gaps=(Span(1500.0, 4.0), Span(7000.0, 2.0)),
                              motion=(Span(4000.0, 300.0), Span(9000.0, 45.0))),
         'axes': axes,
-        'warnings': (Remark('motion', 'The IMU moved twice, 345 s in all; '
-                            'those stretches were left out.'),)}
+        'warnings': (
+            finding('motion', count=2, excluded_s=345.0),
+            finding('tones', ('gyro_z',), count=2, unit='rad/s', frequency_hz=23.4,
+                    amplitude=2e-4))}
     settings.update(fields)
     return Result(**settings)
 

@@ -5,12 +5,12 @@ import json
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan import characterize
+from imu_allan.finding import finding
 from imu_allan.result import (
     Coefficient,
     GoodnessOfFit,
     Inspection,
     RecordingPart,
-    Remark,
     Segment,
     Span,
     Stationarity,
@@ -158,7 +158,7 @@ def test_a_node_that_was_switched_on_several_times_knows_its_zero_bias_no_better
 
 
 def test_a_sensor_that_froze_is_dead(result):
-    froze = replace(result, warnings=(Remark('frozen', '99 messages repeat one value'),))
+    froze = replace(result, warnings=(finding('frozen', messages=99, since_s=None),))
     verdict = only(froze, 'gyro: {x: {noise_density: 1 deg/sqrt(h)}}')
     assert (verdict.verdict, verdict.reason) == (
         'fail', 'gyro_x N: the sensor was dead for a part of the recording: 99 messages repeat '

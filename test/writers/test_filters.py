@@ -18,7 +18,8 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Remark, Result, Source, Timeline
+from imu_allan.finding import finding
+from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.consumer_names import CONSUMER_TITLES
@@ -778,8 +779,9 @@ def test_slow_noise_that_the_measured_numbers_leave_out_is_named(drifting):
 
 
 def test_slow_noise_that_differs_between_recordings_is_named_as_left_out(drifting):
-    result = replace(drifting, warnings=(Remark(
-        'power_law', 'gyro_y: the slow noise is not told to be the same in all recordings'),))
+    result = replace(drifting, warnings=(
+        finding('power_law', ('gyro_y',), recordings=['a', 'b'], exponents=[1.4, None],
+                density_is_mean=True),))
     assert ('# LEFT OUT: slow noise that is no flicker (gyro_y not the same in all recordings); '
             'tuned numbers have it in them.' in export(result, 'kalibr').text.splitlines())
     assert 'LEFT OUT' not in export_as_wished(result, 'kalibr').text

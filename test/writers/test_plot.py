@@ -9,6 +9,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 from imu_allan.characterization.axis import characterize, with_bounded_walk
+from imu_allan.finding import Finding
 from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance
@@ -17,7 +18,6 @@ from imu_allan.result import (
     DriftModel,
     GaussMarkov,
     PowerLaw,
-    Remark,
     Signal,
     Source,
     Span,
@@ -356,7 +356,7 @@ def test_odd_results_are_drawn_too(result, make_axis):
 def test_names_from_a_recording_are_text_and_not_formulas(result, recwarn):
     nasty = '$\\frac{$ \x1b[0m \u4e2d \\undefined'
     named = replace(result, source=Source('recording', nasty, nasty, nasty, nasty, 'header'),
-                    warnings=(Remark('x', nasty),))
+                    warnings=(Finding('x', message=nasty),))
     svg = plot.render(plot.overview_figure(named), 'svg')
     ElementTree.fromstring(svg)
     assert not [w for w in recwarn if 'lyph' in str(w.message)]

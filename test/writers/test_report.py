@@ -16,13 +16,13 @@ import time
 from browser import faults_of, needs_browser, pages_in_print
 from imu_allan import analyze
 from imu_allan.characterization.mean import error_of_mean
+from imu_allan.finding import Finding, finding
 from imu_allan.result import (
     Curve,
     GaussMarkov,
     GoodnessOfFit,
     Inspection,
     PowerLaw,
-    Remark,
     Signal,
     Source,
     Spectrum,
@@ -108,7 +108,7 @@ def test_a_forecast_that_nothing_is_known_of_has_no_interval(filtered, with_edf)
 def test_the_report_shows_values_intervals_bounds_and_warnings(result):
     text = Outline(report_html(result)).text
     for part in ('2.406 2.402 – 2.411', '°/√h', '< 23.5', 'The IMU moved twice, 345 s in all',
-                 'gyro z 23.4 Hz (41.3 °/h) and 46.8 Hz (20.6 °/h): vibration',
+                 'gyro z: 2 lines, the strongest at 23.4 Hz (41.3 °/h), left out of the fit',
                  '2 × motion or knocks, left out, 5 min 45 s in all',
                  '2 × gaps without samples, 6 s in all'):
         assert part in text
@@ -116,10 +116,10 @@ def test_the_report_shows_values_intervals_bounds_and_warnings(result):
 
 def test_remarks_are_one_line_until_they_are_opened(result):
     html = report_html(replace(result, warnings=(
-        *(Remark('poor_fit', f'{name}: off by {3 + place} %')
+        *(finding('poor_fit', (name,), misfit_share=(3 + place) / 100)
           for place, name in enumerate(result.axes)), *result.warnings)))
-    assert '<summary>3 remarks: poor fit, motion, tones</summary>' in html
-    assert 'all axes: off by 3 to 8 %' in Outline(html).text
+    assert '<summary>3 findings: poor fit, tones, motion</summary>' in html
+    assert 'its worst half-octave is off by 3 to 8 %' in Outline(html).text
 
 
 def test_findings_of_an_axis_are_told_in_a_word(result):
@@ -213,7 +213,7 @@ def test_every_picture_is_there_without_a_script_and_tells_its_numbers(filtered)
 
 def test_text_from_a_recording_stays_text(result):
     named = replace(result, source=Source('recording', NASTY, NASTY, NASTY, NASTY, 'header'),
-                    imu_allan_version=NASTY, warnings=(Remark(NASTY, NASTY),))
+                    imu_allan_version=NASTY, warnings=(Finding(NASTY, message=NASTY),))
     tame, evil = Outline(report_html(result)), Outline(report_html(named))
     assert [tag for tag, _ in evil.tags] == [tag for tag, _ in tame.tags]
     assert NASTY in evil.text
@@ -327,7 +327,7 @@ def test_print_is_two_light_pages_whatever_the_scheme(filtered, tmp_path, browse
 @needs_browser
 def test_no_script_from_a_recording_runs(result, tmp_path, browser):
     named = replace(result, source=Source('recording', NASTY, NASTY, NASTY, NASTY, 'header'),
-                    warnings=(Remark(NASTY, NASTY),))
+                    warnings=(Finding(NASTY, message=NASTY),))
     browser.show(written(tmp_path, report_html(named)))
     assert browser.run('return window.evil === undefined')
     browser.show(written(tmp_path, comparison_html({NASTY: named, '<b>x</b>': result})))

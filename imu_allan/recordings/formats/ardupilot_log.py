@@ -122,11 +122,9 @@ class ArduPilotRecording(FileRecording):
                 yield table_block(table, fields, factors, malformed), position
         malformed.report(self.imu(topic), self.remark)
         if base == 'IMU':
-            self.remark('filtered', 'IMU messages have passed the filters of the autopilot '
-                                    f'(INS_GYRO_FILTER, INS_ACCEL_FILTER); {_RAW}')
+            self.remark('filtered', by='autopilot')
         elif base.startswith('ISBD'):
-            self.remark('batches', f'topic {printable(topic)} comes in batches with pauses: it '
-                                   f'shows N and no more; {_RAW}')
+            self.remark('batches', topic=printable(topic))
 
     def _kinds(self) -> dict[str, _Kind]:
         """Find the messages of IMUs in the file."""

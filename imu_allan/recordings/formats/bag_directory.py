@@ -15,6 +15,7 @@ from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable, shorten
+from imu_allan.finding import Finding, finding
 from imu_allan.fleet.names import natural
 from imu_allan.recordings.formats.metadata_yaml import LARGEST, read_metadata_yaml
 from imu_allan.recordings.imu_topic import ImuTopic
@@ -22,7 +23,6 @@ from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPE
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
 from imu_allan.recordings.topic_readings import TopicReadings
-from imu_allan.result import Remark
 import yaml
 
 _TOLD_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
@@ -118,14 +118,13 @@ class BagDirectory(Recording):
                                         [*self.remarks, *readings.remarks_on(imu.name)]):
                     readings.tell([remark], reading)
 
-    def _loss(self, imu: ImuTopic, messages: int, told: list[Remark]) -> Remark | None:
+    def _loss(self, imu: ImuTopic, messages: int, told: list[Finding]) -> Finding | None:
         """Say of how many messages nothing is known; None where it was told, or of none."""
         if messages >= (imu.count or 0) or not _TOLD_LOSSES.isdisjoint(
                 remark.code for remark in told):
             return None
-        return Remark('lost_messages', (
-            f'{printable(self.path)}: {messages} of the {imu.count} messages of '
-            f'{printable(imu.name)} that metadata.yaml counts were found'))
+        return finding('lost_messages', recording=printable(self.path), found=messages,
+                       counted=imu.count, topic=printable(imu.name))
 
     def _opened(self, file: Path) -> Recording | None:
         """Open one file; where there are others, one that cannot be opened is a remark."""
@@ -134,7 +133,7 @@ class BagDirectory(Recording):
         except ImuAllanError as error:
             if len(self._files) == 1:
                 raise
-            self.remark('damaged_recording', f'a file of it was left out: {error}')
+            self.remark('damaged_recording', fault='file', reason=str(error))
             return None
 
     def _adopt(self, part: Recording) -> None:
@@ -173,8 +172,7 @@ class BagDirectory(Recording):
         if not path.is_file():
             if _recorded_files(self.path):
                 self.remark(
-                    'no_metadata',
-                    'no metadata.yaml (was the recorder killed?); the files found were read')
+                    'no_metadata', reason=None)
             return None
         try:
             with path.open('rb') as file:
@@ -184,7 +182,7 @@ class BagDirectory(Recording):
             if not _recorded_files(self.path):
                 raise ImuAllanError(f'{printable(path)}: damaged ({reason})') from error
             self.remark(
-                'no_metadata', f'metadata.yaml is damaged ({reason}); the files found were read')
+                'no_metadata', reason=reason)
             return None
 
     def _existing(self, names: list[str]) -> list[Path]:
@@ -206,9 +204,7 @@ class BagDirectory(Recording):
                     f'{printable(self.path)}: missing {listed}: no file that metadata.yaml lists '
                     'is there; copy them beside it')
             self.remark(
-                'missing_file',
-                f'{len(missing)} of {len(names)} files that metadata.yaml lists cannot be found: '
-                f'{listed}; the others were read')
+                'missing_file', missing=len(missing), listed=len(names), files=listed)
         return found
 
 

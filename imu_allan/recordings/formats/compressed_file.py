@@ -110,9 +110,7 @@ class CompressedRecording(Recording):
                 reason = printable(error)
         if written >= _TOLD_BYTES and _in_memory(self._folder):
             self.remark(
-                'unpacked_in_memory',
-                f'its {written:,} bytes were unpacked to {printable(self._folder.parent)}, which '
-                'is in memory; name a folder on a disk with TMPDIR')
+                'unpacked_in_memory', bytes=written, folder=printable(self._folder.parent))
         if written < declared:
             # The library ends a frame that is cut short without a word.
             reason = reason or f'{declared - written} of {declared} bytes are missing'
@@ -122,9 +120,7 @@ class CompressedRecording(Recording):
                 'nothing can be read of it')
         if reason:
             self.remark(
-                'truncated_recording',
-                f'the compressed file is damaged or cut short ({reason}); what comes before was '
-                'read')
+                'truncated_recording', fault='compressed', reason=reason)
 
 
 def _in_memory(folder: Path) -> bool:

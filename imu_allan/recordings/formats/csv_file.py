@@ -38,7 +38,7 @@ from imu_allan.recordings.formats.csv_written_times import written_time, Written
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
-from imu_allan.wording import counted, NO_TOPIC, SENSORS
+from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
 
@@ -151,9 +151,7 @@ class CsvRecording(FileRecording):
                 '--rate takes the place of the time')
         if rejected:
             self.remark(
-                'malformed_messages',
-                f'left out {counted(rejected, "line")} without readable numbers; the first: '
-                f'{first_rejected}')
+                'malformed_messages', what='line', count=rejected, first=first_rejected)
 
     def _with_known_times(self, columns: Columns, samples: str) -> Columns:
         """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
@@ -271,27 +269,21 @@ class CsvRecording(FileRecording):
 
     def _tell_ignored(self, columns: Columns) -> None:
         if columns.by_file_name is not None:
-            self.remark('guessed_columns', f'x, y and z are taken for the '
-                        f'{SENSORS[columns.by_file_name].lower()}, which the name of the file '
-                        'speaks of; --columns gyro_x=x,gyro_y=y,gyro_z=z (or accel_x=...) decides')
+            self.remark('guessed_columns', sensor=columns.by_file_name)
         if columns.lookalikes:
-            self.remark('ignored_columns', 'columns that may be axes were not understood: '
-                        f'{_listed(columns.lookalikes)}; --columns '
-                        'gyro_x=NAME,accel_x=NAME,time=NAME says which columns are what')
+            self.remark('ignored_columns', perhaps_axes=True,
+                        columns=_first(columns.lookalikes), count=len(columns.lookalikes))
         alike = {*columns.lookalikes}
         others = [cell for cell in columns.ignored
                   if cell and cell not in alike and not is_rest_of_imu(cell)]
         if others:
-            self.remark('ignored_columns',
-                        f'columns that are no axes were left out: {_listed(others)}')
+            self.remark('ignored_columns', perhaps_axes=False, columns=_first(others),
+                        count=len(others))
 
 
-def _listed(cells: Sequence[str]) -> str:
-    """Name the first of some columns, and count the others."""
-    shown = [printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]]
-    if len(cells) > _NAMED_COLUMNS:
-        shown.append(f'and {len(cells) - _NAMED_COLUMNS:,} more')
-    return ', '.join(shown)
+def _first(cells: Sequence[str]) -> list[str]:
+    """Name the first of some columns."""
+    return [printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]]
 
 
 def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,

@@ -5,6 +5,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from imu_allan.errors import printable
 from imu_allan.recordings.recording import Recording
@@ -94,22 +95,21 @@ class Damage:
 
     def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
         """Add remarks to `recording`; `lost` of `expected` messages were not read."""
-        messages = (f'; lost {lost} of {expected} messages of {printable(topic)}'
-                    if lost > 0 else '')
+        messages: dict[str, Any] = (
+            {'lost': lost, 'of': expected, 'topic': printable(topic)} if lost > 0 else {})
         if self.end:
             recording.remark(
-                'truncated_recording',
-                f'the recording breaks off (was the recorder killed?): {self.end}; '
-                f'found {counted(self.chunks, "whole chunk")}')
+                'truncated_recording', fault='ends', end=self.end, whole_chunks=self.chunks)
         if self.broken_chunks:
-            recording.remark('damaged_recording', f'left out {self._broken()}{messages}')
+            recording.remark(
+                'damaged_recording', fault='chunks', broken=self.broken_chunks,
+                chunks=self.chunks, first=self.first_broken, **messages)
         elif self.holes:
             recording.remark(
-                'damaged_recording',
-                f'left out {counted(self.holes, "stretch", "stretches")} without records '
-                f'(the first: {self.first_hole}){messages}')
+                'damaged_recording', fault='holes', holes=self.holes, first=self.first_hole,
+                **messages)
         elif messages and not self.end:
-            recording.remark('damaged_recording', f'not all of it could be read{messages}')
+            recording.remark('damaged_recording', fault='unread', **messages)
 
     def report_each(self, recording: Recording, readings: TopicReadings, carried: Carried,
                     counts: Mapping[int, int]) -> None:

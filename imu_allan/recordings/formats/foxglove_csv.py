@@ -20,7 +20,6 @@ from imu_allan.recordings.formats.csv_names import meaning_of
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
-from imu_allan.wording import counted
 import numpy as np
 
 HEADER = b'receive time,header.stamp,topic,value'
@@ -87,10 +86,7 @@ class FoxgloveCsv(FileRecording):
             samples[place, axis] = values * self.options.factors[axis // 3]
             absent[:, axis // 3] = False
         if merged:
-            self.remark('merged_messages',
-                        f'merged {counted(merged, "message")} with another of the same receive '
-                        'time and stamp, of which the last counts: nothing else in such a file '
-                        'tells them apart')
+            self.remark('merged_messages', count=merged)
         for start in range(0, len(receive), _BLOCK):
             part = slice(start, start + _BLOCK)
             yield (ImuBlock(header[part], receive[part], samples[part], absent[part], ''),
@@ -120,8 +116,7 @@ class FoxgloveCsv(FileRecording):
                 except (ValueError, OverflowError):
                     malformed += bool(line.strip())
         if malformed:
-            self.remark('malformed_messages',
-                        f'left out {counted(malformed, "line")} without readable numbers')
+            self.remark('malformed_messages', what='line', count=malformed)
         return series
 
 

@@ -83,10 +83,9 @@ class UlogRecording(FileRecording):
             self.reasons[name] = reason
             self.other_topics[name] = _type_of(name)
         if walk.damaged:
-            self.remark('damaged_recording', f'left out {walk.damaged:,} damaged bytes')
+            self.remark('damaged_recording', fault='bytes', bytes=walk.damaged)
         if walk.left:
-            self.remark('truncated_recording', f'the log breaks off in a message; its {walk.left} '
-                                               'bytes are lost')
+            self.remark('truncated_recording', fault='log', bytes=walk.left)
         rates = {}
         for name, (kind, heated) in kinds.items():
             first, last = ends.get(name, (0, 0))

@@ -222,8 +222,7 @@ class Ros1Recording(FileRecording):
             if not self.keeps(len(topic) + len(data)):
                 return None
             if len(self._connections) == _MOST_CONNECTIONS:
-                self.remark('many_topics', f'its first {_MOST_CONNECTIONS:,} connections are '
-                            'listed, the others are not read')
+                self.remark('many_topics', what='connections', listed=_MOST_CONNECTIONS)
                 return None
             fields = Ros1Header(data)
             self._connections[number] = _Connection(

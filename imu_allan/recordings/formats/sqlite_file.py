@@ -38,7 +38,6 @@ from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
 from imu_allan.recordings.topic_readings import TopicReadings
-from imu_allan.wording import counted
 import numpy as np
 
 _FETCH = 64
@@ -102,9 +101,8 @@ class SqliteRecording(Recording):
         self._beside, strange = left_beside(self._stored)
         if strange:
             self._beside = []
-            self.remark('unfinished_recording',
-                        f'{printable(strange[0].name)} beside it is not a regular file and was '
-                        'not used')
+            self.remark('unfinished_recording', fault='not_regular',
+                        file=printable(strange[0].name))
         # Opened as immutable, SQLite creates no file and takes no lock that a recorder could meet.
         self._mode = 'mode=ro' if self._beside else 'immutable=1'
         self._tolerant = False
@@ -234,10 +232,8 @@ class SqliteRecording(Recording):
         if self._beside:
             self._mode = 'immutable=1'
             self.remark(
-                'unfinished_recording',
-                f'{printable(self._beside[0].name)} beside it could not be used '
-                f'({printable(reason)}); the last messages before the recorder was killed are '
-                'missing or damaged')
+                'unfinished_recording', fault='unusable', file=printable(self._beside[0].name),
+                reason=printable(reason))
         self._tolerant = True
         try:
             self._list_topics()
@@ -254,9 +250,7 @@ class SqliteRecording(Recording):
         roll_back(self._stored)
         self._mode = 'immutable=1'
         self.remark(
-            'unfinished_recording',
-            f'{printable(self._beside[0].name)} beside it tells that the recorder was killed; '
-            'what it was about to write then is missing')
+            'unfinished_recording', fault='killed', file=printable(self._beside[0].name))
 
     def _cut_last_page(self) -> None:
         """Work on a copy without its last page where that is incomplete: SQLite would pad it."""
@@ -271,9 +265,8 @@ class SqliteRecording(Recording):
         if changes != counted_at or missing <= 0:
             return
         self.remark(
-            'truncated_recording',
-            f'{missing} of {pages * page_size} bytes are missing at the end of the database (was '
-            'the recorder killed, or the copy cut short?)')
+            'truncated_recording', fault='database', missing_bytes=missing,
+            bytes=pages * page_size)
         self._tolerant = True
         if missing % page_size:
             if not self._copied():
@@ -327,8 +320,7 @@ class SqliteRecording(Recording):
                     f'FROM topics NOT INDEXED ORDER BY rowid LIMIT {_MOST_TOPICS + 1}')):
                 name, kind, form = texts
                 if place == _MOST_TOPICS:
-                    self.remark('many_topics', f'its first {_MOST_TOPICS:,} topics are listed, '
-                                'the others are not read')
+                    self.remark('many_topics', what='topics', listed=_MOST_TOPICS)
                     break
                 room -= sum(map(len, texts))
                 if room < 0:
@@ -378,9 +370,8 @@ class SqliteRecording(Recording):
         """Fetch rows; reading goes on behind damaged pages."""
         numbers = self._numbers[self.imu(topic).topic]
         if len(numbers) > _MOST_NUMBERS:
-            self.remark('damaged_recording',
-                        f'{printable(topic)} is entered {len(numbers)} times; the messages of '
-                        f'the first {_MOST_NUMBERS} entries were read')
+            self.remark('damaged_recording', fault='entries', topic=printable(topic),
+                        entries=len(numbers), read=_MOST_NUMBERS)
             numbers = numbers[:_MOST_NUMBERS]
         source = (f'FROM messages NOT INDEXED WHERE {_INTEGER.format("topic_id")} '
                   f'IN ({_marks(numbers)})')
@@ -432,10 +423,8 @@ class SqliteRecording(Recording):
                 messages += len(rows)
                 left -= sum(len(row[1]) for row in rows if row[1])
         self.remark(
-            'damaged_recording',
-            f'the database is damaged in {counted(places, "place")} ({printable(reason)}): '
-            f'{counted(messages, "message")} of {printable(topic)} could be read, the others '
-            'are lost')
+            'damaged_recording', fault='database', places=places, reason=printable(reason),
+            read=messages, topic=printable(topic))
 
 
 def _marks(numbers: list[int]) -> str:

@@ -15,6 +15,7 @@ from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import STANDARD_GRAVITY
 from imu_allan.wording import duration
 from imu_allan.writers.datasheet.resolution import hidden_by_steps, nearly_constant
+from imu_allan.writers.words import says
 
 DEAD = 1e-3
 """
@@ -93,7 +94,7 @@ def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None
 
 def stopped(result: Result) -> str | None:
     """Say whether the sensor as a whole gave no new samples for a part of the recording."""
-    return next((f'the sensor was dead for a part of the recording: {remark.message}'
+    return next((f'the sensor was dead for a part of the recording: {says(remark)}'
                  for remark in result.warnings if remark.code == 'frozen'), None)
 
 

@@ -368,8 +368,8 @@ class Numbers:
     def _left_out(self) -> list[str]:
         """Say which axes have noise that the coefficients leave out."""
         # Where recordings together have no common exponent, there is a warning alone.
-        told = {warning.message.partition(': ')[0] for warning in self.result.warnings
-                if warning.code == 'power_law'}
+        told = {axis for found in self.result.warnings if found.code == 'power_law'
+                for axis in found.axes}
         laws = {name: 'not the same in all recordings' if axis.power_law is None else
                 f'1/f to the power of {axis.power_law.exponent:.2f}'
                 for name, axis in self.result.axes.items()

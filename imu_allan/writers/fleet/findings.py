@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fleet with everything that is told about it, and its findings in sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,7 +11,6 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import listed, named, number, rounded
-from imu_allan.writers.grouped_remarks import told_once
 
 
 @dataclass(frozen=True)
@@ -51,13 +50,16 @@ class Fleet:
         return [sentence(oddity) for oddity in self.population.oddities if oddity.unit == unit]
 
     def grouped_reasons(self, unit: str) -> list[str]:
-        """Return the same, what differs in the axis and in numbers alone as one sentence."""
-        found: list[tuple[str | None, str]] = []
-        for reason in self.reasons(unit):
-            axis, _, text = reason.partition(' ')
-            # Of an axis that measures nothing there is no number to be told together.
-            found.append((None, reason) if text.startswith('is ') else (axis, text))
-        return list(told_once(found))
+        """Return the same, the oddities of one quantity on several axes as one sentence."""
+        alike: dict[tuple[object, ...], list[Oddity]] = {}
+        for oddity in self.population.oddities:
+            if oddity.unit == unit:
+                signed = oddity.key in (MEAN, 'rate_ramp') or oddity.median == 0
+                alike.setdefault((
+                    oddity.key and quantity_name(oddity.axis, oddity.key), oddity.fault,
+                    oddity.key and _unit_of(oddity), signed, oddity.spreads is None),
+                    []).append(oddity)
+        return [sentence(*same) for same in alike.values()]
 
     @property
     def unseen(self) -> str:
@@ -83,16 +85,32 @@ def quantity_name(axis: str, key: str) -> str:
     return 'zero bias' if key == MEAN else TERMS[key].name(AXES[axis])
 
 
-def sentence(oddity: Oddity) -> str:
-    """Return why a unit does not belong."""
-    if oddity.key is None or oddity.value is None or oddity.median is None:
-        return f'{oddity.axis} is {oddity.fault}'
-    unit = AXES[oddity.axis].unit if oddity.key == MEAN \
-        else TERMS[oddity.key].unit(AXES[oddity.axis])
-    value, shown_unit = engineering(oddity.value, unit)
-    median = engineering(oddity.median, unit)[0]
-    away = '' if oddity.spreads is None else f', {abs(oddity.spreads):.1f} spreads away'
-    what = f'{oddity.axis} {quantity_name(oddity.axis, oddity.key)} {number(value)} {shown_unit}'
-    if oddity.key in (MEAN, 'rate_ramp') or oddity.median == 0:
-        return f'{what}: the mean of the others is {number(median)}{away}'
-    return f'{what}: {rounded(oddity.value / oddity.median)} times the median of the others{away}'
+def sentence(*same: Oddity) -> str:
+    """Return why a unit does not belong, by one quantity of one axis or several."""
+    first = same[0]
+    axes = first.axis if len(same) == 1 else named([oddity.axis for oddity in same])
+    if first.key is None or first.value is None or first.median is None:
+        return f'{axes} {"is" if len(same) == 1 else "are"} {first.fault}'
+    unit = _unit_of(first)
+    shown_unit = engineering(1.0, unit)[1]
+
+    def said(figures: Sequence[float], text: Callable[[float], str] = number) -> str:
+        low, high = text(min(figures)), text(max(figures))
+        return low if low == high else f'{low} to {high}'
+
+    values, medians = ([engineering(value or 0.0, unit)[0] for value in each] for each in zip(
+        *((oddity.value, oddity.median) for oddity in same), strict=True))
+    spreads = [abs(oddity.spreads) for oddity in same if oddity.spreads is not None]
+    away = f', {said(spreads, lambda x: f"{x:.1f}")} spreads away' if spreads else ''
+    what = f'{axes} {quantity_name(first.axis, first.key)} {said(values)} {shown_unit}'
+    if first.key in (MEAN, 'rate_ramp') or first.median == 0:
+        return f'{what}: the mean of the others is {said(medians)}{away}'
+    ratios = [value / median for value, median in zip(values, medians, strict=True)]
+    return f'{what}: {said(ratios, rounded)} times the median of the others{away}'
+
+
+def _unit_of(oddity: Oddity) -> str:
+    quantity = AXES[oddity.axis]
+    if oddity.key is None or oddity.key == MEAN:
+        return quantity.unit
+    return TERMS[oddity.key].unit(quantity)

@@ -15,6 +15,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -150,7 +151,7 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
         [remark] = recording.remarks
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: of 3 IMU topics GYR and ACC are read, with the highest rate; --topic, or '
         '--gyro-topic and --accel-topic, choose among IMU')
     axes = analyze(path).axes
@@ -162,7 +163,7 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
 
 def test_filtered_samples_are_told(tmp_path):
     result = analyze(write(tmp_path / 'a.bin', imu(2000)))
-    assert [remark.message for remark in result.warnings if remark.code == 'filtered'] == [
+    assert [message_of(remark) for remark in result.warnings if remark.code == 'filtered'] == [
         f'{tmp_path / "a.bin"}: IMU messages have passed the filters of the autopilot '
         '(INS_GYRO_FILTER, INS_ACCEL_FILTER); set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '
         'autopilot for raw samples at the full rate']
@@ -175,7 +176,7 @@ def test_batches_are_unrolled_and_show_n_alone(tmp_path):
     assert np.unique(np.diff(messages.header_ns)).tolist() == [10**6, 2 * 10**9 - 1023 * 10**6]
     assert messages.header_ns[0] == 10**9
     result = analyze(path)
-    assert [remark.message for remark in result.warnings if remark.code == 'batches'] == [
+    assert [message_of(remark) for remark in result.warnings if remark.code == 'batches'] == [
         f'{path}: topic {topic} comes in batches with pauses: it shows N and no more; set '
         'LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the full '
         'rate' for topic in ('ISBD_GYR', 'ISBD_ACC')]

@@ -13,6 +13,7 @@ from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.formats.bag_directory import BagDirectory
+from imu_allan.writers.words import message_of
 import pytest
 from whole_lines import refused, Varying
 import zstandard
@@ -59,7 +60,7 @@ def test_a_bag_without_metadata_is_read_in_the_order_of_its_numbers(split_bag):
     (split_bag / 'metadata.yaml').unlink()
     after, [remark] = read(split_bag)
     assert_same(block(1500), after)
-    assert (remark.code, remark.message) == (
+    assert (remark.code, message_of(remark)) == (
         'no_metadata',
         f'{split_bag}: no metadata.yaml (was the recorder killed?); the files found were read')
 
@@ -81,7 +82,7 @@ def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
         (split_bag / 'metadata.yaml').write_text(text)
         after, [remark] = read(split_bag)
         assert_same(block(1500), after)
-        assert (remark.code, remark.message) == (
+        assert (remark.code, message_of(remark)) == (
             'no_metadata', Varying(
                 f'{split_bag}: metadata.yaml is damaged ({reason}); the files found were read'))
 
@@ -90,7 +91,7 @@ def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     (split_bag / 'bag_10.mcap').unlink()
     after, [remark] = read(split_bag)
     assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert (remark.code, remark.message) == (
+    assert (remark.code, message_of(remark)) == (
         'missing_file',
         f'{split_bag}: 1 of 3 files that metadata.yaml lists cannot be found: bag_10.mcap; the '
         'others were read')
@@ -110,7 +111,7 @@ def test_a_file_of_it_that_cannot_be_read_is_a_remark(split_bag):
     (split_bag / 'bag_10.mcap').write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
     after, [remark] = read(split_bag)
     assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{split_bag}: a file of it was left out: {split_bag}/bag_10.mcap: a git-LFS pointer, not '
         'the recording itself; fetch it with: git lfs pull')
 
@@ -163,7 +164,7 @@ def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
     after, remarks = read(packed)
     assert_same(block(len(after)), after)
     assert len(after) > 1000
-    assert [(remark.code, remark.message) for remark in remarks] == [
+    assert [(remark.code, message_of(remark)) for remark in remarks] == [
         ('truncated_recording', Varying(
             f'{packed}: the compressed file is damaged or cut short (<number> of {size} bytes are '
             'missing); what comes before was read')),
@@ -207,7 +208,7 @@ def test_messages_compressed_one_by_one_are_read(tmp_path, container):
                    compression_format='zstd', compression_mode='MESSAGE')
     after, [remark] = read(tmp_path)
     assert remark.code == 'malformed_messages'
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: left out 1 invalid message of /imu (sensor_msgs/Imu); the first: '
         '0 bytes are too few for a sensor_msgs/Imu message (312 at least)')
     assert_same(joined([block(7), block(292, first=8)]), after)
@@ -288,7 +289,7 @@ def test_another_remark_does_not_hide_a_loss(tmp_path):
     write_db3(tmp_path / 'bag_0.db3', block(90))
     write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, 100)])
     with open_recording(tmp_path) as recording:
-        recording.remark('chosen_topic', 'something else that is worth knowing')
+        recording.remark('chosen_topic')
         list(recording.decoded('/imu'))
         assert [remark.code for remark in recording.remarks] == ['chosen_topic', 'lost_messages']
 
@@ -298,6 +299,6 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_told(tmp_path):
     write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, 100)])
     after, [remark] = read(tmp_path)
     assert_same(block(90), after)
-    assert (remark.code, remark.message) == (
+    assert (remark.code, message_of(remark)) == (
         'lost_messages',
         f'{tmp_path}: 90 of the 100 messages of /imu that metadata.yaml counts were found')

@@ -8,10 +8,11 @@ import struct
 
 from bags import block, IMU, read, ros1_record, write_bag, write_mcap
 from imu_allan.cdr import encode_imu_rows
+from imu_allan.finding import Finding
 from imu_allan.recordings.formats import effort
 from imu_allan.recordings.formats.gather import gather, in_batches
 from imu_allan.recordings.open_recording import open_recording
-from imu_allan.result import Remark
+from imu_allan.writers.words import message_of
 from measured_command import run
 import numpy as np
 import pytest
@@ -45,8 +46,8 @@ def with_chunks(path: Path, added: bytes) -> Path:
     return path
 
 
-def assert_too_much(path: Path, remarks: list[Remark], chunks: int, times: int) -> None:
-    assert [remark.message for remark in remarks] == [
+def assert_too_much(path: Path, remarks: list[Finding], chunks: int, times: int) -> None:
+    assert [message_of(remark) for remark in remarks] == [
         f'{path}: the recording breaks off (was the recorder killed?): what was not yet written '
         f'is missing; found {chunks} whole chunks',
         Varying(f'{path}: left out <number> damaged chunks of {chunks} (the first at byte '
@@ -59,7 +60,7 @@ def test_all_chunks_of_a_file_have_one_bound_together(tmp_path):
     after, remarks = read(path)
     assert len(after) == len(MESSAGES)
     assert_too_much(path, remarks, 48, 1000)
-    assert 25 < int(remarks[1].message.split()[3]) < 40
+    assert 25 < int(message_of(remarks[1]).split()[3]) < 40
 
 
 def test_all_chunks_of_a_ros1_bag_have_one_bound_together(tmp_path, monkeypatch):
@@ -77,7 +78,7 @@ def test_all_chunks_of_a_ros1_bag_have_one_bound_together(tmp_path, monkeypatch)
     after, remarks = read(path)
     assert len(after) == len(MESSAGES)
     assert_too_much(path, remarks, 32, 2)
-    assert 15 < int(remarks[1].message.split()[3]) < 24
+    assert 15 < int(message_of(remarks[1]).split()[3]) < 24
 
 
 def test_messages_that_expand_within_a_chunk_that_expands_are_not_held(tmp_path):
@@ -174,7 +175,7 @@ def test_connections_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path)
         file.write(connections(100, 70_000 * [b'']))
     after, [remark] = read(path)
     assert len(after) == len(MESSAGES)
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: its first 65,536 connections are listed, the others are not read')
 
 

@@ -15,6 +15,7 @@ from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.formats.gather import gather
+from imu_allan.writers.words import message_of
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import breakup_chunk, StreamReader
@@ -194,14 +195,14 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(
             counts.append(len(after))
             assert_same(after, joined([block(len(after))]))
             assert remark.code == 'truncated_recording'
-            assert remark.message == (
+            assert message_of(remark) == (
                 f'{path}: the recording breaks off (was the recorder killed?): what was not yet '
                 f'written is missing; found {len(counts) + 2} whole chunks')
             path.write_bytes(whole[:end - 1])
             before, [remark] = read(path)
             assert_same(before, joined([block(len(before))]))
             assert len(before) < len(after)
-            assert remark.message == (
+            assert message_of(remark) == (
                 f'{path}: the recording breaks off (was the recorder killed?): the chunk at byte '
                 f'{start}, of which {end - 1 - start} bytes are there, is lost; '
                 f'found {len(counts) + 1} whole chunks')
@@ -222,7 +223,7 @@ def test_a_tail_of_zeros_is_told(tmp_path):
     path.write_bytes(whole[:end] + bytes(4096))
     after, [remark] = read(path)
     assert_same(after, joined([block(len(after))]))
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: the recording breaks off (was the recorder killed?): 4096 bytes from byte {end} '
         'on are not whole records and are lost; found 4 whole chunks')
 
@@ -240,7 +241,7 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, compression):
     assert 100 < lost < 200
     assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
     assert remark.code == 'damaged_recording'
-    assert remark.message == Varying(
+    assert message_of(remark) == Varying(
         f'{path}: left out 1 damaged chunk of {len(places)} (the first at byte {start + 9}: '
         f'<words>); lost {lost} of 1000 messages of /imu')
 
@@ -253,7 +254,7 @@ def test_a_flipped_bit_that_decompresses_all_the_same_is_found_by_the_checksum(t
     path.write_bytes(data)
     after, [remark] = read(path)
     assert len(after) < 1000
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: left out 1 damaged chunk of {len(chunk_places(path))} (the first at byte '
         f'{start + 9}: its checksum does not match); lost {1000 - len(after)} of 1000 messages '
         'of /imu')
@@ -268,8 +269,8 @@ def test_reading_goes_on_behind_bytes_that_are_no_records(tmp_path):
     after, [remark] = read(path)
     lost = 1000 - len(after)
     assert 100 < lost < 200
-    assert remark.message == (
-        f'{path}: left out 1 stretch without records (the first: '
+    assert message_of(remark) == (
+        f'{path}: left out 1 place without records (the first: '
         f'{places[3][0] - places[2][0]} bytes from byte {places[2][0]} on); '
         f'lost {lost} of 1000 messages of /imu')
 
@@ -287,7 +288,7 @@ def test_malformed_messages_are_counted(tmp_path):
         writer.finish()
     after, [remark] = read(path)
     assert len(after) == 900
-    assert (remark.code, remark.message) == (
+    assert (remark.code, message_of(remark)) == (
         'malformed_messages',
         f'{path}: left out 100 invalid messages of /imu (sensor_msgs/Imu); the first: '
         '8 bytes are too few for a sensor_msgs/Imu message (312 at least)')
@@ -316,7 +317,7 @@ def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, re
     path.write_bytes(data)
     after, [remark] = read(path)
     assert 800 < len(after) < 1000
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: left out 1 damaged chunk of {len(chunk_places(path))} (the first at byte '
         f'{start + 9}: {reason}); lost {1000 - len(after)} of 1000 messages of /imu')
     struct.pack_into('<Q', data, start + 1, 2**63 - 1)
@@ -389,7 +390,7 @@ def test_a_bomb_of_tiny_records_costs_little_time(tmp_path):
     after, remarks = read(path)
     assert time.process_time() - began < 10
     assert len(after) > 700
-    assert [remark.message for remark in remarks] == [
+    assert [message_of(remark) for remark in remarks] == [
         f'{path}: left out 5 damaged chunks of {len(places) + 4} (the first at byte {start + 9}: '
         f'more records than its bytes can hold); lost {1000 - len(after)} of 1000 messages of '
         '/imu']
@@ -410,7 +411,7 @@ def test_a_bomb_of_zeros_is_left_out(tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     after, remarks = read(path)
     assert len(after) > 700
-    assert [remark.message for remark in remarks] == [
+    assert [message_of(remark) for remark in remarks] == [
         f'{path}: left out 1 damaged chunk of {len(places)} (the first at byte {start + 9}: '
         f'the file expands to more than 1000 times its size); lost {1000 - len(after)} of 1000 '
         'messages of /imu']

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bags import block, IMU, read, write_db3, write_metadata
 from imu_allan.recordings.formats.metadata_yaml import read_metadata_yaml
+from imu_allan.writers.words import message_of
 from measured_command import run
 import pytest
 from whole_lines import refused
@@ -111,7 +112,7 @@ def bag(folder: Path, *, count: int, times: int = 1) -> Path:
 def test_a_file_that_is_listed_many_times_is_read_once(tmp_path):
     after, [remark] = read(bag(tmp_path, count=600_000, times=2000))
     assert len(after) == 300
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{tmp_path}: metadata.yaml is damaged (relative_file_paths names a file twice); the '
         'files found were read')
 
@@ -120,7 +121,7 @@ def test_a_file_that_is_listed_many_times_is_read_once(tmp_path):
 def test_an_impossible_count_is_not_believed(tmp_path, count):
     after, [remark] = read(bag(tmp_path, count=count))
     assert len(after) == 300
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{tmp_path}: metadata.yaml is damaged (message_count is {count}); the files found were '
         'read')
 
@@ -131,6 +132,6 @@ def test_of_thousands_of_damaged_files_ten_are_told_and_the_others_counted(tmp_p
         (tmp_path / f'a_{number}.db3').write_bytes(b'no database')
     after, remarks = read(tmp_path)
     assert len(after) == 300
-    left_out = [remark.message for remark in remarks if remark.code == 'damaged_recording']
+    left_out = [message_of(remark) for remark in remarks if remark.code == 'damaged_recording']
     assert len(left_out) == 11
     assert left_out[-1] == f'{tmp_path}: 2989 more like these'

@@ -12,6 +12,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -83,7 +84,7 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [
             Stream('sensor_gyro', 'gyro'), Stream('sensor_accel', 'accel')]
-        assert [remark.message for remark in recording.remarks] == [
+        assert [message_of(remark) for remark in recording.remarks] == [
             f'{path}: of 3 IMU topics sensor_gyro and sensor_accel are read, with the highest '
             'rate; --topic, or --gyro-topic and --accel-topic, choose among sensor_combined']
         assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
@@ -118,7 +119,7 @@ def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
     kept = ~np.isin(np.arange(len(whole)) // 4, [7, 9])
     assert found.header_ns.tolist() == whole.header_ns[kept].tolist()
     assert found.samples.tobytes() == whole.samples[kept].tobytes()
-    assert [remark.message for remark in remarks] == [
+    assert [message_of(remark) for remark in remarks] == [
         f'{path}: left out 2 invalid messages of sensor_gyro_fifo '
         '(px4_msgs/msg/SensorGyroFifo); the first: samples is not 1 to 4, or dt is no time']
 
@@ -158,7 +159,7 @@ def test_what_is_damaged_is_left_out_and_told(tmp_path):
     path.write_bytes(data[:at] + bytes(70) + mark + data[at:-1])
     found, remarks = read(path)
     assert len(found) == COUNT - 1
-    assert [remark.message for remark in remarks] == [
+    assert [message_of(remark) for remark in remarks] == [
         f'{path}: left out 70 damaged bytes',
         f'{path}: the log breaks off in a message; its {one - 1} bytes are lost']
 

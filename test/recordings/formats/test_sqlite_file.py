@@ -13,6 +13,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -128,7 +129,7 @@ def test_an_unfinished_transaction_is_rolled_back_in_a_copy(tmp_path):
     before = contents(killed)
     after, [remark] = read(killed / 'a.db3')
     assert_same(MESSAGES, after)
-    assert (remark.code, remark.message) == (
+    assert (remark.code, message_of(remark)) == (
         'unfinished_recording',
         f'{killed / "a.db3"}: a.db3-journal beside it tells that the recorder was killed; what it '
         'was about to write then is missing')
@@ -145,7 +146,7 @@ def test_a_truncated_database_gives_what_is_there(tmp_path, share):
     assert_same(block(len(after)), after)
     assert len(after) > 5000 * share * 0.9
     assert remarks[0].code == 'truncated_recording'
-    assert remarks[0].message == (
+    assert message_of(remarks[0]) == (
         f'{path}: {len(whole) - left} of {len(whole)} bytes are missing at the end of the '
         'database (was the recorder killed, or the copy cut short?)')
 
@@ -160,7 +161,7 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
     assert 4960 < len(after) < 5000
     assert after.receive_ns[[0, -1]].tolist() == MESSAGES.receive_ns[[0, -1]].tolist()
     assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
-    assert (remark.code, remark.message) == (
+    assert (remark.code, message_of(remark)) == (
         'damaged_recording',
         f'{path}: the database is damaged in 1 place (database disk image is malformed): '
         f'{len(after):,} messages of /imu could be read, the others are lost')
@@ -200,7 +201,7 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     database.close()
     after, [remark] = read(path)
     assert_same(block(4), after)
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: left out 3 invalid messages of /imu (sensor_msgs/Imu); the first: '
         'not a blob of 1,048,576 bytes at most')
 

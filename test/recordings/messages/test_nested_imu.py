@@ -15,6 +15,7 @@ from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
 from imu_allan.recordings.messages.piece import Piece
+from imu_allan.writers.words import message_of
 import numpy as np
 from other_types import (
     full_definition,
@@ -266,7 +267,7 @@ def test_messages_that_do_not_fit_their_definition_are_told(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER), made)
     messages, [remark] = read(path)
     assert len(messages) == COUNT - 2
-    assert remark.message == (
+    assert message_of(remark) == (
         f'{path}: left out 2 invalid messages of /sensor (my_driver/msg/Vectornav); '
         'the first: 300 bytes are too few for its type, which takes 364 or more')
 

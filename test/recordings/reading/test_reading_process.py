@@ -13,10 +13,10 @@ import time
 from bags import assert_same, block, FailingRecording, joined, write_mcap
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.reading import reading_process
 from imu_allan.recordings.write import write_recording
-from imu_allan.result import Remark
 import pytest
 from whole_lines import refused
 import zstandard
@@ -49,13 +49,13 @@ def wait_until(reached, timeout: float = 20.0) -> None:
         time.sleep(0.01)
 
 
-def read_here(path: Path) -> tuple[ImuBlock, list[Remark]]:
+def read_here(path: Path) -> tuple[ImuBlock, list[Finding]]:
     with open_recording(path) as recording:
         blocks = [piece for piece, _ in recording.decoded(choose_topic(recording))]
         return joined(blocks), recording.remarks
 
 
-def read_beside(path: Path) -> tuple[ImuBlock, list[Remark]]:
+def read_beside(path: Path) -> tuple[ImuBlock, list[Finding]]:
     before = children()
     with open_recording(path) as recording:
         blocks = read_blocks(recording, choose_topic(recording))

@@ -1,0 +1,28 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that says what a finding means."""
+
+from imu_allan.cli.main import main
+from imu_allan.writers.words import WORDS
+import pytest
+
+
+@pytest.mark.parametrize('given', ['not_steady', 'NOT-STEADY', 'not steady'])
+def test_a_code_is_explained_however_it_is_written(
+        given: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['explain', given]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == 'not_steady: not steady (act upon it)'
+    assert lines[1].startswith('What it means: The noise was not the same all the time')
+
+
+def test_without_a_code_all_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['explain']) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [*WORDS]
+
+
+def test_a_code_that_is_none_is_one_line_with_the_nearest(
+        capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['explain', 'bias_stop']) == 1
+    assert capsys.readouterr().err == ('imu_allan: bias_stop: no finding has this code; did you '
+                                       'mean bias_step? (all: imu_allan explain)\n')
