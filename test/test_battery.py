@@ -2,6 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The battery: its simulators, its bounds, its scores, and where it finds two runs to differ."""
 
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
 from battery import bounds, simulated
 from battery.cases import CONSUMER, RECORDS, SPECTRA, WALKING
 from battery.doors import Answer, Said
@@ -153,3 +159,37 @@ def test_the_table_has_coverage_width_and_what_is_false():
     [flicker] = [line for line in lines if line.split()[:1] == ['B']]
     assert head.split()[:6] == ['short:', '1', 'min,', 'NB', '4', 'N']
     assert flicker.split()[1:3] == ['1.00', '0.750']
+
+
+ROOT = Path(__file__).parents[1]
+
+
+def battery(*arguments):
+    """Run the battery as `make battery` does."""
+    return subprocess.run([sys.executable, '-m', 'battery', *arguments], cwd=ROOT,
+                          env={**os.environ, 'PYTHONPATH': str(ROOT / 'bench')},
+                          capture_output=True, text=True, check=False)
+
+
+def test_two_runs_of_one_checkout_are_the_same_and_a_file_can_stand_for_it(tmp_path):
+    chosen = ('--parts', 'records', '--only', '10 s, N', '--records', '2', '--seed', '5')
+    written = tmp_path / 'outcomes.json'
+    first = battery(*chosen, '--output', str(written))
+    assert first.returncode == 0, first.stderr
+    assert [line.split()[:5] for line in first.stdout.splitlines()[1:2]] == [
+        ['short:', '10', 's,', 'N', '2']]
+    assert [one['seed'] for one in json.loads(written.read_text())['outcomes']] == [5, 6]
+    again = battery(*chosen, '--base', str(written))
+    *_, told, head = again.stdout.splitlines()
+    assert told == '2 records compared: where they differ by more than two standard errors'
+    assert head.split() == ['term', 'what', 'base', 'now', 'standard', 'errors']
+
+
+@pytest.mark.parametrize(('arguments', 'line'), [
+    (['--only', 'nonsense'], 'battery: error: --only: no family and no case is called nonsense'),
+    (['--only', '10 s, N', '--base', '/nowhere', '--checkout', '/nowhere'],
+     '/nowhere: no checkout of imu_allan, and no file of outcomes')])
+def test_what_cannot_be_run_is_refused(arguments, line):
+    found = battery(*arguments)
+    assert found.returncode != 0
+    assert found.stderr.splitlines()[-1] == line

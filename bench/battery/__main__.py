@@ -26,6 +26,7 @@ import subprocess
 import sys
 from typing import Any
 
+from battery.cases import NAMES, PARTS
 from battery.tables import differences, table
 
 BENCH = Path(__file__).resolve().parents[1]
@@ -71,12 +72,15 @@ def main() -> int:
     parser.add_argument('--base', type=Path, metavar='FOLDER|FILE',
                         help='the checkout it is compared with, or the outcomes of it')
     parser.add_argument('--output', type=Path, metavar='FILE', help='write the outcomes as JSON')
-    parser.add_argument('--parts', nargs='+', help='of records, spectra, recordings')
-    parser.add_argument('--only', nargs='+', help='families or cases')
+    parser.add_argument('--parts', nargs='+', choices=PARTS, help='of the battery (all)')
+    parser.add_argument('--only', nargs='+', metavar='NAME', help='families or cases (all)')
     parser.add_argument('--records', type=int, help='of every case')
     parser.add_argument('--seed', type=int, default=0, help='other records of the same sensors')
     parser.add_argument('--jobs', type=int, default=2, help='processes')
     options = parser.parse_args()
+    unknown = set(options.only or ()) - NAMES
+    if unknown:
+        parser.error(f'--only: no family and no case is called {", ".join(sorted(unknown))}')
     arguments = ['--seed', str(options.seed), '--jobs', str(options.jobs)]
     for name in ('parts', 'only'):
         if getattr(options, name):

@@ -221,5 +221,8 @@ def _spectra() -> list[Case]:
               for name, course in still.items())]
 
 
+PARTS = ('records', 'spectra', 'recordings')
 RECORDS = tuple(_records())
 SPECTRA = tuple(_spectra())
+NAMES = {name for case in (*RECORDS, *SPECTRA) for name in (case.family, case.name)}
+"""By which cases can be chosen."""

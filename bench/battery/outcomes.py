@@ -24,7 +24,6 @@ from battery.doors import Answer, Said
 from battery.sensors import TERMS
 import numpy as np
 
-PARTS = ('records', 'spectra', 'recordings')
 _AT_ONCE = 10
 """Spectra that are drawn and fitted as one job."""
 _MISS = 2 / 0.05
@@ -134,7 +133,7 @@ def main() -> int:
     """Write the outcomes to standard output."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--parts', nargs='+', choices=PARTS, default=PARTS)
+    parser.add_argument('--parts', nargs='+', choices=cases.PARTS, default=cases.PARTS)
     parser.add_argument('--only', nargs='*', default=[])
     parser.add_argument('--records', type=int)
     parser.add_argument('--seed', type=int, default=0)
