@@ -126,6 +126,8 @@ LASTING_TERMS = ('noise_density', 'bias_instability', 'rate_random_walk')
 """N, B and K: what is the sensor's own. Q is its output's, R this record's."""
 SLOW_TERMS = ('bias_instability', 'rate_random_walk')
 """Those of them that a filter follows as a bias, and that take the longest record."""
+_IN_OCTAVE = 8
+"""Frequencies that stand for many lines: their side lobes do not fall together."""
 
 
 def gauss_markov_avar(sigma: float, correlation_time_s: float,
@@ -222,8 +224,8 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     Returns
     -------
     ndarray, shape (n,)
-        [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods. Several lines are
-        at all phases of theirs, where the mean of sin^4 is 3/8.
+        [a sin^2(pi f tau)/(pi f tau)]^2: nothing at whole numbers of periods. Of several lines
+        the mean over an octave, as `frequencies_of_lines` has it.
 
     References
     ----------
@@ -235,10 +237,29 @@ def line_avar(frequency_hz: float, amplitude: float, tau: ArrayLike, lines: int 
     array([0.1273, 0.    ])
 
     """
-    x = np.pi * frequency_hz * np.asarray(tau, dtype=np.float64)
-    if lines > 1:
-        return np.asarray((amplitude * x) ** 2 / (1 + 8 * x**4 / 3))
-    return np.asarray((amplitude * np.sin(x) ** 2 / x) ** 2)
+    x = np.pi * np.multiply.outer(frequencies_of_lines(frequency_hz, lines),
+                                  np.asarray(tau, dtype=np.float64))
+    return np.asarray(np.mean((amplitude * np.sin(x) ** 2 / x) ** 2, axis=0))
+
+
+def frequencies_of_lines(frequency_hz: float, lines: int) -> NDArray[np.float64]:
+    """
+    Return frequencies of equal power that stand for the sum of several lines of an octave.
+
+    They leave in the mean over a long time as much as one line of `frequency_hz`.
+
+    Examples
+    --------
+    >>> frequencies_of_lines(10.0, 1)
+    array([10.])
+    >>> frequencies_of_lines(10.0, 40).round(1)
+    array([ 7.7,  8.4,  9.1, 10. , 10.9, 11.8, 12.9, 14.1])
+
+    """
+    if lines == 1:
+        return np.array([frequency_hz])
+    octave = 2.0 ** ((np.arange(_IN_OCTAVE) + 0.5) / _IN_OCTAVE)
+    return np.asarray(frequency_hz * octave * np.sqrt(np.mean(octave**-2)))
 
 
 def low_passed_avar(density: float, window_s: float, size: ArrayLike, dt: float

@@ -54,6 +54,8 @@ _BROAD = 64
 """Bins from which a rise is a hump with its centre of mass, not a line with a highest bin."""
 _LOWEST_FLOOR = 1e-9
 """Of the mean level: 90 dB below is no noise, and a ratio to it is still a number."""
+_IMAGE = 2.0
+"""Times what known lines leave there a line is its own: among hundreds one is always near."""
 _OFF = 1.5
 """Spacings of coefficients, by which the frequency of a weak line may be off."""
 _CYCLE_OFF = 0.02
@@ -201,8 +203,9 @@ def _find_lines(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float, f
             top = int(np.argmax(excess))
             middle = slice(max(top - 2, 0), top + 3) if len(excess) < _BROAD else slice(None)
             centre = float(np.average(frequency[part][middle], weights=excess[middle]))
-            if piece.step == 1 or not folded(centre, lines, 1 / (piece.step * dt), 3 * width):
-                lines.append(Tone(centre, float(np.sqrt(2 * excess.sum() / piece.length))))
+            line = Tone(centre, float(np.sqrt(2 * excess.sum() / piece.length)))
+            if piece.step == 1 or not folded(line, lines, piece.step, dt, 3 * width):
+                lines.append(line)
     # Shorter blocks of the same stage see the same lines, only less sharply.
     for number, piece in enumerate(pieces):
         if piece.length == longest[piece.step]:
@@ -321,7 +324,11 @@ def _peaks(level: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise([0, *cuts, len(level)])]
 
 
-def folded(frequency: float, lines: list[Tone], rate: float, width: float) -> bool:
-    """Whether a line is the image of a known one at a lower sample rate."""
-    return any(abs(abs(line.frequency_hz - rate * round(line.frequency_hz / rate)) - frequency)
-               < width for line in lines)
+def folded(line: Tone, lines: list[Tone], step: int, dt: float, width: float) -> bool:
+    """Whether a line of means over `step` samples is what known ones of samples leave there."""
+    rate = 1 / (step * dt)
+    images = [known.amplitude * np.sinc(known.frequency_hz / rate)
+              / np.sinc(known.frequency_hz * dt) for known in lines
+              if abs(abs(known.frequency_hz - rate * round(known.frequency_hz / rate))
+                     - line.frequency_hz) < width]
+    return line.amplitude < _IMAGE * float(np.sqrt(np.sum(np.square(images))))

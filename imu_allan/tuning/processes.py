@@ -5,6 +5,7 @@
 from dataclasses import dataclass
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.terms import frequencies_of_lines
 from imu_allan.result import AxisResult, Curve, DriftModel, Stationarity, Tone
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,8 +58,6 @@ def line_power(tones: tuple[Tone, ...], interval_s: ArrayLike) -> Array:
     interval = np.asarray(interval_s, dtype=np.float64)
     total = np.zeros(interval.shape)
     for tone in tones:
-        # Several lines are at all phases of their side lobes, where the mean of sin^2 is a half.
-        share = (np.sinc(tone.frequency_hz * interval) ** 2 if tone.lines == 1 else
-                 1 / (1 + 2 * (np.pi * tone.frequency_hz * interval) ** 2))
-        total = total + tone.amplitude**2 / 2 * share
+        turns = np.multiply.outer(frequencies_of_lines(tone.frequency_hz, tone.lines), interval)
+        total = total + tone.amplitude**2 / 2 * np.mean(np.sinc(turns) ** 2, axis=0)
     return total
