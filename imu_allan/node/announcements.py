@@ -157,11 +157,19 @@ class Announcements:
                    'the rate is the expected one again')
 
     def see_result(self, result: Result) -> None:
-        """Tell of coefficients that have become observable and of what the fit found."""
+        """Tell of coefficients that become observable, or no longer are, and what was found."""
         fresh: dict[str, list[str]] = {}
+        gone: dict[str, list[str]] = {}
         for name, axis in result.axes.items():
             for key, coefficient in axis.coefficients.items():
-                if not coefficient.observable or (name, key) in self._observable:
+                if coefficient.observable == ((name, key) in self._observable):
+                    continue
+                if not coefficient.observable:
+                    self._observable.remove((name, key))
+                    bound = ('' if coefficient.upper95 is None else
+                             f' (below {coefficient.upper95:.2g})')
+                    gone.setdefault(f'{key.replace("_", " ")} ({coefficient.unit})', []).append(
+                        f'{spoken(name)}{bound}')
                     continue
                 self._observable.add((name, key))
                 if coefficient.value is not None and coefficient.ci95 is not None:
@@ -170,6 +178,9 @@ class Announcements:
                         f'{spoken(name)} {value} ({low} .. {high})')
         for what, axes in fresh.items():
             self._log.info(f'observable: {what} of {"; ".join(axes)}')
+        for what, axes in gone.items():
+            self._log.warning(f'no longer observable: {what} of {"; ".join(axes)}: the longer '
+                              'record is explained as well without it', f'gone {what}')
         for remark in result.warnings:
             self._say_once(remark.code, message_of(remark, live=True))
 
@@ -193,7 +204,7 @@ class Announcements:
             return
         early = now - self._began < EARLY_S
         self._progress_at = now + (PROGRESS_S if early else LATER_S)
-        self._log.info(progress_line(result, facts.moved_s))
+        self._log.info(progress_line(result, facts.moved_s, comes=facts.silent_s < PAUSE_S))
 
     def _say_once(self, code: str, text: str) -> None:
         # Where the queue overruns, all that is odd about the samples may come of it.
@@ -202,8 +213,8 @@ class Announcements:
             self._log.warning(text, f'{code} {self._topic}', REPEAT_S)
 
 
-def progress_line(result: Result, moved_s: float = 0.0) -> str:
-    """Say how much has come, what is observable and what comes next."""
+def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -> str:
+    """Say how much has come, what is observable and, while more comes, what is next."""
     timeline = result.timeline
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
     used = ''
@@ -217,7 +228,7 @@ def progress_line(result: Result, moved_s: float = 0.0) -> str:
             f'{used}; observable of {counted(len(result.axes), "axis", "axes")}: '
             f'{", ".join(shown) or "nothing yet"}')
     following = waiting_for(result)
-    if following is None:
+    if following is None or not comes:
         return text
     axis, key, seconds = following
     return (f'{text}; next: {key.replace("_", " ")} of {spoken(axis)} in about '

@@ -31,6 +31,8 @@ _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'f
                      'rest_within_motion', 'several_frames', 'spikes'})
 """Codes of remarks that tell of what may be over: counts say whether it goes on."""
 
+SILENT_S = 2.0
+"""Without a message for so long nothing comes, and nothing is expected of time."""
 _LATELY = f'in the last {RECENT_S:.0f} s'
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -219,7 +221,7 @@ def _reception_verdict(facts: Facts) -> Verdict:
                        'they are passed over')
     if not facts.publishers:
         return ERROR, '; '.join(facts.refused) or f'nothing publishes {facts.topic}'
-    if facts.silent_s > 2:
+    if facts.silent_s > SILENT_S:
         return ERROR, f'no message for {facts.silent_s:.0f} s'
     if facts.publishers > 1:
         return WARN, (f'{facts.publishers} publishers on {facts.topic}: where their samples mix '
@@ -338,7 +340,7 @@ def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
     if bad:
         return WARN, '; '.join(bad)
     following = waiting_for(result)
-    if following is None:
+    if following is None or facts.silent_s > SILENT_S:
         hidden = sum(not coefficient.observable for axis in result.axes.values()
                      for coefficient in axis.coefficients.values())
         return OK, (f'{hidden} coefficients are below what this data can show' if hidden
@@ -358,7 +360,7 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
         for remark in result.warnings:
             values.setdefault(f'remarks/{remark.code}', message_of(remark, live=True))
         following = waiting_for(result)
-        if following is not None:
+        if following is not None and facts.silent_s <= SILENT_S:
             axis, key, seconds = following
             values |= {'next_observable': f'{axis} {key}', 'next_observable_in_s': seconds}
     return values

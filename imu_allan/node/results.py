@@ -131,10 +131,11 @@ class Results:
         def work() -> _Fitted:
             started = time.monotonic()
             of_lanes, fits = snapshot.fitted(tested)
-            result = snapshot.as_one(of_lanes)
+            fitted = snapshot.as_one(of_lanes)
+            result = run.sequential.judged(fitted)
             messages = result_messages(result, name, _time(stamp), filter_of)
             findings = standards.judge(
-                result, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
+                fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,
                 fits)
             return _Fitted(result, of_lanes, messages, findings, time.monotonic() - started)
 

@@ -15,6 +15,7 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.power_ons import boot_id, PowerOns
 from imu_allan.node.replay import LoopWatch
 from imu_allan.node.same_imu import ChangeWatch, Probation, Signature
+from imu_allan.node.sequential import SequentialLooks
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.result import Backtest, Result
@@ -193,6 +194,8 @@ class Run:
         Whether another has begun since.
     looks : Looks
         At how it stands to a datasheet, kept by the thread that fits.
+    sequential : SequentialLooks
+        At what its fits show, kept by the same.
 
     """
 
@@ -202,6 +205,7 @@ class Run:
         self.duration_s = 0.0
         self.over = False
         self.looks = Looks()
+        self.sequential = SequentialLooks()
         self._backtests: Backtests | None = None
         self._tested = 0
 

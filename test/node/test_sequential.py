@@ -1,0 +1,112 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A fit every few seconds is a look every few seconds: chance is not published."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+import json
+
+from imu_allan.characterization import Characterization
+from imu_allan.node.sequential import SequentialLooks
+from imu_allan.result import Coefficient, Result, Span
+from imu_allan.sensor.noise_model import parse_model
+from imu_allan.sensor.simulated_imu import simulated_blocks
+import numpy as np
+import pytest
+from ros_harness import Driver, Ros
+from std_msgs.msg import String
+
+WALK = 'rate_random_walk'
+
+
+@pytest.fixture(scope='module')
+def fitted() -> Result:
+    run = Characterization(kind='topic', topic='/imu')
+    for block in simulated_blocks(parse_model('gyro: {noise_density: 1e-3 rad/s/sqrt(Hz)}'),
+                                  100.0, 2000):
+        run.update(block)
+    return run.result()
+
+
+def at(result: Result, seconds: float, observable: bool, wait_s: float | None = None,
+       moved_s: float = 0.0) -> Result:
+    """Give the result as that of another time, in which the walk of one axis shows or not."""
+    axis = result.axes['gyro_x']
+    walk = (Coefficient('K', 'u', True, 2.0, (1.0, 3.0), None) if observable else
+            Coefficient('K', 'u', False, None, None, 4.0, observable_in_s=wait_s))
+    return replace(
+        result, timeline=replace(
+            result.timeline, samples=round(100 * seconds), sample_rate_hz=100.0,
+            duration_s=seconds, motion=(Span(1.0, moved_s),) if moved_s else ()),
+        axes={'gyro_x': replace(axis, coefficients={**axis.coefficients, WALK: walk})})
+
+
+def seen(looks: SequentialLooks, fits: Sequence[Result]) -> list[Coefficient]:
+    return [looks.judged(fit).axes['gyro_x'].coefficients[WALK] for fit in fits]
+
+
+def test_a_term_is_published_once_every_fit_has_shown_it_since_a_third_of_the_record(
+        fitted: Result) -> None:
+    shows = [seconds >= 30 and seconds != 70 for seconds in range(10, 240, 10)]
+    found = seen(SequentialLooks(), [
+        at(fitted, 10.0 * number, shown) for number, shown in enumerate(shows, 1)])
+    # Not seen at 20 s; seen at 30 to 60, thrice as much; lost at 70, and back at 210.
+    assert [coefficient.observable for coefficient in found] == [
+        False] * 5 + [True] + [False] * 14 + [True] * 3
+    withheld = found[7]
+    assert (withheld.value, withheld.ci95, withheld.upper95) == (None, None, 3.0)
+    assert withheld.observable_in_s == pytest.approx(3 * 70 - 80)
+
+
+def test_the_first_look_at_a_long_record_is_one_look(fitted: Result) -> None:
+    [found] = seen(SequentialLooks(), [at(fitted, 3600.0, True)])
+    assert found.observable
+    # A short one is the first of many.
+    first, *_, last = seen(SequentialLooks(), [at(fitted, time, True) for time in (10., 20., 30.)])
+    assert (first.observable, last.observable) == (False, True)
+
+
+def test_noise_density_is_published_at_once(fitted: Result) -> None:
+    found = SequentialLooks().judged(fitted).axes['gyro_x'].coefficients['noise_density']
+    assert found == fitted.axes['gyro_x'].coefficients['noise_density']
+    assert found.observable
+
+
+def test_a_wait_that_recedes_is_not_said(fitted: Result) -> None:
+    times = [10.0 * number for number in range(1, 21)]
+    recedes = seen(SequentialLooks(), [at(fitted, time, False, 2 * time) for time in times])
+    assert [coefficient.observable_in_s for coefficient in recedes] == [None] * len(times)
+    stands = seen(SequentialLooks(), [at(fitted, time, False, 500 - time) for time in times])
+    # At 30 s the record is thrice as long as at the first look.
+    assert [coefficient.observable_in_s for coefficient in stands] == [
+        None, None, *(500 - time for time in times[2:])]
+
+
+def test_nothing_is_expected_while_the_record_does_not_grow(fitted: Result) -> None:
+    looks = SequentialLooks()
+    seen(looks, [at(fitted, time, False, 500 - time) for time in (10.0, 20.0, 30.0)])
+    in_motion = seen(looks, [at(fitted, 30.0 + time, False, 470.0, moved_s=time)
+                             for time in (10.0, 20.0)])
+    assert [coefficient.observable_in_s for coefficient in in_motion] == [None, None]
+    # Another look at the same messages is no other.
+    assert seen(looks, [at(fitted, 50.0, False, 470.0, moved_s=20.0)])[0].observable_in_s is None
+    [after] = seen(looks, [at(fitted, 60.0, False, 460.0, moved_s=20.0)])
+    assert after.observable_in_s == 460.0
+
+
+def test_a_node_that_fits_over_and_over_shows_no_term_that_is_not_there(ros: Ros) -> None:
+    results = ros.listen(String, 'imu_allan/result')
+    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    driver = Driver(ros)
+    driver.wait_for_node()
+    # White noise whose fit at 16 s, and no other, shows a quantization noise by chance.
+    driver.random = np.random.default_rng(32)
+    for _ in range(4):
+        driver.publish(1600)
+        ros.until(lambda: results and json.loads(
+            results[-1].data)['timeline']['samples'] == driver.next)
+    assert len(results) >= 4
+    shown = {term for result in results for axis in json.loads(result.data)['axes'].values()
+             for term, found in axis['coefficients'].items() if found['observable']}
+    assert shown == {'noise_density'}
+    assert 'no longer observable' not in node.log
