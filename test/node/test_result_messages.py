@@ -128,7 +128,8 @@ def test_the_interval_of_a_hidden_coefficient_reaches_from_zero_to_its_bound() -
 
 
 def test_remarks_of_the_fit_stand_with_their_axis() -> None:
-    remark = finding('deadband', ('gyro_x',), share=0.5, width=0.01, unit='rad/s')
+    remark = replace(finding('deadband', ('gyro_x',), share=0.5, width=0.01, unit='rad/s'),
+                     message='gyro_y: words that decide nothing')
     result = replace(result_of({name: axis_result(name, ALL) for name in ('gyro_x', 'gyro_y')}),
                      warnings=(remark,))
     x, y = coefficients_message(result, '/imu_allan', STAMP).status
