@@ -94,7 +94,11 @@ def test_a_bound_counts_as_the_interval_from_zero():
     fails = verdict(Said(None, None, 2.0), 2.5, 0.5)
     assert (holds.reported, holds.inside, holds.width, holds.score) == (False, True, None, 4.0)
     assert (fails.inside, fails.score) == (False, pytest.approx(4.0 + 40.0))
-    assert verdict(Said(None, None, None), 1.0, 1.0).score is None
+
+
+def test_what_nothing_is_said_of_is_neither_inside_nor_scored():
+    found = verdict(Said(None, None, None), 1.0, 1.0)
+    assert (found.reported, found.inside, found.width, found.score) == (False, None, None, None)
 
 
 def short_cases():

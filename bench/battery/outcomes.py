@@ -39,8 +39,9 @@ class Verdict:
     ----------
     truth : float
         Zero for a term that is not there.
-    reported, inside : bool
-        An upper bound holds the truth where that is below it.
+    reported : bool
+    inside : bool or None
+        An upper bound holds the truth where that is below it; None where nothing is said.
     width : float or None
         Of the interval, over that of the Cramer-Rao bound; None for a bound alone.
     score : float or None
@@ -51,7 +52,7 @@ class Verdict:
 
     truth: float
     reported: bool
-    inside: bool
+    inside: bool | None
     width: float | None
     score: float | None
 
@@ -63,7 +64,7 @@ def verdict(said: Said, truth: float, reference: float) -> Verdict:
     elif said.bound is not None:
         low, high = 0.0, said.bound
     else:
-        return Verdict(truth, False, True, None, None)
+        return Verdict(truth, False, None, None, None)
     miss = max(low - truth, truth - high, 0.0)
     score = (high - low + _MISS * miss) / reference
     return Verdict(truth, said.value is not None, miss == 0,

@@ -27,7 +27,7 @@ def table(outcomes: Sequence[Outcome]) -> Iterator[str]:
         of_part = [one for one in outcomes if one['part'] == part]
         if not of_part:
             continue
-        yield (f'{part:48} {"of":>4}  {"term":4} {"reported":>8}  {"coverage":>13}  {"width":>6} '
+        yield (f'{part:48} {"of":>4}  {"term":4} {"reported":>8}  {"coverage":>15}  {"width":>6} '
                f'{"score":>7} {"ms":>5}  false; codes')
         for family, of_family in _by(of_part, 'family'):
             cases = list(_by(of_family, 'case'))
@@ -61,16 +61,19 @@ def _rows(name: str, found: Sequence[Outcome]) -> Iterator[str]:
                 if key in one['terms'] and one['terms'][key]['truth']]
         if not true:
             continue
+        told = [one['inside'] for one in true if one['inside'] is not None]
         widths = [one['width'] for one in true if one['width'] is not None]
         scores = [one['score'] for one in true if one['score'] is not None]
         yield (f'{head}  {SYMBOL[key]:4} {np.mean([one["reported"] for one in true]):8.2f}  '
-               f'{share([one["inside"] for one in true])}  {_middle(widths):>6} '
+               f'{share(told):>15}  {_middle(widths):>6} '
                f'{_mean(scores):>7} {milliseconds}  {rest}').rstrip('; ')
         head, milliseconds, rest = ' ' * len(head), ' ' * 5, ''
 
 
 def share(found: Sequence[bool]) -> str:
     """Write a share with its standard error, one more of each kind counted for the latter."""
+    if not found:
+        return '-'
     seen = (sum(found) + 1) / (len(found) + 2)
     return f'{np.mean(found):.3f} +- {np.sqrt(seen * (1 - seen) / len(found)):.3f}'
 
@@ -148,7 +151,8 @@ def _measures(pairs: Sequence[tuple[Outcome, Outcome]]) -> Iterator[tuple[str, s
                  if key in new['terms'] and key in old['terms']]
         true = [pair for pair in terms if pair[1]['truth']]
         absent = [pair for pair in terms if not pair[1]['truth']]
-        for what, some, field in (('reported', true, 'reported'), ('coverage', true, 'inside'),
+        told = [pair for pair in true if None not in (pair[0]['inside'], pair[1]['inside'])]
+        for what, some, field in (('reported', true, 'reported'), ('coverage', told, 'inside'),
                                   ('false', absent, 'reported')):
             yield symbol, what, *_columns(some, partial(_flag, field))
         scored = [pair for pair in true if None not in (pair[0]['score'], pair[1]['score'])]
