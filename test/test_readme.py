@@ -66,6 +66,11 @@ def python_blocks(page: str) -> list[str]:
 @pytest.fixture(scope='module')
 def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Make a folder with the files that the pages take for granted."""
+    # What `simulate` writes with: without it every test that wants this folder skips.
+    import mcap
+    import rosbags
+    assert mcap
+    assert rosbags
     folder = tmp_path_factory.mktemp('reader')
     shutil.copytree(ROOT / 'config', folder / 'config')
     shutil.copy(ROOT / 'config' / 'consumer_mems.yaml', folder / 'consumer.yaml')

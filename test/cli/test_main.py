@@ -145,6 +145,8 @@ def test_a_reader_that_goes_away_ends_the_command_quietly(recording: Path) -> No
 
 
 def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    pytest.importorskip('mcap', reason='needs mcap, which rosdep does not install: pip install '
+                                       'mcap')
     model = tmp_path / 'model.yaml'
     model.write_text('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
     output = tmp_path / 'simulated'
