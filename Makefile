@@ -12,6 +12,7 @@
 # make docs             the documentation as HTML, warnings are errors
 # make bench            speed and memory;  make bench-accuracy  coefficients against the bound
 # make bench-filter     what a filter with these numbers is worth on data nobody fitted
+# make bench-peers      other Allan tools beside ours: writes docs/peers.md, in an hour or two
 # make battery          what is said of a frozen set of sensors (BASE=checkout tells where it differs)
 # make clean            remove what the other targets made
 #
@@ -138,6 +139,16 @@ bench-accuracy: $(STAMP)
 	$(RUN)/python bench/bench_quarters.py
 	$(RUN)/python bench/bench_processes.py
 	$(RUN)/python bench/bench_exponent.py
+
+# The peers, pinned, beside this package as it stands.
+.venv-peers/.installed: setup.py bench/peers/requirements.txt
+	@test -x .venv-peers/bin/python || $(PYTHON) -m venv .venv-peers
+	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check \
+		--requirement bench/peers/requirements.txt --editable .
+	@touch $@
+
+bench-peers: .venv-peers/.installed
+	.venv-peers/bin/python bench/peers/run.py
 
 clean:
 	rm -rf .venv .venv-* build install log dist *.egg-info demo_output docs/_build \

@@ -1,0 +1,110 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The comparison of Allan tools: what it scores is right, and its page says what was measured."""
+
+import importlib
+import json
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope='module')
+def peers() -> Any:
+    """Give the modules of bench/peers, which are programs' and no package's."""
+    names = ('recorded', 'simulated', 'accuracy', 'adapters', 'page')
+    sys.path.insert(0, str(ROOT / 'bench' / 'peers'))
+    try:
+        return type('Peers', (), {name: importlib.import_module(name) for name in names})
+    finally:
+        sys.path.remove(str(ROOT / 'bench' / 'peers'))
+
+
+@pytest.fixture
+def small(peers: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Make the sensor with white noise and a walk one of ten minutes."""
+    case = peers.simulated.Case('white noise and a walk', {
+        peers.recorded.N: 1e-4, peers.recorded.K: 3e-5}, rate_hz=50.0, hours=1 / 6)
+    monkeypatch.setitem(peers.simulated.CASES, 'walk', case)
+    monkeypatch.syspath_prepend(str(ROOT / 'bench' / 'peers'))
+    return case
+
+
+@pytest.mark.usefixtures('small')
+def test_two_tools_and_one_small_case_make_a_page(peers: Any) -> None:
+    tools = ('ours', 'wavelets')
+    found = peers.accuracy.run(['walk'], tools, records=2)
+    for tool in tools:
+        scores = found['walk']['tools'][tool]['coefficients']
+        # Twelve axes: the root mean square of an efficient estimate lies within these.
+        assert 0.4 < scores['noise_density']['over_bound'] < 2
+        assert 0.4 < scores['rate_random_walk']['over_bound'] < 2.5
+        assert scores['noise_density']['reported'] == 1
+    assert found['walk']['tools']['ours']['coefficients']['noise_density']['coverage'] > 0.7
+    assert 'coverage' not in found['walk']['tools']['wavelets']['coefficients']['noise_density']
+    figures = {'accuracy': found, 'tools': {
+        tool: {'name': module.NAME, 'origin': module.ORIGIN}
+        for tool in tools for module in [peers.adapters.adapter(tool)]}}
+    text = peers.page.page(figures)
+    [row] = re.findall(r'^\| least squares on wavelets \| (\d\.\d\d) \| (\d\.\d\d) \|$', text,
+                       re.MULTILINE)
+    score = found['walk']['tools']['wavelets']['coefficients']
+    assert row == tuple(f'{score[key]["over_bound"]:.2f}'
+                        for key in ('noise_density', 'rate_random_walk'))
+    assert text.index('Where another tool is better') < text.index('## Accuracy')
+
+
+@pytest.mark.usefixtures('small')
+def test_a_record_is_the_same_whenever_it_is_drawn(peers: Any, tmp_path: Path) -> None:
+    first, again, other = (peers.simulated.record('walk', number, tmp_path / name)
+                           for number, name in ((0, 'a'), (0, 'b'), (1, 'c')))
+    assert first.samples.tobytes() == again.samples.tobytes()
+    assert not np.allclose(first.samples, other.samples)
+
+
+@pytest.mark.parametrize('terms', [
+    {'noise_density': 1.0}, {'bias_instability': 1.0}, {'rate_random_walk': 1.0},
+    {'quantization_noise': 1.0}])
+def test_the_generator_has_the_allan_variance_of_each_term(peers: Any, terms: Any) -> None:
+    [(key, _)] = terms.items()
+    drawn = np.hstack([peers.simulated.noise(terms, 100.0, 1 << 14, np.random.default_rng(seed))
+                       for seed in range(8)])
+    tau, variance = peers.recorded.overlapped(drawn, 100.0, 2 ** np.arange(8))
+    right = {'noise_density': 1 / tau, 'bias_instability': np.full(8, 2 * np.log(2) / np.pi),
+             'rate_random_walk': tau / 3, 'quantization_noise': 3 / tau**2}[key]
+    assert variance.mean(axis=0) / right == pytest.approx(np.ones(8), abs=0.06)
+
+
+def test_the_bound_is_that_of_the_statistics_page(peers: Any) -> None:
+    bound = peers.simulated.bound(peers.simulated.CASES['b'])
+    assert [bound[key] for key in ('noise_density', 'bias_instability', 'rate_random_walk')] == (
+        pytest.approx([0.00084, 0.10, 0.1739], rel=0.02))
+
+
+def test_refusals_and_terms_that_are_not_there_count(peers: Any, small: Any) -> None:
+    estimate = peers.recorded.Estimate
+    answer = {axis: {'noise_density': estimate(1.1e-4 if 'gyro' in axis else 1.1e-3),
+                     'bias_instability': estimate(1.0)}
+              for axis in peers.recorded.AXES}
+    scores = peers.accuracy.scores(small, [answer, None])
+    assert scores['noise_density']['reported'] == 0.5
+    assert scores['noise_density']['rmse'] == pytest.approx(0.1)
+    assert scores['bias_instability'] == {'false': 0.5}
+    assert scores['rate_random_walk'] == {'reported': 0.0}
+
+
+def test_an_interval_is_scored_by_width_and_miss(peers: Any) -> None:
+    score = peers.accuracy.interval_score
+    assert score(peers.recorded.Estimate(1.0, 0.9, 1.1), 1.0) == pytest.approx(0.2)
+    assert score(peers.recorded.Estimate(1.0, 0.9, 1.1), 1.2) == pytest.approx(0.2 / 1.2 + 40 / 12)
+
+
+def test_the_page_is_the_one_the_command_wrote(peers: Any) -> None:
+    figures = json.loads((ROOT / 'bench' / 'peers' / 'figures.json').read_text())
+    assert (ROOT / 'docs' / 'peers.md').read_text() == peers.page.page(figures)
