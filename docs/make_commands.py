@@ -43,7 +43,8 @@ def section(name: str, verb: argparse.ArgumentParser) -> Iterator[str]:
     yield '| | |'
     yield '| --- | --- |'
     for action in verb._actions:
-        if action.help is None or '--help' in action.option_strings:
+        if action.help in (None, argparse.SUPPRESS) or {'--help', '--help-all'} & {
+                *action.option_strings}:
             continue
         text = action.help % {**vars(action), 'prog': verb.prog}
         yield '| {} | {} |'.format(*(cell.replace('|', '\\|')

@@ -495,11 +495,13 @@ class Source:
     """
     Where the samples came from; `options` is what the user chose otherwise than by default.
 
+    Of a datasheet there are none: its numbers stand in for a result, for a configuration.
+
     Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``, and
     `files` tells its files from others of the same name (`files_digest`).
     """
 
-    kind: Literal['recording', 'topic']
+    kind: Literal['recording', 'topic', 'datasheet']
     path: str | None
     topic: str | None
     frame_id: str | None

@@ -9,6 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 from imu_allan.cli.arguments import (
     add_inspection,
+    consumer,
     count,
     inspection_of,
 )
@@ -30,7 +31,6 @@ from imu_allan.cli.recording_options import (
 from imu_allan.cli.workers import drawing_process, executor, folder_names, in_order, Task
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.writers.atomic import RESULT
-from imu_allan.writers.consumer_names import CONSUMER_TITLES
 from imu_allan.writers.output_path import require_writable
 
 if TYPE_CHECKING:
@@ -41,12 +41,18 @@ if TYPE_CHECKING:
 
 _MOST_COMPLAINTS = 100
 """Lines on what failed: a file can name 65,000 topics without a message."""
+_SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate', '--start',
+          '--duration', '--columns', '--jobs', '--units', '--verbose')
+_EXAMPLES = """\
+  imu_allan analyze imu_at_rest --output out
+  imu_allan analyze day1.mcap day2.mcap --together --start 5m --output out
+  imu_allan analyze log.csv --rate 200Hz --columns gyro_x=w0,gyro_y=w1,gyro_z=w2 --for kalibr"""
 
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'analyze', help='characterize recordings',
+        'analyze', help='characterize recordings', short=_SHORT, examples=_EXAMPLES,
         description='Allan deviation and noise coefficients of every axis, from recordings of '
                     'an IMU at rest: a rosbag2 folder (sqlite3 or MCAP), a bare .mcap or .db3, '
                     'a ROS 1 .bag, a PX4 .ulg, an ArduPilot .bin, a CSV, a folder with one '
@@ -74,11 +80,10 @@ def register(verbs: Any) -> None:
     add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
-                        choices=tuple(CONSUMER_TITLES),
-                        help='configuration of a filter, too (one of: '
-                             f'{", ".join(CONSUMER_TITLES)}; may be given several times): into '
-                             '--output DIR, or else on standard output, and the table on standard '
-                             'error')
+                        type=consumer,
+                        help='configuration of a filter, too (imu_allan export --list names them; '
+                             'may be given several times): into --output DIR, or else on standard '
+                             'output, and the table on standard error')
     parser.add_argument('--units', choices=('datasheet', 'si'), default='datasheet',
                         help='of the table (default: %(default)s)')
     parser.add_argument('--verbose', action='store_true',
@@ -113,8 +118,8 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
         args.parser.error('--json takes one recording; use --output DIR for several')
     if args.consumers and args.output is None and apart:
         args.parser.error('--for takes one recording; use --output DIR for several')
-    if args.serial is not None and apart:
-        args.parser.error('--serial is of one unit; several are named by --name-from')
+    if 'serial' in inspection_of(args) and apart:
+        args.parser.error('--meta serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
         args.parser.error('--resume needs --output')
     options = timeline_options(args)

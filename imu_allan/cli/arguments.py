@@ -11,16 +11,33 @@ from typing import Literal, TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
+from imu_allan.writers.consumer_names import consumer_called
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
 
-_SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
+_SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
+_META = ('serial', 'operator', 'station')
+_HERTZ = {'': 1.0, 'hz': 1.0, 'khz': 1e3}
 
 
 def positive_number(text: str) -> float:
     """Read a finite number above zero."""
     value = _number(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f'{text} is not above zero')
+    return value
+
+
+def rate(text: str) -> float:
+    """Read a rate above zero, in Hz or with a unit (``100``, ``100Hz``, ``2kHz``); return Hz."""
+    match = re.fullmatch(r'(.*?)\s*(k?hz|)', text.strip(), re.IGNORECASE)
+    assert match is not None
+    try:
+        value = _number(match[1]) * _HERTZ[match[2].casefold()]
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f'{text!r} is no rate: write Hz (100), or a number with '
+                                         'Hz or kHz (2kHz)') from None
     if value <= 0:
         raise argparse.ArgumentTypeError(f'{text} is not above zero')
     return value
@@ -38,13 +55,14 @@ def duration(text: str) -> float:
 
 def moment(text: str) -> float:
     """Read a time of zero or above, in seconds or with a unit; return seconds."""
-    match = re.fullmatch(r'(.*?)\s*(ms|s|min|h|d|)', text.strip())
+    match = re.fullmatch(r'(.*?)\s*(ms|s|min|m|h|d|)', text.strip())
     assert match is not None
     try:
         value = _number(match[1]) * _SECONDS[match[2]]
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f'{text!r} is not a length of time: write seconds (90), '
-                                         'or a number with ms, s, min, h or d (10min)') from None
+                                         'or a number with ms, s, m or min, h or d (10min)'
+                                         ) from None
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is below zero')
     if value > LONGEST_S:
@@ -117,16 +135,35 @@ def _paths(args: argparse.Namespace, name: str) -> list[str]:
 
 
 def add_inspection(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which unit is measured, by whom and where."""
-    parser.add_argument('--serial', metavar='TEXT', help='serial number of the unit')
-    parser.add_argument('--operator', metavar='TEXT', help='who measures')
-    parser.add_argument('--station', metavar='TEXT', help='where it is measured')
+    """Add the option that says which unit is measured, by whom and where."""
+    parser.add_argument('--meta', metavar='KEY=VALUE', type=_meta, action='append', default=[],
+                        help='which unit is measured, by whom and where, for the result: serial='
+                             'A-0017, operator=NAME, station=NAME; may be given several times')
+    for key in _META:
+        # As they were called before there was --meta.
+        parser.add_argument(f'--{key}', metavar='TEXT', help=argparse.SUPPRESS)
 
 
 def inspection_of(args: argparse.Namespace) -> dict[str, str]:
     """Return what those options say, without what they leave out."""
-    return {key: value for key in ('serial', 'operator', 'station')
-            if (value := getattr(args, key)) is not None}
+    said = {key: value for key in _META if (value := getattr(args, key)) is not None}
+    return {**said, **dict(args.meta)}
+
+
+def _meta(text: str) -> tuple[str, str]:
+    key, equals, value = (part.strip() for part in text.partition('='))
+    if key not in _META or not equals:
+        raise argparse.ArgumentTypeError(f'{text!r} is not of the form KEY=VALUE with a KEY of '
+                                         f'{", ".join(_META)}')
+    return key, value
+
+
+def consumer(text: str) -> str:
+    """Read the name of a consumer, as `imu_allan.writers.consumer_names` knows it."""
+    try:
+        return consumer_called(text)
+    except KeyError as error:
+        raise argparse.ArgumentTypeError(error.args[0]) from None
 
 
 def inspected(result: 'Result', args: argparse.Namespace) -> 'Result':

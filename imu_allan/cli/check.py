@@ -12,6 +12,7 @@ from imu_allan.cli.arguments import (
     add_inspection,
     duration,
     inspected,
+    inspection_of,
     positive_number,
 )
 from imu_allan.cli.recording_options import (
@@ -33,11 +34,19 @@ EXIT_FAILED = 3
 EXIT_CANNOT_TELL = 4
 """A longer recording may turn it into 0 or 3."""
 
+_SHORT = ('--spec', '--min-duration', '--allow-undecided', '--live', '--json', '--junit',
+          '--certificate', '--meta', '--topic')
+_EXAMPLES = """\
+  imu_allan check out --spec datasheet.yaml
+  imu_allan check imu_at_rest --spec tactical_mems --min-duration 30m --certificate sheet.html
+  imu_allan check imu_at_rest --spec datasheet.yaml --live --meta serial=A-0017"""
+
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'check', help='compare with a datasheet: pass, fail or cannot tell',
+        'check', short=_SHORT, examples=_EXAMPLES,
+        help='compare with a datasheet: pass, fail or cannot tell',
         description='Compare each quantity with the limit of a datasheet: pass where the '
                     'measured 95 % interval (or upper bound) lies below it, fail where it lies '
                     'above, cannot tell where it reaches across. A constant, missing or dead axis '
@@ -86,9 +95,10 @@ def run(args: argparse.Namespace) -> int:
     given = Path(args.spec)
     specification = load_model(given if given.exists() else find_model(args.spec))
     sources = [str(path) for path in recordings_in(args.source)]
-    if len(sources) > 1 and any((args.json, args.junit, args.certificate, args.serial)):
+    if len(sources) > 1 and any((
+            args.json, args.junit, args.certificate, inspection_of(args).get('serial'))):
         args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
-                          '--junit, --certificate and --serial are of one')
+                          '--junit, --certificate and --meta serial are of one')
     outcomes: list[str] = []
     complaints: list[ImuAllanError] = []
     for source in sources:

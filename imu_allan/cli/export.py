@@ -8,10 +8,10 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import duration, factors, positive_number
+from imu_allan.cli.arguments import consumer, duration, factors, rate
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
-from imu_allan.writers.consumer_names import CONSUMER_TITLES
+from imu_allan.writers.consumer_names import consumers_by_family
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -19,23 +19,41 @@ if TYPE_CHECKING:
 _OPTIONS = {'rate_hz': '--rate', 'aiding_s': '--aiding', 'aiding_interval_s': '--aiding',
             'step_s': '--aiding', 'coast_s': '--coast'}
 """What the user typed for what the library calls its arguments."""
+_EXAMPLES = """\
+  imu_allan export out --for kalibr --output imu.yaml
+  imu_allan export out --for vins --aiding 50ms
+  imu_allan export --spec datasheet.yaml --for plain"""
+
+
+class _List(argparse.Action):
+    """Prints the consumers and ends the program, as --help does."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print them."""
+        print(consumers_by_family())
+        parser.exit()
 
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'export', help='write the configuration of a filter from a result',
+        'export', help='write the configuration of a filter from a result', examples=_EXAMPLES,
+        usage='imu_allan export RESULT --for NAME [options]',
         description='Write what a filter wants to know about the noise: its keys, its units, '
                     'continuous or per sample. The numbers are tuned for what usually corrects '
                     'this filter; the file says what they are expected to reach. The worst axis '
                     'counts.')
-    parser.add_argument('result', metavar='RESULT',
+    parser.add_argument('result', metavar='RESULT', nargs='?',
                         help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
                              'or the folder that --output wrote')
-    parser.add_argument('--for', dest='consumer', metavar='NAME', required=True,
-                        choices=tuple(CONSUMER_TITLES),
-                        help='one of: ' + ', '.join(CONSUMER_TITLES))
-    parser.add_argument('--rate', metavar='HZ', type=positive_number,
+    parser.add_argument('--for', dest='consumer', metavar='NAME', required=True, type=consumer,
+                        help='which filter, in capitals or not, also as people call it (vins, '
+                             'ekf); --list names them')
+    parser.add_argument('--list', action=_List, nargs=0, help='name the filters, and end')
+    parser.add_argument('--spec', metavar='FILE',
+                        help='in place of RESULT: the numbers of a datasheet (YAML with units), '
+                             'where there is no recording yet; the file says so')
+    parser.add_argument('--rate', metavar='RATE', type=rate,
                         help='rate at which the filter takes samples or predicts (default: the '
                              "result's sample rate; 100 for px4, 83 for ardupilot)")
     parser.add_argument('--as-measured', action='store_true',
@@ -52,7 +70,8 @@ def register(verbs: Any) -> None:
                         help='factors on top of the numbers; they are written into the file')
     parser.add_argument('--output', metavar='PATH',
                         help='file or existing folder to write to (default: standard output)')
-    parser.set_defaults(run=run, inputs=('result',), outputs={'output': CONFIGURATION})
+    parser.set_defaults(run=run, parser=parser, inputs=('result', 'spec'),
+                        outputs={'output': CONFIGURATION})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,7 +80,9 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers.filters import CONSUMERS, left_from_before
     from imu_allan.writers.result_file import load_result
 
-    result = load_result(args.result)
+    if (args.result is None) == (args.spec is None):
+        args.parser.error('takes a RESULT, or a datasheet by --spec FILE')
+    result = load_result(args.result) if args.spec is None else _of_datasheet(args)
     if args.output is None:
         print(_configuration(result, args), end='')
         return 0
@@ -75,6 +96,17 @@ def run(args: argparse.Namespace) -> int:
     write_atomically(path, text.encode())
     print(path)
     return 0
+
+
+def _of_datasheet(args: argparse.Namespace) -> 'Result':
+    """Return the numbers of a datasheet as a result, from which nothing can be tuned."""
+    from imu_allan.sensor.noise_model import load_model
+    from imu_allan.sensor.simulated_imu import find_model
+    from imu_allan.writers.filters.from_datasheet import result_of_datasheet
+
+    given = Path(args.spec)
+    specification = load_model(given if given.exists() else find_model(args.spec))
+    return result_of_datasheet(specification, args.spec, args.rate)
 
 
 def _configuration(result: 'Result', args: argparse.Namespace) -> str:

@@ -32,11 +32,17 @@ _MOST_NAMED = 200
 _LEAST_JITTER_S = 1e-6
 """Decimal seconds of a table are rounded to about that."""
 
+_SHORT = ('--rate', '--columns')
+_EXAMPLES = """\
+  imu_allan info imu_at_rest
+  imu_allan info log.csv --rate 200Hz"""
+
 
 def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
-        'info', help='say what a recording holds',
+        'info', short=_SHORT, examples=_EXAMPLES,
+        help='say what a recording holds',
         description='Imu topics of a recording with count, duration, rate, gaps and clock faults. '
                     'Every message is read, none is analyzed.')
     parser.add_argument('recording', metavar='RECORDING')

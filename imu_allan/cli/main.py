@@ -59,10 +59,53 @@ def command_parser() -> argparse.ArgumentParser:
 
 class _Parser(argparse.ArgumentParser):
     """
-    Tells what a word that is none of the choices was perhaps meant to be.
+    Shows first what most need, and tells what is wrong in two lines.
 
-    By names that argparse does not publish: what it has for that begins with Python 3.14.
+    A word that is none of the choices is told with what it was perhaps meant to be, by names that
+    argparse does not publish: what it has for that begins with Python 3.14.
+
+    Parameters
+    ----------
+    short : sequence of str, optional
+        The options that --help shows; --help-all shows the others, too.
+    examples : str, optional
+        Lines that end the help.
+
     """
+
+    def __init__(self, *args: Any, short: Sequence[str] = (), examples: str = '', **kwargs: Any
+                 ) -> None:
+        super().__init__(*args, **kwargs)
+        self._short, self._examples = short, examples
+        if short:
+            self.add_argument('--help-all', action=_HelpAll, nargs=0,
+                              help='show every option and exit')
+
+    def format_help(self, *, whole: bool = False) -> str:
+        """Return the help, without options that few need unless it is to be whole."""
+        formatter = self._get_formatter()
+        formatter.add_text(self.description)
+        for group in self._action_groups:
+            actions = [action for action in group._group_actions if whole or not self._short
+                       or not action.option_strings
+                       or {*action.option_strings} & {*self._short, '--help', '--help-all'}]
+            if actions:
+                formatter.start_section(group.title)
+                formatter.add_arguments(actions)
+                formatter.end_section()
+        formatter.add_text(self.epilog)
+        examples = f'\nexamples:\n{self._examples}\n' if self._examples else ''
+        return f'{self.format_usage()}\n{formatter.format_help()}{examples}'
+
+    def format_usage(self) -> str:
+        """Return one line: what is required, and that there is more."""
+        if self._subparsers is not None or self.usage is not None:
+            return super().format_usage()
+        required = [action for action in self._actions if action.required]
+        words = [f'{action.option_strings[-1]} {action.metavar}' if action.option_strings
+                 else f'{action.metavar}...' if action.nargs == '+' else str(action.metavar)
+                 for action in sorted(required, key=lambda action: bool(action.option_strings))]
+        return f'usage: {" ".join([self.prog, *words])} [options]\n'
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         try:
@@ -72,13 +115,24 @@ class _Parser(argparse.ArgumentParser):
             raise
 
 
+class _HelpAll(argparse.Action):
+    """Prints the whole help and ends the program, as --help does."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print it."""
+        assert isinstance(parser, _Parser)
+        print(parser.format_help(whole=True), end='')
+        parser.exit()
+
+
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the arguments; one too many is told with the usage of its verb."""
     parser = command_parser()
     args, unknown = parser.parse_known_args(argv)
     if unknown:
         verb: _Parser = args.verb_parser
-        options = [name for action in verb._actions for name in action.option_strings]
+        options = [name for action in verb._actions for name in action.option_strings
+                   if action.help is not argparse.SUPPRESS]
         verb.error(f'unrecognized arguments: {printable(" ".join(unknown))}'
                    f'{_meant(unknown[0].partition("=")[0], options)}')
     return args

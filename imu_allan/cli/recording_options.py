@@ -10,7 +10,7 @@ characterizes takes both.
 import argparse
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import duration, positive_number, start
+from imu_allan.cli.arguments import duration, rate, start
 from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
@@ -19,25 +19,28 @@ if TYPE_CHECKING:
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
     """Add the options to a verb."""
-    parser.add_argument('--rate', metavar='HZ', type=positive_number,
-                        help='sample rate, instead of the one measured from the stamps; needed '
-                             'for a CSV without a time column')
+    parser.add_argument('--rate', metavar='RATE', type=rate,
+                        help='sample rate (100Hz, 2kHz), instead of the one measured from the '
+                             'stamps; needed for a CSV without a time column')
     group = parser.add_argument_group('messages of other types, other units, two topics')
     group.add_argument('--definitions', metavar='PATH', nargs='+', default=[],
                        help='.msg files, or packages and workspaces that hold them, for a '
                             'recording that does not carry the definitions of its messages')
-    group.add_argument('--gyro', metavar='FIELD',
-                       help="field of the angular velocity and its unit: 'imu.gyro[0:3] deg/s'")
-    group.add_argument('--accel', metavar='FIELD',
-                       help="field of the acceleration and its unit: 'imu.acc g'")
+    group.add_argument('--gyro', metavar='FIELD[:UNIT]',
+                       help='field of the angular velocity and its unit: imu.gyro[0:3]:deg/s; or '
+                            'the unit alone: :deg/s')
+    group.add_argument('--accel', metavar='FIELD[:UNIT]',
+                       help='field of the acceleration and its unit: imu.acc:g; or the unit '
+                            'alone: :g')
     group.add_argument('--stamp', metavar='FIELD',
                        help="field of the time: 'imu.stamp', or a number as 'time_us us'")
-    group.add_argument('--gyro-unit', metavar='UNIT', help='unit of the gyroscope (deg/s)')
-    group.add_argument('--accel-unit', metavar='UNIT', help='unit of the accelerometer (g)')
+    # What --gyro :UNIT and --accel :UNIT say now.
+    group.add_argument('--gyro-unit', metavar='UNIT', help=argparse.SUPPRESS)
+    group.add_argument('--accel-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--gyro-topic', metavar='NAME',
                        help='topic of the gyroscope of an IMU on two topics')
     group.add_argument('--accel-topic', metavar='NAME', help='topic of its accelerometer')
-    group.add_argument('--accel-rate', metavar='HZ', type=positive_number,
+    group.add_argument('--accel-rate', metavar='RATE', type=rate,
                        help='sample rate of an accelerometer on a topic of its own, instead of '
                             'the one measured; --rate is that of the gyroscope then')
     group.add_argument('--temperature', metavar='NAME',
@@ -46,16 +49,17 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
                             'is found')
     group.add_argument('--columns', metavar='AXIS=NAME', action='append', default=[],
                        help='column of a CSV, by name or number from 1, and its unit: gyro_x=w0,'
-                            "gyro_y=w1,accel_x=7,'time=t us'; other units as in --gyro-unit and "
-                            '--accel-unit')
+                            "gyro_y=w1,accel_x=7,'time=t us'; other units as in --gyro :deg/s "
+                            'and --accel :g')
 
 
 def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     """Add those that say which part of the recording counts, and by which clock."""
-    parser.add_argument('--force-rate', action='store_true',
-                        help='use --rate even if the stamps advance at another rate')
-    parser.add_argument('--clock', choices=('header', 'receive'),
-                        help='stamps to trust (default: header, unless they are unusable)')
+    # What --clock none says now.
+    parser.add_argument('--force-rate', action='store_true', help=argparse.SUPPRESS)
+    parser.add_argument('--clock', choices=('header', 'receive', 'none'),
+                        help='stamps to trust (default: header, unless they are unusable); none '
+                             'counts the samples and needs --rate')
     parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
                         help='leave out the beginning, as long as this (10 or 10s, 5min, 2h), or '
                              'auto: the warm-up')
@@ -67,10 +71,11 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
 
 def timeline_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return what the arguments say of `TimelineOptions`; wrong usage ends the program."""
-    if args.force_rate and args.rate is None:
-        args.parser.error('--force-rate needs --rate')
-    return {'clock': args.clock or 'auto', 'rate_hz': args.rate, 'force_rate': args.force_rate,
-            'motion': args.motion}
+    counted = args.force_rate or args.clock == 'none'
+    if counted and args.rate is None:
+        args.parser.error(f'{"--force-rate" if args.force_rate else "--clock none"} needs --rate')
+    clock = 'auto' if args.clock in (None, 'none') else args.clock
+    return {'clock': clock, 'rate_hz': args.rate, 'force_rate': counted, 'motion': args.motion}
 
 
 def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
@@ -91,8 +96,20 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
         if not equals:
             raise ImuAllanError(f'--columns {text}: not AXIS=NAME such as gyro_x=w0')
         pairs.append((axis.strip(), name.strip()))
+    gyro, gyro_unit = _field(args.gyro)
+    accel, accel_unit = _field(args.accel)
     return RecordingOptions(
-        rate_hz=args.rate, definitions=tuple(args.definitions), gyro=args.gyro, accel=args.accel,
-        stamp=args.stamp, gyro_unit=args.gyro_unit, accel_unit=args.accel_unit,
+        rate_hz=args.rate, definitions=tuple(args.definitions), gyro=gyro, accel=accel,
+        stamp=args.stamp, gyro_unit=gyro_unit or args.gyro_unit,
+        accel_unit=accel_unit or args.accel_unit,
         gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
         accel_rate_hz=args.accel_rate, temperature=args.temperature)
+
+
+def _field(text: str | None) -> tuple[str | None, str | None]:
+    """Return a field with its unit as the library writes them, or a unit alone."""
+    field, colon, unit = (text or '').rpartition(':')
+    if not colon or ']' in unit:
+        # The colon of imu.gyro[0:3].
+        return text, None
+    return (f'{field.strip()} {unit.strip()}', None) if field.strip() else (None, unit.strip())

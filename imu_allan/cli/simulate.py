@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import duration, positive_number, whole_number
+from imu_allan.cli.arguments import duration, rate, whole_number
 from imu_allan.cli.progress import progress_bar
 from imu_allan.errors import ImuAllanError, printable
 
@@ -35,8 +35,8 @@ def register(verbs: Any) -> None:
                         help='recording to write (default: the name of MODEL, in this folder)')
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap',
                         help='container of the recording (default: %(default)s)')
-    parser.add_argument('--rate', metavar='HZ', type=positive_number, default=100.0,
-                        help='samples per second (default: %(default)g)')
+    parser.add_argument('--rate', metavar='RATE', type=rate, default=100.0,
+                        help='of the samples: 100, 100Hz or 2kHz (default: %(default)g)')
     parser.add_argument('--duration', metavar='TIME', type=duration, default=3600.0,
                         help='length of the recording: 90 or 90s, 10min, 3h (default: 1h)')
     parser.add_argument('--seed', metavar='N', type=whole_number, default=0,

@@ -326,7 +326,7 @@ class Intake:
                 raise ImuAllanError(
                     f'the stated rate is {options.rate_hz:g} Hz, but the {clock} stamps '
                     f'advance at {measured:.6g} Hz: leave out the rate, choose the other clock '
-                    '(analyze --clock), or force the stated rate (analyze --force-rate)')
+                    '(analyze --clock), or force the stated rate (analyze --clock none)')
 
     def _seek_impostors(self, window: Window, repeats: Repeats) -> None:
         """Look for a second publisher."""

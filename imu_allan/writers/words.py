@@ -525,7 +525,7 @@ WORDS: Mapping[str, Words] = {
     'gravity': Words(
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
         'The mean acceleration is not about 9.81 m/s^2.', _gravity,
-        'check the unit and the topic; --accel-unit g converts', 'check the unit of the driver'),
+        'check the unit and the topic; --accel :g converts', 'check the unit of the driver'),
     # ------------------------------------------------------------------------ messages are lost
     'many_missing': Words(
         'many missing', 'So many samples are interpolated that N may be off.',
@@ -731,7 +731,7 @@ WORDS: Mapping[str, Words] = {
         'unit g', 'Acceleration in g was converted to m/s^2.',
         'The magnitude of the acceleration is near 1.',
         'the magnitude of the acceleration is near 1: taken as g, not m/s^2',
-        '--accel-unit g says so, --accel-unit m/s^2 takes the numbers as they are',
+        '--accel :g says so, --accel :m/s^2 takes the numbers as they are',
         'set accel_unit to g to say so, to m/s^2 to take the numbers as they are'),
     'two_rates': Words(
         'two rates', 'Gyroscope and accelerometer come at rates of their own.',

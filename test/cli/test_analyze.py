@@ -266,7 +266,9 @@ def test_a_stated_rate_that_contradicts_the_stamps_must_be_forced(
     assert capsys.readouterr().err == (
         f'imu_allan: {recording}, topic /imu/data_raw: the stated rate is 200 Hz, but the header '
         'stamps advance at 100 Hz: leave out the rate, choose the other clock (analyze --clock), '
-        'or force the stated rate (analyze --force-rate)\n')
+        'or force the stated rate (analyze --clock none)\n')
+    assert main([*wrong, '--clock', 'none']) == 0
+    # The word before that.
     assert main([*wrong, '--force-rate']) == 0
     assert json.loads((tmp_path / 'r.json').read_text())['timeline']['sample_rate_hz'] == 200
 

@@ -192,7 +192,8 @@ def test_a_serial_number_goes_into_result_and_fleet(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(('options', 'line'), [
     (['--resume'], '--resume needs --output'),
-    (['--serial', 'A-17'], '--serial is of one unit; several are named by --name-from'),
+    (['--meta', 'serial=A-17'],
+     '--meta serial is of one unit; several are named by --name-from'),
     (['--together', '--all-topics'],
      '--together takes several recordings of one topic, and no --resume')])
 def test_options_that_need_others_are_wrong_usage(

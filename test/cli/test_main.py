@@ -3,13 +3,17 @@
 
 import os
 from pathlib import Path
+import re
 import resource
 import signal
 import subprocess
 import sys
 import time
 
-from imu_allan.cli.main import main
+from imu_allan.cli.main import command_parser, main
+from imu_allan.cli.recording_options import recording_options
+from imu_allan.recordings import RecordingOptions
+from imu_allan.writers.consumer_names import FAMILIES
 import pytest
 from whole_lines import Varying
 import zstandard
@@ -19,7 +23,7 @@ NO_MODEL = ('no such file, and no model of that name is shipped; give the path o
             'YAML file')
 NO_RESULT = ('cannot be read (No such file or directory); give the path of a result file, written '
              'by: imu_allan analyze RECORDING --json FILE')
-NO_TIME = ('is not a length of time: write seconds (90), or a number with ms, s, min, h or d '
+NO_TIME = ('is not a length of time: write seconds (90), or a number with ms, s, m or min, h or d '
            '(10min)')
 VERBS = ('analyze', 'info', 'simulate', 'check', 'export', 'report')
 
@@ -72,9 +76,17 @@ def test_version_is_the_one_of_the_package(capsys: pytest.CaptureFixture[str]) -
     (['analyze'], ' analyze: error: the following arguments are required: RECORDING'),
     (['analyze', 'bag', '--rate', '0'], ' analyze: error: argument --rate: 0 is not above zero'),
     (['analyze', 'bag', '--rate', 'fast'],
-     " analyze: error: argument --rate: 'fast' is not a number"),
+     " analyze: error: argument --rate: 'fast' is no rate: write Hz (100), or a number with Hz or "
+     'kHz (2kHz)'),
     (['analyze', 'bag', '--rate', 'nan'],
-     ' analyze: error: argument --rate: nan is not a finite number'),
+     " analyze: error: argument --rate: 'nan' is no rate: write Hz (100), or a number with Hz or "
+     'kHz (2kHz)'),
+    (['analyze', 'bag', '--clock', 'none'], ' analyze: error: --clock none needs --rate'),
+    (['check', 'bag', '--spec', 'x', '--meta', 'colour=red'],
+     " check: error: argument --meta: 'colour=red' is not of the form KEY=VALUE with a KEY of "
+     'serial, operator, station'),
+    (['export', '--for', 'kalibr'],
+     ' export: error: takes a RESULT, or a datasheet by --spec FILE'),
     (['analyze', 'bag', '--start', '-1'], ' analyze: error: argument --start: -1 is below zero'),
     (['analyze', 'bag', '--duration', '3 weeks'],
      f" analyze: error: argument --duration: '3 weeks' {NO_TIME}"),
@@ -93,7 +105,8 @@ def test_version_is_the_one_of_the_package(capsys: pytest.CaptureFixture[str]) -
     (['simulate', 'model', '--seed', '1.5'],
      " simulate: error: argument --seed: '1.5' is not a whole number"),
     (['export', 'result.json', '--for', 'toaster'],
-     " export: error: argument --for: invalid choice: 'toaster' (choose from <words>)"),
+     " export: error: argument --for: no consumer is called 'toaster'; imu_allan export --list "
+     'names all'),
     (['check', 'result.json'], ' check: error: the following arguments are required: --spec'),
 ])
 def test_wrong_usage_exits_2_with_the_usage_on_stderr(
@@ -122,6 +135,73 @@ def test_missing_file_is_one_line_that_names_it_and_exit_1(
     assert shown.out == ''
     [missing] = [word for word in arguments if word.startswith('no/such/')]
     assert shown.err == f'imu_allan: {missing}: {line}\n'
+
+
+SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate', '--start',
+         '--duration', '--columns', '--jobs', '--units', '--verbose')
+
+
+def test_help_shows_what_most_need_and_help_all_the_rest(
+        capsys: pytest.CaptureFixture[str]) -> None:
+    shown = {}
+    for word in ('--help', '--help-all'):
+        with pytest.raises(SystemExit) as stop:
+            main(['analyze', word])
+        assert stop.value.code == 0
+        shown[word] = capsys.readouterr().out
+    options = {word: re.findall(r'^  (?:-h, )?(--[\w-]+)', text, re.MULTILINE)
+               for word, text in shown.items()}
+    assert sorted(options['--help']) == sorted([*SHORT, '--help', '--help-all'])
+    assert set(options['--help-all']) > {*options['--help'], '--resume', '--meta', '--gyro'}
+    # What other options say now is taken all the same.
+    assert not set(options['--help-all']) & {'--serial', '--gyro-unit', '--force-rate'}
+    for text in shown.values():
+        assert len(re.findall('^  imu_allan analyze ', text, re.MULTILINE)) == 3
+
+
+def test_wrong_usage_is_told_in_two_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (['analyze', 'bag', '--rate', '0'], ['check', 'x'],
+                  ['export', 'r', '--for', '?']):
+        with pytest.raises(SystemExit):
+            main(words)
+        usage, error = capsys.readouterr().err.splitlines()
+        assert usage.startswith(f'usage: imu_allan {words[0]} ')
+        assert error.startswith(f'imu_allan {words[0]}: error: ')
+
+
+def test_the_consumers_are_listed_by_family(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(['export', '--list'])
+    assert stop.value.code == 0
+    families = capsys.readouterr().out.split('\n\n')
+    assert [family.partition(':')[0] for family in families] == list(FAMILIES)
+    assert [line.split()[0] for family in families for line in family.splitlines()[1:]] == [
+        name for names in FAMILIES.values() for name in names]
+
+
+@pytest.mark.parametrize(('words', 'key', 'expected'), [
+    (['--rate', '100'], 'rate', 100.0), (['--rate', '100Hz'], 'rate', 100.0),
+    (['--rate', '2kHz'], 'rate', 2000.0), (['--rate', '0.5 khz'], 'rate', 500.0),
+    (['--duration', '5m'], 'duration', 300.0), (['--duration', '5min'], 'duration', 300.0),
+    (['--start', '90s'], 'start', 90.0), (['--accel-rate', '200Hz'], 'accel_rate', 200.0),
+    (['--for', 'VINS'], 'consumers', ['vins_fusion']),
+    (['--meta', 'serial=A=7', '--meta', 'station= 3 '], 'meta',
+     [('serial', 'A=7'), ('station', '3')])])
+def test_times_rates_and_names_are_read_as_people_write_them(
+        words: list[str], key: str, expected: object) -> None:
+    assert getattr(command_parser().parse_args(['analyze', 'bag', *words]), key) == expected
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--gyro', 'imu.gyro[0:3]:deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
+    (['--gyro', 'imu.gyro[0:3] deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
+    (['--gyro', 'imu.gyro[0:3]'], {'gyro': 'imu.gyro[0:3]'}),
+    (['--gyro', ':deg/s'], {'gyro_unit': 'deg/s'}),
+    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'}),
+    (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'})])
+def test_a_unit_stands_behind_the_field_or_alone(words: list[str], said: dict[str, str]) -> None:
+    args = command_parser().parse_args(['info', 'bag', *words])
+    assert recording_options(args) == RecordingOptions(**said)
 
 
 def test_names_that_would_steer_the_terminal_are_escaped_in_errors(
@@ -168,8 +248,8 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path: Pat
     (['analyze', 'bag', '--al-topics'],
      ' analyze: error: unrecognized arguments: --al-topics; did you mean --all-topics?'),
     (['export', 'r.json', '--for', 'kalbr'],
-     " export: error: argument --for: invalid choice: 'kalbr' (choose from <words>); did you mean "
-     'kalibr?'),
+     " export: error: argument --for: no consumer is called 'kalbr'; did you mean kalibr? "
+     'imu_allan export --list names all'),
     (['analyze', 'bag', '--duration', '5x'],
      f" analyze: error: argument --duration: '5x' {NO_TIME}"),
 ])

@@ -117,8 +117,31 @@ def test_an_unknown_consumer_is_wrong_usage(result_file, capsys):
         main(['export', str(result_file), '--for', 'madgwick'])
     assert stop.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        Varying("imu_allan export: error: argument --for: invalid choice: 'madgwick' (choose from "
-                '<words>)'))
+        "imu_allan export: error: argument --for: no consumer is called 'madgwick'; imu_allan "
+        'export --list names all')
+
+
+def test_a_datasheet_in_place_of_a_result_is_marked_so(tmp_path, capsys):
+    (tmp_path / 'sheet.yaml').write_text(
+        'gyro: {noise_density: 0.03 deg/s/sqrt(Hz), rate_random_walk: 3e-6 rad/s^2/sqrt(Hz)}\n'
+        'accel: {noise_density: 100 ug/sqrt(Hz)}\n')
+    for name in CONSUMERS:
+        status = main(['export', '--spec', str(tmp_path / 'sheet.yaml'), '--for', name,
+                       '--rate', '200Hz'])
+        out, err = capsys.readouterr()
+        if name.startswith('state_space'):
+            # A drift model is not in a datasheet.
+            assert (status, out) == (1, '')
+            continue
+        assert (status, err) == (0, '')
+        assert f'the DATASHEET {tmp_path}/sheet.yaml: nothing of it was measured' in out
+    assert main(['export', '--spec', str(tmp_path / 'sheet.yaml'), '--for', 'Kalibr', '--rate',
+                 '200']) == 0
+    document = yaml.safe_load(capsys.readouterr().out)
+    assert document['gyroscope_noise_density'] == pytest.approx(0.03 * 0.0174533, rel=1e-5)
+    assert document['gyroscope_random_walk'] == 3e-6
+    assert 'accelerometer_random_walk' not in document or document[
+        'accelerometer_random_walk'] is None
 
 
 @pytest.mark.parametrize('verb', [['export', '--for', 'kalibr'], ['report']])

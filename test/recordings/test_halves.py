@@ -271,8 +271,8 @@ def test_acceleration_in_g_is_taken_as_g_with_a_warning(tmp_path):
     assert result.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)
     [remark] = [remark for remark in result.warnings if remark.code == 'unit_g']
     assert message_of(remark) == (
-        'the magnitude of the acceleration is near 1: taken as g, not m/s^2; --accel-unit g says '
-        'so, --accel-unit m/s^2 takes the numbers as they are')
+        'the magnitude of the acceleration is near 1: taken as g, not m/s^2; --accel :g says '
+        'so, --accel :m/s^2 takes the numbers as they are')
     said = analyze(path, reading=RecordingOptions(accel_unit='g', gyro_unit='deg/s'))
     assert 'unit_g' not in {remark.code for remark in said.warnings}
     assert said.axes['accel_z'].mean == pytest.approx(9.8, abs=0.01)

@@ -404,7 +404,7 @@ def test_without_any_usable_stamps_a_stated_rate_counts_samples():
 
 OTHER_RATE = ('the stated rate is 200 Hz, but the header stamps advance at 100 Hz: leave out the '
               'rate, choose the other clock (analyze --clock), or force the stated rate '
-              '(analyze --force-rate)')
+              '(analyze --clock none)')
 
 
 def test_a_stated_rate_far_from_the_measured_one_is_refused_unless_forced():

@@ -22,7 +22,7 @@ from imu_allan.finding import finding
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
-from imu_allan.writers.consumer_names import CONSUMER_TITLES
+from imu_allan.writers.consumer_names import consumer_called, CONSUMER_TITLES, FAMILIES
 from imu_allan.writers.filters import CONSUMERS, export as export_as_wished, Wishes
 import numpy as np
 import pytest
@@ -36,9 +36,9 @@ OCTAVE = shutil.which('octave-cli')
 OPENCV = ('openvins', 'orb_slam3', 'vins_fusion', 'vins_fusion_midpoint', 'okvis2', 'kimera')
 JSON = ('basalt', 'airsim', 'state_space')
 NO_YAML = ('px4', 'ardupilot', 'rovio', 'glim', 'navego', 'psins', 'gazebo', 'rotors', 'matlab',
-           'state_space_cpp')
+           'state_space_cpp', 'pegasus')
 EACH_AXIS = ('basalt', 'rovio', 'kf_gins', 'navego', 'psins', 'gazebo', 'matlab', 'autoware',
-             'state_space', 'state_space_cpp')
+             'state_space', 'state_space_cpp', 'plain')
 
 
 def near(value: float) -> object:
@@ -269,7 +269,7 @@ def test_one_value_for_a_sensor_is_the_worst_axis_with_the_others_as_comments(ea
 @pytest.mark.parametrize('consumer', [
     name for name in CONSUMERS if name not in (*EACH_AXIS, 'robot_localization', 'drivers',
                                                'airsim', 'glim', 'fast_livo2', 'ob_gins',
-                                               'rotors')])
+                                               'rotors', 'pegasus')])
 def test_an_upper_bound_that_stands_in_is_said_to_be_one(build, consumer):
     text = export(build(bound=1e-3), consumer).text
     assert 'NOT OBSERVABLE on gyro_z in this recording: its 95 % upper bound' in text
@@ -961,3 +961,52 @@ def test_one_process_for_three_axes_is_that_of_one_of_them(build):
     found = yaml.safe_load(export(result, 'ob_gins').text)['imumodel']
     assert found['gbstd'] == near(4e-4 / DEGREE * 3600)
     assert found['corrtime'] == near(50 / 3600)
+
+
+def test_fusioncore_squares_the_noise_and_adds_the_variance_of_a_step(easy):
+    document = yaml.safe_load(export(easy, 'fusioncore').text)['fusioncore']['ros__parameters']
+    assert document == {
+        'imu.gyro_noise': near(GYRO_N * 20), 'imu.accel_noise': near(ACCEL_N * 20),
+        'ukf.q_gyro_bias': near(GYRO_K**2 / 400), 'ukf.q_accel_bias': near(ACCEL_K**2 / 400)}
+
+
+def test_pegasus_has_one_correlation_time_and_gets_the_driving_density(build):
+    found: dict[str, dict] = {}
+    exec(export_as_wished(build(), 'pegasus').text, found)
+    config = found['imu_config']
+    assert config['update_rate'] == RATE
+    assert config['gyroscope']['noise_density'] == near(GYRO_N)
+    assert config['gyroscope'].keys() == {'noise_density', 'random_walk', 'bias_correlation_time'}
+    assert (config['gyroscope']['bias_correlation_time']
+            == config['accelerometer']['bias_correlation_time'])
+
+
+def test_plain_has_every_axis_as_measured_and_for_a_filter(build):
+    result = build(bound=1e-3)
+    document = yaml.safe_load(export_as_wished(result, 'plain').text)
+    assert set(document) == set(result.axes)
+    for name, axis in result.axes.items():
+        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+            found, one = axis.coefficients[key], document[name].get(key)
+            assert one == ({'value': near(found.value), 'low95': near(found.ci95[0]),
+                            'high95': near(found.ci95[1])} if found.observable else
+                           None if found.upper95 is None else {'below95': near(found.upper95)})
+        assert document[name]['filter_noise_density'] > 0
+        assert document[name]['filter_random_walk'] > 0
+
+
+def test_every_consumer_has_a_family_and_is_called_by_what_people_say():
+    assert sorted(name for names in FAMILIES.values() for name in names) == sorted(CONSUMERS)
+    for said, name in (('VINS', 'vins_fusion'), ('vins-mono', 'vins_fusion'),
+                       ('OpenVINS', 'openvins'), ('ekf', 'robot_localization'),
+                       ('ORB-SLAM3', 'orb_slam3'), ('FAST-LIO2', 'fast_lio'), ('PX4', 'px4'),
+                       *((title, name) for name, title in CONSUMER_TITLES.items()
+                         if title.replace('-', '_').casefold() == name)):
+        assert consumer_called(said) == name
+    for said, meant in (('kalbr', 'kalibr'), ('robot_localisaton', 'robot_localization')):
+        with pytest.raises(KeyError, match=f'did you mean {meant}'):
+            consumer_called(said)
+    with pytest.raises(KeyError) as error:
+        consumer_called('toaster')
+    assert error.value.args == ("no consumer is called 'toaster'; imu_allan export --list names "
+                                'all',)

@@ -269,6 +269,12 @@ class Numbers:
     def provenance(self) -> list[str]:
         """Say where the numbers come from and what they are expected to reach."""
         source, timeline = self.result.source, self.result.timeline
+        if source.kind == 'datasheet':
+            return [f'IMU noise for {self.title}, by imu_allan '
+                    f'{printable(self.result.imu_allan_version)} from',
+                    f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
+                    'sensors as mounted are often worse.', *self._inflated(),
+                    *(line for sensor in SENSORS for line in self.dead(sensor))]
         rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
         parts = [printable(source.path) if source.path else '',
                  f'topic {printable(source.topic)}' if source.topic else '',
@@ -352,12 +358,13 @@ class Numbers:
                          f'{duration(self.coast_s)} without one.')
             lines += self._beyond('the numbers are')
             lines += included({name: self.result.axes[name] for name in self.tunings})
-        lines += self._left_out()
-        if self.wishes.inflate:
-            factors = ', '.join(f'{key} times {factor:g}' for key, factor
-                                in sorted(self.wishes.inflate.items()))
-            lines.append(f'INFLATED on request: {factors}.')
-        return lines
+        return lines + self._left_out() + self._inflated()
+
+    def _inflated(self) -> list[str]:
+        """Say by what the user had the numbers multiplied."""
+        factors = ', '.join(f'{key} times {factor:g}' for key, factor
+                            in sorted(self.wishes.inflate.items()))
+        return [f'INFLATED on request: {factors}.'] if factors else []
 
     def _beyond(self, what: str) -> list[str]:
         """Say that the longest time without correction is beyond what the recording knows."""

@@ -3,13 +3,13 @@
 """
 What drivers put into the covariances of Imu messages, for filters that take them from there.
 
-There is no bias state behind these: the noise density as measured, per sample.
+There is no bias state behind these but FusionCore's: the noise density as measured, per sample.
 """
 
 from collections.abc import Callable, Mapping
 from math import sqrt
 
-from imu_allan.writers.filters.chosen_numbers import N, Numbers, Sensor
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, Sensor
 from imu_allan.writers.filters.layout import (
     each,
     heading,
@@ -76,6 +76,27 @@ def _matrix(numbers: Numbers, sensor: Sensor, name: str) -> list[str]:
         return [*lines, *(f'# {name}: {remark}' for remark in remarks)]
     cells = [real(values[i] if i == j else 0.0) for i in range(3) for j in range(3)]
     return [*lines, f'{name}: [{", ".join(cells)}]']
+
+
+def fusioncore(numbers: Numbers) -> str:
+    """
+    Parameters of FusionCore: N sqrt(f), which it squares, and K^2/f, which it adds at each step.
+
+    ``imu_noise_matrix`` (fusioncore/sensors/imu.hpp) squares ``imu.gyro_noise`` and
+    ``imu.accel_noise`` into R. ``UKF::predict`` (ukf.cpp) adds ``ukf.q_gyro_bias`` and
+    ``ukf.q_accel_bias``, which are variances, once a prediction whatever its length.
+    """
+    f = numbers.rate()
+    lines = [*heading(numbers),
+             f'# Per prediction at f = {f:g} Hz, the rate of the IMU: N sqrt(f), which FusionCore '
+             'squares, and the variance K^2/f,', '# which it adds as it is.', 'fusioncore:',
+             '  ros__parameters:']
+    variances: dict[Pair, str] = {('gyro', K): '(rad/s)^2', ('accel', K): '(m/s^2)^2'}
+    body = pairs(numbers, {('gyro', N): 'imu.gyro_noise', ('accel', N): 'imu.accel_noise'},
+                 times(sqrt(f)), 'sqrt(f)', SAMPLE_UNITS)
+    body += pairs(numbers, {('gyro', K): 'ukf.q_gyro_bias', ('accel', K): 'ukf.q_accel_bias'},
+                  lambda value: value**2 / f, '^2/f', variances)
+    return joined([*lines, *indented(body, 4)])
 
 
 def autoware(numbers: Numbers) -> str:

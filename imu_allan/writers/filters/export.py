@@ -120,6 +120,7 @@ _CONSUMERS = (
     Consumer(lidar.point_lio, 'point_lio_imu.yaml', LIDAR),
     Consumer(lidar.fast_livo2, 'fast_livo2_imu.yaml', LIDAR),
     Consumer(lidar.glim, 'glim_sensors.json', LIDAR, share='both'),
+    Consumer(drivers.fusioncore, 'fusioncore_imu.yaml', SATELLITES),
     Consumer(satellites.kf_gins, 'kf_gins_imu.yaml', SATELLITES, 'gauss_markov', one_time=True,
              share='axis'),
     Consumer(satellites.ob_gins, 'ob_gins_imu.yaml', SATELLITES, 'gauss_markov', one_time=True),
@@ -130,8 +131,10 @@ _CONSUMERS = (
     Consumer(simulators.matlab, 'imu_sensor.m',
              replace(NO_BIAS, reason='imuSensor models white noise, flicker and walk itself')),
     Consumer(simulators.airsim, 'airsim_imu.json', SIMULATION),
+    Consumer(simulators.pegasus, 'pegasus_imu.py', SIMULATION, 'gauss_markov', one_time=True),
     Consumer(drivers.autoware, 'imu_corrector.param.yaml', NO_BIAS),
     Consumer(drivers.drivers, 'imu_drivers.yaml', NO_BIAS),
+    Consumer(graphs.plain, 'imu_noise.yaml', ESTIMATOR, share='axis'),
     Consumer(graphs.state_space, 'state_space.json', ESTIMATOR, share='model'),
     Consumer(graphs.state_space_cpp, 'state_space.hpp', ESTIMATOR, share='model'),
 )

@@ -47,6 +47,40 @@ def gtsam(numbers: Numbers) -> str:
     return joined(lines)
 
 
+def plain(numbers: Numbers) -> str:
+    """
+    Write N, B and K of each axis as measured, and N and K for a filter, as YAML in SI units.
+
+    A coefficient that does not show has its 95 % upper bound, ``below95``, in place of a value.
+    """
+    lines = [*heading(numbers),
+             '# SI units: noise_density rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), bias_instability rad/s '
+             'and m/s^2, rate_random_walk',
+             '# rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz). Measured with 95 % intervals; filter_... are '
+             'for a filter, as said above.']
+    for name, axis in numbers.result.axes.items():
+        own = numbers.of_axis[name]
+        if not own:
+            continue
+        lines += ['', f'{name}:']
+        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+            found = axis.coefficients[key]
+            if found.value is not None:
+                ends = '' if found.ci95 is None else (
+                    f', low95: {real(found.ci95[0])}, high95: {real(found.ci95[1])}')
+                lines.append(f'  {key}: {{value: {real(found.value)}{ends}}}')
+            elif found.upper95 is not None:
+                lines.append(f'  {key}: {{below95: {real(found.upper95)}}}')
+            else:
+                lines.append(f'  # {key}: this result has no value for it')
+        for letter, number in own.items():
+            word = {N: 'filter_noise_density', K: 'filter_random_walk'}.get(letter)
+            if word is not None:
+                bound = '   # the upper bound' if number.bound else ''
+                lines.append(f'  {word}: {real(number.value)}{bound}')
+    return joined(lines)
+
+
 def state_space(numbers: Numbers) -> str:
     """
     Write the drift model of every axis as a state space of the mean rate over a step, as JSON.

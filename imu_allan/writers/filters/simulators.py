@@ -7,7 +7,15 @@ import json
 from math import pi, sqrt
 
 from imu_allan.sensor.units import STANDARD_GRAVITY
-from imu_allan.writers.filters.chosen_numbers import K, Key, N, Numbers, Sensor, TIME
+from imu_allan.writers.filters.chosen_numbers import (
+    K,
+    Key,
+    N,
+    Numbers,
+    Sensor,
+    SENSOR_NAMES,
+    TIME,
+)
 from imu_allan.writers.filters.layout import (
     heading,
     joined,
@@ -84,6 +92,34 @@ def rotors(numbers: Numbers) -> str:
         if entry.value is not None:
             lines += [f'  <{tag}>{real(entry.value)}</{tag}>' for tag in tags]
     return joined([*lines, '</plugin>'])
+
+
+def pegasus(numbers: Numbers) -> str:
+    """
+    Write the dictionary for Pegasus Simulator's ``IMU``: N, K driving, Tc.
+
+    ``IMU.update`` (pegasus/simulator/logic/sensors/imu.py) adds ``noise_density/sqrt(dt)`` and
+    drives each bias by ``random_walk``. It takes the correlation time of the accelerometer for the
+    gyroscope, too, and adds neither bias to what it gives out.
+    """
+    names: dict[Key, str] = {N: 'noise_density', K: 'random_walk', TIME: 'bias_correlation_time'}
+    lines = [*heading(numbers),
+             '# For IMU(config) of pegasus.simulator.logic.sensors. K is the driving density '
+             'sigma sqrt(2/Tc). IMU.update takes the',
+             '# correlation time of the accelerometer for both sensors: here both have the same. '
+             'As published it works the biases',
+             '# out and adds them to nothing: take the # before the two "+ self._..._bias[i]" out '
+             'there.', 'imu_config = {', f"    'update_rate': {real(numbers.rate())},"]
+    sensors: tuple[Sensor, ...] = ('gyro', 'accel')
+    for sensor in sensors:
+        lines.append(f"    '{SENSOR_NAMES[sensor]}': {{")
+        for key, name in names.items():
+            entry = worst(numbers, sensor, key, lambda value: value, '', UNITS[sensor, key])
+            lines += [f'        # {remark}' for remark in entry.remarks]
+            if entry.value is not None:
+                lines.append(f"        '{name}': {real(entry.value)},")
+        lines.append('    },')
+    return joined([*lines, '}'])
 
 
 def matlab(numbers: Numbers) -> str:

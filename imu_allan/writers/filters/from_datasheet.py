@@ -1,0 +1,63 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A datasheet in the place of a result: its numbers, and that nothing of them was measured."""
+
+from collections.abc import Mapping
+
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.result import (
+    AxisResult,
+    Coefficient,
+    Curve,
+    GoodnessOfFit,
+    Result,
+    Source,
+    Timeline,
+)
+from imu_allan.sensor.noise_model import NoiseModel
+from imu_allan.version import __version__
+
+
+def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None) -> Result:
+    """
+    Return the coefficients of a datasheet as a result without curves, intervals or drift model.
+
+    Parameters
+    ----------
+    datasheet : NoiseModel
+        From `load_model`.
+    path : str
+        Its file, which the configurations name.
+    rate_hz : float, optional
+        Sample rate in Hz.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    ImuAllanError
+        If the datasheet has no noise density.
+
+    """
+    axes = {name: _axis(name, datasheet.axes[name]) for name in AXES
+            if 'noise_density' in datasheet.axes.get(name, {})}
+    if not axes:
+        raise ImuAllanError(f'{printable(path)}: a datasheet without noise_density; a filter '
+                            'needs one, such as gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
+    return Result(
+        imu_allan_version=__version__, source=Source('datasheet', path, None, None, None, None),
+        timeline=Timeline(rate_hz, 0, 0.0), axes=axes)
+
+
+def _axis(name: str, values: Mapping[str, float]) -> AxisResult:
+    quantity = AXES[name]
+    return AxisResult(
+        quantity=quantity.value, unit=quantity.unit, mean=None, band_limit_s=None, tones=(),
+        coefficients={key: Coefficient(
+            term.symbol, term.unit(quantity), key in values,
+            None if key not in values else abs(values[key]), None, None)
+            for key, term in TERMS.items()},
+        goodness_of_fit=GoodnessOfFit(None, None, True), curve=Curve((), (), (), (), (), ()))
