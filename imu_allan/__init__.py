@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from imu_allan.tuning.forecast import DriftForecast, predicted_drift
     from imu_allan.tuning.state_space import state_space, StateSpace
     from imu_allan.tuning.tune import assess, FilterTuning, tune
+    from imu_allan.writers.plot import plot
     from imu_allan.writers.result_file import load_result
 
 _WHERE = {
@@ -37,6 +38,7 @@ _WHERE = {
     'FilterTuning': 'imu_allan.tuning.tune',
     'ImuAllanError': 'imu_allan.errors',
     'load_result': 'imu_allan.writers.result_file',
+    'plot': 'imu_allan.writers.plot',
     'predicted_drift': 'imu_allan.tuning.forecast',
     'Result': 'imu_allan.result',
     'simulate': 'imu_allan.noise.simulate',
@@ -49,7 +51,8 @@ _WHERE = {
 __all__ = [
     'AxisResult', 'Characterization', 'DriftForecast', 'Estimator', 'FilterTuning',
     'ImuAllanError', 'Result', 'StateSpace', 'TimelineOptions', '__version__', 'analyze',
-    'assess', 'characterize', 'load_result', 'predicted_drift', 'simulate', 'state_space', 'tune',
+    'assess', 'characterize', 'load_result', 'plot', 'predicted_drift', 'simulate', 'state_space',
+    'tune',
 ]
 
 

@@ -10,6 +10,7 @@ first sample. A number that is not known is None, never NaN.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from math import pi, sqrt
 from typing import Any, Literal
 
@@ -462,6 +463,10 @@ class AxisResult:
         """Return the coefficients in a line, SI units, with their 95 % intervals."""
         return ', '.join(map(str, self.coefficients.values()))
 
+    def __repr__(self) -> str:
+        """Return the coefficients in a line."""
+        return f'<AxisResult of {self.quantity}: {self}>'
+
     def to_dict(self) -> dict[str, Any]:
         """Return the axis object of the JSON schema."""
         return plain(self)  # type: ignore[no-any-return]
@@ -559,13 +564,19 @@ class Result:
     schema: str = field(default=SCHEMA)
 
     def __str__(self) -> str:
-        """Return a line on the recording and one for each axis, SI units, 95 % intervals."""
+        """Return the table that the command prints, 80 columns wide."""
+        # The table is laid out by a floor above, of which nothing here depends otherwise.
+        text: str = import_module('imu_allan.writers.table').result_text(self)
+        return text
+
+    def __repr__(self) -> str:
+        """Return one line on the recording; `str` gives the table."""
         timeline = self.timeline
         names = [str(name) for name in (self.source.path, self.source.topic) if name]
         rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
-        lines = [f'{" ".join(names) or "samples"}: {timeline.samples:,} samples{rate}, '
-                 f'{timeline.duration_s:.6g} s, remarks: {len(self.warnings)}']
-        return '\n'.join(lines + [f'{name}: {axis}' for name, axis in self.axes.items()])
+        return (f'<Result of {" ".join(names) or "samples"}: {timeline.samples:,} samples{rate}, '
+                f'{timeline.duration_s:.6g} s, {len(self.axes)} axes, {len(self.warnings)} '
+                'remarks>')
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object, schema first."""

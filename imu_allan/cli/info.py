@@ -256,7 +256,9 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
                               for span in spans[:_LISTED])
             more = f' and {count - _LISTED} more' if count > _LISTED else ''
             rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
-    rows.extend(('warning', message_of(remark)) for remark in summary.remarks)
+    # Nothing is cut out here, and where it moves was told.
+    rows.extend(('warning', message_of(remark)) for remark in summary.remarks
+                if remark.code != 'motion')
     return rows
 
 

@@ -16,6 +16,9 @@ from imu_allan.errors import ImuAllanError
 if TYPE_CHECKING:
     from imu_allan.recordings import RecordingOptions
 
+_FASTEST_HZ = 1e6
+"""Thirty times what the fastest IMUs give."""
+
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
     """Add the options to a verb."""
@@ -96,6 +99,10 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
         if not equals:
             raise ImuAllanError(f'--columns {text}: not AXIS=NAME such as gyro_x=w0')
         pairs.append((axis.strip(), name.strip()))
+    for name in ('rate', 'accel_rate'):
+        if (given := getattr(args, name)) is not None and given > _FASTEST_HZ:
+            raise ImuAllanError(f'--{name.replace("_", "-")} {given:g}: no IMU gives so many '
+                                'samples a second; give the rate in Hz')
     gyro, gyro_unit = _field(args.gyro)
     accel, accel_unit = _field(args.accel)
     return RecordingOptions(

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
             if args.width is not None:
                 paths += save_paper(results[0], args.output, args.width, pictures)
     else:
-        from imu_allan.writers.comparison import compare, difference_table, names_of
+        from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
         from imu_allan.writers.terminal import console_of
 
         names = names_of([Path(path) for path in args.results])
@@ -71,7 +71,11 @@ def run(args: argparse.Namespace) -> int:
 
             console.print(population_table(Fleet(named)))
         else:
-            console.print(difference_table(compare(named)))
+            differences = compare(named)
+            for sentence in verdicts(differences):
+                console.print(sentence, markup=False)
+            console.print()
+            console.print(difference_table(differences))
     for path in paths:
         print(path)
     return 0

@@ -10,6 +10,7 @@ two recordings of the same sensor, one coefficient in twenty lies beyond 1 by ch
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import bounded, duration, measured
+from imu_allan.wording import bounded, counted, duration, listed, measured, SENSORS
 from imu_allan.writers.curves import limits_of
 from imu_allan.writers.figure_style import COLOURS, DASHES, empty_figure, plot_style, Theme
 from imu_allan.writers.frames import frame_allan, write_in_a_row
@@ -121,6 +122,56 @@ def compare(results: Mapping[str, Result]) -> list[Difference]:
         raise ImuAllanError('the results have no axis in common on which a coefficient is '
                             'observable')
     return differences
+
+
+def verdicts(differences: Sequence[Difference]) -> list[str]:
+    """
+    Say in sentences what differs by more than the intervals, all axes of a sensor together.
+
+    Parameters
+    ----------
+    differences : sequence of Difference
+        From `compare`.
+
+    Returns
+    -------
+    list of str
+        One for each result, sensor and term that differs; one that says so where nothing does.
+
+    """
+    known = [one for one in differences if one.in_intervals is not None]
+    said = []
+    for other, sensor, key in product(dict.fromkeys(one.other for one in known), SENSORS, TERMS):
+        own = [one for one in known if (one.other, one.key) == (other, key)
+               and one.axis.startswith(sensor)]
+        for sign, word in ((1, 'higher'), (-1, 'lower')):
+            beyond = [one for one in own if sign * (one.in_intervals or 0.0) > 1]
+            if beyond:
+                said.append(_sentence(beyond, len(own), SENSORS[sensor].lower(), word))
+    chance = ('; of two recordings of one sensor, one coefficient in twenty does so by chance'
+              if said else '')
+    beyond_all = sum(abs(one.in_intervals or 0.0) > 1 for one in known)
+    return [*said, f'{beyond_all} of {counted(len(known), "coefficient")} '
+            f'{"differs" if beyond_all == 1 else "differ"} by more than the 95 % intervals'
+            + chance]
+
+
+def _sentence(beyond: Sequence[Difference], of_sensor: int, sensor: str, word: str) -> str:
+    first = beyond[0]
+    axes = (f'all {sensor} axes' if len(beyond) == of_sensor > 1 else
+            f'{first.axis.partition("_")[0]} ' + listed([one.axis[-1] for one in beyond]))
+    intervals = _span([abs(one.in_intervals or 0.0) for one in beyond])
+    ratios = [one.ratio for one in beyond if one.ratio is not None and one.ratio > 0]
+    by = 'is' if len(ratios) < len(beyond) else (
+        f'is {_span([100 * abs(ratio - 1) for ratio in ratios])} %'
+        if max(ratios) < 2 and min(ratios) > 0.5 else f'is {_span(ratios)} times that, so')
+    return (f'{TERMS[first.key].symbol} of {axes} of {printable(first.other)} {by} {word} than '
+            f'that of {printable(first.reference)}, {intervals} intervals')
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = f'{min(values):.2g}', f'{max(values):.2g}'
+    return low if low == high else f'{low} to {high}'
 
 
 def difference_table(differences: Sequence[Difference]) -> 'Table':

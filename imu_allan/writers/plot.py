@@ -48,6 +48,32 @@ _PAPER_ROW = 2.5
 """Height of a panel with its titles, in inches."""
 
 
+def plot(result: Result) -> 'Figure':
+    """
+    Draw the Allan deviation of all axes, as the command does, for a script or a notebook.
+
+    Parameters
+    ----------
+    result : Result
+        What is drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        To be shown, changed or saved: ``imu_allan.plot(result).savefig('plot.png')``.
+
+    Raises
+    ------
+    TypeError
+        If `result` is none.
+
+    """
+    if not isinstance(result, Result):
+        raise TypeError('expected a result, such as imu_allan.analyze gives, not '
+                        f'{type(result).__name__}')
+    return overview_figure(result)
+
+
 def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
     """
     Draw the Allan deviation of every axis with intervals and fitted model, on one sheet.

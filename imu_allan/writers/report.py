@@ -56,7 +56,7 @@ from imu_allan.writers.charts import (
     segment_chart,
     signal_chart,
 )
-from imu_allan.writers.comparison import compare, Difference, shown
+from imu_allan.writers.comparison import compare, Difference, shown, verdicts
 from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.means import written_mean
@@ -143,7 +143,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
         {'name': name, 'place': place, 'source': ' '.join(names_of(result)),
          'facts': _facts(result)}
         for place, (name, result) in enumerate(named_results.items())]
-    return _page('comparison.html.j2', charts=charts, title='Allan deviation compared',
+    return _page('comparison.html.j2', verdicts=verdicts(differences), charts=charts, title='Allan deviation compared',
                  summaries=summaries, differences=[_difference_row(d) for d in differences],
                  version=__version__)
 

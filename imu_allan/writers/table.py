@@ -10,6 +10,7 @@ as a control sequence.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from typing import Literal, TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
@@ -77,6 +78,26 @@ def print_result(result: Result, console: 'Console | None' = None, *,
     if console is None:
         console = console_of(to)
     console.print(result_table(result, console.width, units, verbose=verbose))
+
+
+def result_text(result: Result, width: int = 80) -> str:
+    """
+    Return what `print_result` prints, without colours.
+
+    Parameters
+    ----------
+    result : Result
+        What is laid out.
+    width : int, optional
+        Columns.
+
+    """
+    from rich.console import Console
+
+    text = StringIO()
+    Console(file=text, width=width, highlight=False, no_color=True).print(
+        result_table(result, width, verbose=True))
+    return text.getvalue().rstrip('\n')
 
 
 def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,

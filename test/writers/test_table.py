@@ -171,7 +171,7 @@ def test_findings_of_one_kind_are_one_sentence(result):
         finding('gravity', mean=1.001))), 200)
     assert text.splitlines()[-2:] == [
         'gravity: the mean acceleration is 1.001 m/s^2, not about 9.81; is it in units of g?; '
-        'check the unit and the topic; --accel-unit g converts',
+        'check the unit and the topic; --accel :g converts',
         'low-pass: all axes: the noise rolls off towards the highest frequencies (a low-pass in '
         'sensor or driver): its effective window is 0.0148 to 0.02 s']
     assert '1,200 missing, 2 gaps (6 s), 2 stretches of motion (5 min 45 s)' in text

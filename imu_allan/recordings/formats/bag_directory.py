@@ -62,8 +62,9 @@ class BagDirectory(Recording):
                 hint = ('; name one of its .bag files'
                         if any(path.glob('*.bag')) else '')
                 raise ImuAllanError(
-                    f'{printable(path)}: not a rosbag2 directory: no metadata.yaml and no .mcap '
-                    f'or .db3 file in it{hint}')
+                    f'{printable(path)}: ' + (
+                        f'holds no recording: no metadata.yaml and no .mcap or .db3 file{hint}'
+                        if any(path.iterdir()) else 'an empty folder; name a recording'))
             self._list_from_files()
         else:
             self._files = self._existing(metadata.files)

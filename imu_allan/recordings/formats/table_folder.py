@@ -65,8 +65,8 @@ class TableFolder(Recording):
             self.topics.append(ImuTopic(file.name, None))
             (whole if len(sensors) > 1 else halves[sensors[0]]).append(file.name)
         if not all(halves.values()):
-            raise ImuAllanError(f'{printable(path)}: not a rosbag2 directory; '
-                                + self._what_lacks(halves, whole))
+            raise ImuAllanError(f'{printable(path)}: a folder of CSV files that are no IMU '
+                                f'together: {self._what_lacks(halves, whole)}')
         self.size_bytes = sum(file.stat().st_size for file in self._files.values())
         gyro, accel = (_best(names, _BEST[sensor]) for sensor, names in halves.items())
         if gyro is not None and accel is not None:

@@ -227,7 +227,10 @@ def test_no_file_outside_of_the_directory_is_read(tmp_path, listed):
 
 
 def test_what_is_no_bag_directory_is_refused(tmp_path):
-    line = f'{tmp_path}: not a rosbag2 directory: no metadata.yaml and no .mcap or .db3 file in it'
+    with refused(f'{tmp_path}: an empty folder; name a recording'):
+        open_recording(tmp_path)
+    line = f'{tmp_path}: holds no recording: no metadata.yaml and no .mcap or .db3 file'
+    (tmp_path / 'notes.txt').touch()
     with refused(line):
         open_recording(tmp_path)
     (tmp_path / 'a.bag').touch()

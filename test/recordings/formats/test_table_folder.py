@@ -78,15 +78,15 @@ def test_info_lists_the_files_of_the_folder(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('names', 'reason'), [
-    (['Gyroscope'], '; its CSV files give no accelerometer'),
+    (['Gyroscope'], ': its CSV files give no accelerometer'),
     (['Gyroscope', 'Magnetometer'],
-     '; its CSV files give no accelerometer; {}/Magnetometer.csv: '
-     + no_axes('time,seconds_elapsed,z,y,x')),
-    ([], ': no metadata.yaml and no .mcap or .db3 file in it')])
+     ': its CSV files give no accelerometer; {}/Magnetometer.csv: '
+     + no_axes('time,seconds_elapsed,z,y,x'))])
 def test_a_folder_without_both_sensors_is_no_imu(tmp_path, names, reason):
     for name in names:
         write(tmp_path, name, 100, 1e-3)
-    with refused(f'{tmp_path}: not a rosbag2 directory{reason.replace("{}", str(tmp_path))}'):
+    with refused(f'{tmp_path}: a folder of CSV files that are no IMU together'
+                 f'{reason.replace("{}", str(tmp_path))}'):
         open_recording(tmp_path)
 
 
@@ -113,7 +113,8 @@ def test_of_many_tables_the_user_chooses(tmp_path):
 def test_it_is_told_what_the_tables_of_a_folder_lack(tmp_path, texts, told):
     for name, text in texts.items():
         (tmp_path / f'{name}.csv').write_text(text)
-    with refused(f'{tmp_path}: not a rosbag2 directory; {told.replace("{}", str(tmp_path))}'):
+    with refused(f'{tmp_path}: a folder of CSV files that are no IMU together: '
+                 f'{told.replace("{}", str(tmp_path))}'):
         open_recording(tmp_path)
 
 
