@@ -111,7 +111,8 @@ def test_command_of_the_tool_runs_as_printed(command: str, workplace: Path) -> N
         ['bash', '-c', shortened(command)], cwd=workplace, check=False, capture_output=True,
         text=True, env=os.environ | {
             'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'})
-    assert done.returncode == 0, done.stderr
+    # Of the shortened recording check cannot tell everything.
+    assert done.returncode in ((0, 4) if ' check ' in command else (0,)), done.stderr
     assert done.stderr == ''
 
 

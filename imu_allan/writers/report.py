@@ -143,9 +143,9 @@ def comparison_html(results: Mapping[str, Result]) -> str:
         {'name': name, 'place': place, 'source': ' '.join(names_of(result)),
          'facts': _facts(result)}
         for place, (name, result) in enumerate(named_results.items())]
-    return _page('comparison.html.j2', verdicts=verdicts(differences), charts=charts, title='Allan deviation compared',
-                 summaries=summaries, differences=[_difference_row(d) for d in differences],
-                 version=__version__)
+    return _page('comparison.html.j2', verdicts=verdicts(differences), charts=charts,
+                 title='Allan deviation compared', summaries=summaries,
+                 differences=[_difference_row(d) for d in differences], version=__version__)
 
 
 def _page(template: str, **context: Any) -> str:

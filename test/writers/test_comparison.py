@@ -4,12 +4,19 @@ from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 
-from imu_allan.result import Coefficient
-from imu_allan.writers.comparison import compare, comparison_figure, difference_table, names_of
+from imu_allan.noise.terms import AXES
+from imu_allan.result import Coefficient, Result
+from imu_allan.writers.comparison import (
+    compare,
+    comparison_figure,
+    difference_table,
+    names_of,
+    verdicts,
+)
 from imu_allan.writers.plot import render
 import pytest
 from rich.console import Console
-from whole_lines import refused
+from whole_lines import refused, Varying
 
 
 def one(make_result, make_axis, value, interval):
@@ -82,3 +89,21 @@ def test_the_figure_is_drawn_for_many_results_and_missing_axes(result, make_resu
     gyro = {name: axis for name, axis in result.axes.items() if name != 'accel_y'}
     results['partly $x^{$'] = replace(result, axes=gyro)
     assert render(comparison_figure(results), 'png', 40).startswith(b'\x89PNG')
+
+
+def test_what_differs_is_said_first_and_of_all_axes_together(make_result, make_axis):
+    def unit(n: float, k: float) -> Result:
+        axes = {name: make_axis(name, {'noise_density': n, 'rate_random_walk': (
+            k if name == 'gyro_x' else 1e-5)}) for name in AXES}
+        return make_result(axes=axes)
+
+    *said, last = verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1.1e-3, 3e-5)}))
+    assert said == [
+        Varying('N of all gyroscope axes of B is 10 % higher than that of A, <number> intervals'),
+        Varying('K of gyro x of B is 3 times that, so higher than that of A, <number> intervals'),
+        Varying('N of all accelerometer axes of B is 10 % higher than that of A, <number> '
+                'intervals')]
+    assert last == ('7 of 12 coefficients differ by more than the 95 % intervals; of two '
+                    'recordings of one sensor, one coefficient in twenty does so by chance')
+    assert verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1e-3, 1e-5)})) == [
+        '0 of 12 coefficients differ by more than the 95 % intervals']

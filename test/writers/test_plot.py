@@ -8,6 +8,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
+import imu_allan
 from imu_allan.characterization.axis import characterize, with_bounded_walk
 from imu_allan.finding import Finding
 from imu_allan.noise.fitted_model import with_model_curve
@@ -470,3 +471,9 @@ def test_the_courses_of_the_means_are_told_apart_without_colour(filtered):
     places = [set(line.get_xdata()) for line in marks]
     assert all(len(one) == 8 for one in places)
     assert len(set.union(*places)) == 24
+
+
+def test_plot_gives_a_figure_and_takes_a_result_alone(result):
+    assert imu_allan.plot(result).savefig
+    with pytest.raises(TypeError, match='expected a result, such as'):
+        imu_allan.plot(result.axes['gyro_x'])

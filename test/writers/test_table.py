@@ -10,7 +10,7 @@ import sys
 
 from imu_allan.finding import Finding, finding
 from imu_allan.result import Curve, Saturation, Source, Span
-from imu_allan.writers.table import print_result
+from imu_allan.writers.table import print_result, result_text
 import pytest
 from rich.console import Console
 
@@ -226,3 +226,13 @@ def test_what_recording_on_would_bring_is_told(result):
     text = ' '.join(printed(replace(result, axes={'gyro_x': axis})).split())
     assert 'half as wide after another 2 h' in text
     assert 'K of gyro x after 10 min at the earliest' in text
+
+
+def test_print_of_a_result_is_the_table_and_its_repr_one_line(result):
+    assert str(result) == result_text(result)
+    assert 'Gyroscope' in str(result)
+    assert '\x1b' not in str(result)
+    assert all(len(line) <= 80 for line in str(result).splitlines())
+    for one in (result, *result.axes.values()):
+        assert '\n' not in repr(one)
+        assert len(repr(one)) < 400
