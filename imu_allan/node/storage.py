@@ -253,18 +253,21 @@ class Storage:
             If it cannot be written.
 
         """
-        if self.keeps_state and run.fed != run.checkpointed:
-            self.checkpoint(run).result()
+        self._worker.drop_queued(('fit', 'plot', 'try'))
+        if self._state_file is not None and run.fed != run.checkpointed:
+            if any(map(self._worker.under_way, ('checkpoint', 'aside'))):
+                self.checkpoint(run).result()
+            else:
+                # A fit or a drawing may be under way for longer than the node is given to end.
+                self._state_file.save(pack(run, self._setup))
+                run.checkpointed = run.fed
         return True
 
     def save_files_at_end(self, run: Run) -> bool:
         """
         Write the files, to another folder if the one asked for takes none; tell if all is well.
 
-        Raises
-        ------
-        IncompleteSave
-            If the configuration of a filter cannot be made.
+        What fails is told by the worker, as of any save.
 
         """
         if not run.fed:
@@ -274,9 +277,8 @@ class Storage:
         except NothingToSave as error:
             self._log.info(str(error))
         except IncompleteSave:
-            raise
-        except ImuAllanError as error:
-            self._log.error(str(error), 'save at the end')
+            return False
+        except ImuAllanError:
             for folder in other_folders(self._state_file.path if self._state_file else None):
                 with suppress(ImuAllanError):
                     self.save(run, folder).result()

@@ -65,6 +65,11 @@ class Worker:
         self._log.bug(error, 'the node goes on')
         return f'internal error, see the log: {printable(error)}'
 
+    def drop_queued(self, kinds: Container[str]) -> None:
+        """Leave out what has not begun, of these kinds."""
+        self._jobs = [job for job in self._jobs
+                      if job.kind not in kinds or not job.future.cancel()]
+
     def finish(self, kinds: Container[str]) -> None:
         """Wait for what is running, drop what is queued, hand out what is done of these kinds."""
         self._thread.shutdown(wait=True, cancel_futures=True)

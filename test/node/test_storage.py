@@ -4,6 +4,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+import threading
 from typing import Any
 
 from imu_allan.block import ImuBlock
@@ -99,3 +100,34 @@ def test_old_state_is_not_overwritten_where_its_latest_samples_cannot_be_saved(
     assert facts.resumed == (f'a new run: {tmp_path / "state"} could not be resumed from, it is '
                              f'of 100 Hz; it is kept as {aside.name}')
     assert 'its latest samples are not in it: No space left on device' in logger.lines
+
+
+def test_at_the_end_the_state_waits_for_no_fit_and_no_drawing(
+        storage: Storage, worker: Worker, tmp_path: Path) -> None:
+    run = storage.first_run()
+    feed(run, 2000)
+    busy, done = threading.Event(), []
+    worker.start('plot', busy.wait, done.append)
+    worker.start('fit', lambda: None, done.append)
+    assert storage.save_state_at_end(run)
+    assert samples_in(tmp_path / 'state') == 2000
+    busy.set()
+    worker.finish({'plot', 'fit'})
+    # The plot was under way, the fit had not begun.
+    assert len(done) == 1
+
+
+def test_a_configuration_that_cannot_be_made_at_the_end_is_told_once(
+        worker: Worker, facts: Facts, logger: Any, tmp_path: Path) -> None:
+    storage = Storage('/imu_allan', SETUP, worker, facts, Log(logger), {
+        'state_file': '', 'output_dir': str(tmp_path / 'output'), 'checkpoint_period': 60.0,
+        'export_for': ['kalibr']})
+    run = storage.first_run()
+    # Constant: there is no noise density.
+    stamps = 10**18 + 10_000_000 * np.arange(2000)
+    run.lanes[0].update([ImuBlock(stamps, stamps, np.full((2000, 6), 1.0),
+                                  np.zeros((2000, 2), bool), 'imu')])
+    assert not storage.save_files_at_end(run)
+    worker.finish({'save'})
+    assert [line for line in logger.lines if 'kalibr' in line] == [logger.lines[-1]]
+    storage.close()
