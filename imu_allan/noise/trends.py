@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 Array = NDArray[np.float64]
+_NOTHING = 1e-15
+"""Weight of a bin that is left out where its band has to stay."""
 _POINTS = 1024
 """Enough for a course of a few dozen cycles in the record."""
 
@@ -83,6 +85,8 @@ class RecordSpectrum:
         False where a line is.
     courses : tuple of Course
         Regressors that stand in every fit, directly behind the ramp.
+    aligned : bool
+        Whether bands without a bin stay, worth nothing, so that all axes have the same bands.
 
     """
 
@@ -92,6 +96,7 @@ class RecordSpectrum:
     dt: float
     keep: NDArray[np.bool_] | None = None
     courses: tuple[Course, ...] = ()
+    aligned: bool = False
 
     @property
     def duration_s(self) -> float:
@@ -112,7 +117,7 @@ class RecordSpectrum:
         if not courses:
             return self._still
         columns = regressors(self.pieces, self.dt, own_courses(courses))
-        return regressed(self._still, self.bins, self.axis, self.keep,
+        return regressed(self._still, *self._kept,
                          np.column_stack((*self._columns, columns)))
 
     @cached_property
@@ -123,7 +128,15 @@ class RecordSpectrum:
     @cached_property
     def _still(self) -> Groups:
         """Gather the groups without further courses once: they are asked for again and again."""
-        return grouped(self.bins, self.axis, self.keep, *self._columns)
+        return grouped(*self._kept, *self._columns)
+
+    @cached_property
+    def _kept(self) -> tuple[Bins, int, NDArray[np.bool_] | None]:
+        """Return the bins, the axis and what is kept of them."""
+        if not self.aligned or self.keep is None:
+            return self.bins, self.axis, self.keep
+        dof = self.bins.dof * np.maximum(self.keep, _NOTHING)
+        return replace(self.bins, dof=dof), self.axis, None
 
     def beside(self, courses: Sequence[Course | EachCourse]) -> 'RecordSpectrum':
         """Return the same spectrum with further courses that stand in every fit."""
@@ -164,10 +177,15 @@ class RecordSpectrum:
             Of one axis. Where a leak is not known well enough beside the noise, bins are left out.
 
         """
+        design = self.bins.design
+        return self.without_leak(self.beside(courses).mean(trend),
+                                 design @ theta[:design.shape[1]])
+
+    def without_leak(self, mean: Course, noise: Array) -> 'RecordSpectrum':
+        """Take out of the blocks what a known mean leaks, beside noise of so much in every bin."""
         bins, own = self.bins, slice(self.axis, self.axis + 1)
-        leak, doubt = leaks(self.pieces, self.dt, self.duration_s,
-                            self.beside(courses).mean(trend))
-        keep = is_little(leak, doubt, bins.design @ theta[:bins.design.shape[1]])
+        leak, doubt = leaks(self.pieces, self.dt, self.duration_s, mean)
+        keep = is_little(leak, doubt, noise)
         keep = keep if self.keep is None else keep & self.keep
         power = np.maximum(bins.power[own] - leak, 0.0)
         one = replace(bins, power=power, cross=bins.cross[own], coefficient=bins.coefficient[own],

@@ -1,0 +1,369 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is read off a posterior: presence, value, interval and bound of everything, SI units."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from imu_allan.noise.mean_in_blocks import Course
+from imu_allan.noise.posterior.courses import CourseKind
+from imu_allan.noise.posterior.likelihood import (
+    FREE,
+    HIGH,
+    LOW,
+    mean,
+    PLAIN,
+    spectrum,
+)
+from imu_allan.noise.posterior.posterior import Drawn, Posterior
+from imu_allan.noise.posterior.shapes import cubic, GENTLE, LOW_PASSES, TERMS
+from imu_allan.noise.trends import RecordSpectrum
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+Array = NDArray[np.float64]
+
+OBSERVABLE = 0.6
+"""Presence from which a term is reported: about 1 in 100 clean records has a false one."""
+REPORTED = 0.8
+"""The same of what kind of noise it is, of a filter, and of what moves the mean."""
+CERTAIN_RAMP = 0.005
+"""Probability that a ramp has the other sign below which it is reported."""
+_LEAST_BOUND = 1.4
+"""Least bound, in amplitudes that the record can just see."""
+_ENDS = (0.025, 0.5, 0.975)
+_FLICKER, _WALK = (
+    [shape.key for shape in TERMS].index(key) for key in ('bias_instability', 'rate_random_walk'))
+_REGRESSED = 64
+"""Draws of a model about which the mean is regressed."""
+_QUANTILES = ndtri((np.arange(16) + 0.5) / 16)
+"""Quantiles of a normal error, of equal weight."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    Something that a posterior knows, in SI units.
+
+    Attributes
+    ----------
+    observable : bool
+        Whether it is reported.
+    value, low, high : float
+        Median and 95 % interval, given that it is there.
+    upper : float
+        Bound where it is not reported.
+    presence : float
+        Probability that it is there.
+
+    """
+
+    observable: bool
+    value: float
+    low: float
+    high: float
+    upper: float
+    presence: float = 1.0
+
+
+@dataclass(frozen=True)
+class Reported:
+    """
+    A course of the mean that is there.
+
+    Attributes
+    ----------
+    kind : CourseKind
+    value : float
+        Of its nuisance, with `low` and `high` its 95 % interval.
+    columns : list of (float, float)
+        Size and standard error of every column.
+
+    """
+
+    kind: CourseKind
+    value: float
+    low: float
+    high: float
+    columns: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """
+    What a posterior says of one axis.
+
+    Attributes
+    ----------
+    terms : dict of str to Estimate
+        By key of `TERMS`.
+    ramp : Estimate
+    sigma, correlation_time_s : Estimate
+        Of a Gauss-Markov process.
+    exponent, law : Estimate
+        Of slow noise with another exponent than flicker's, and its amplitude.
+    high_pass_hz : Estimate
+        Corner of a filter that takes out the bias.
+    low_pass : float
+        Probability of a filter or roll-off that can be seen.
+    window_s : float or None
+        Width of the boxcar that bends white noise as the likeliest filter does.
+    edge_hz : float or None
+        Above, no model describes the spectrum.
+    courses : tuple of Reported
+    drift : float
+        Probability of a random walk, a process, another exponent or a course of the mean.
+
+    """
+
+    terms: dict[str, Estimate]
+    ramp: Estimate
+    sigma: Estimate
+    correlation_time_s: Estimate
+    exponent: Estimate
+    law: Estimate
+    high_pass_hz: Estimate
+    low_pass: float
+    window_s: float | None
+    edge_hz: float | None
+    courses: tuple[Reported, ...]
+    drift: float
+
+
+def answer(posterior: Posterior, dt: float) -> Answer:
+    """
+    Read everything off the draws of one axis.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    Answer
+
+    """
+    models = posterior.models
+    weight = np.concatenate([model.weight * model.share for model in models])
+    x = np.concatenate([model.x for model in models])
+    has = np.repeat(np.concatenate([model.row.has for model in models]),
+                    [len(model.share) for model in models], axis=0)
+    amplitude, there = _amplitudes(posterior, x, has)
+    size = _free_amplitudes(posterior, x, has)
+    spectra, of = models[0].spectra, int(models[0].row.of[0])
+    white = 1
+    amplitude[:, white] *= posterior.changes(len(x))
+    terms = {shape.key: _estimate(amplitude[:, k], there[:, k], weight, OBSERVABLE,
+                                  float(spectra.unit[of, k])) for k, shape in enumerate(TERMS)}
+    law, process = has[:, PLAIN], has[:, PLAIN + 2]
+    alpha, time = x[:, PLAIN + 1], np.exp(x[:, PLAIN + 3]) * dt
+
+    def free(values: Array, own: NDArray[np.bool_]) -> Estimate:
+        return _estimate(values, own, weight, REPORTED)
+
+    groups = spectra.dof.shape[1]
+    edge = int(models[0].row.edge[0])
+    return Answer(
+        terms, _ramp(posterior), free(size[:, 1], process), free(time, process),
+        free(alpha, law), free(size[:, 0] * dt**((1 - alpha) / 2), law),
+        free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]), _weight_of(posterior, _bends),
+        _window(posterior), float(spectra.frequency[edge - 1]) if edge < groups else None,
+        _courses(posterior), _weight_of(posterior, _drifts))
+
+
+def _weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
+    """Probability of models of a kind."""
+    return float(sum(model.weight for model in posterior.models if which(model)))
+
+
+def _weight_of_course(posterior: Posterior, key: str) -> float:
+    """Probability of a course of the mean."""
+    return _weight_of(posterior, lambda model: any(one.kind.key == key for one in model.courses))
+
+
+def _bends(model: Drawn) -> bool:
+    """Whether a model has a filter that can be seen, or leaves the top unexplained."""
+    gentle = LOW_PASSES[int(model.row.family[0])].key == GENTLE \
+        and model.row.x[0, LOW] > model.spectra.gentle[model.row.of[0]] - 0.7
+    return bool(model.row.edge[0] < model.spectra.dof.shape[1]
+                or (model.row.has[0, LOW] and not gentle))
+
+
+def _drifts(model: Drawn) -> bool:
+    """Whether a model has anything slower than flicker."""
+    return bool(model.row.has[0, 3] or model.row.has[0, PLAIN] or model.row.has[0, PLAIN + 2]
+                or model.courses)
+
+
+def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]
+                ) -> tuple[Array, NDArray[np.bool_]]:
+    """Amplitudes of the terms in every draw, and whether they are there."""
+    best = posterior.models[0]
+    spectra, of = best.spectra, int(best.row.of[0])
+    unit = spectra.unit[of]
+    amplitude = np.exp(np.minimum(x[:, :PLAIN], 60.0)) * unit
+    there = has[:, :PLAIN].copy()
+    law = has[:, PLAIN]
+    if law.any():
+        # The flicker that is as strong where most of it is seen.
+        lam, _, _ = spectrum(spectra, best.row, best.row.x, slopes=False)
+        known = np.cumsum(spectra.dof[of] * (spectra.columns[of, _FLICKER] / lam[0])**2)
+        pivot = int(np.searchsorted(known, known[-1] / 2))
+        table = spectra.tables.terms[0]
+        place = table.place(np.zeros(int(law.sum()), np.int64), x[law, PLAIN + 1])
+        value = cubic(table.rows[:, [pivot]], *place)[0][:, 0]
+        flicker = np.log(spectra.columns[of, _FLICKER, pivot]) - 2 * np.log(unit[_FLICKER])
+        amplitude[law, _FLICKER] = _sizes(posterior, x, law, 0) * np.exp(
+            0.5 * (value + spectra.like[of, 0, pivot] - flicker))
+        there[law, _FLICKER] = True
+    return amplitude, there
+
+
+def _free_amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]) -> Array:
+    """Amplitudes of the free terms in every draw."""
+    size = np.zeros((len(x), FREE))
+    for k in range(FREE):
+        own = has[:, PLAIN + 2 * k]
+        if own.any():
+            size[own, k] = _sizes(posterior, x, own, k)
+    return size
+
+
+def _sizes(posterior: Posterior, x: Array, own: NDArray[np.bool_], k: int) -> Array:
+    """Amplitudes of a free term where it is there."""
+    best = posterior.models[0]
+    spectra, of = best.spectra, int(best.row.of[0])
+    place = spectra.tables.terms[k].place(np.zeros(int(own.sum()), np.int64),
+                                          x[own, PLAIN + 2 * k + 1])
+    unit = cubic(spectra.sizes[k][of][:, None], *place)[0][:, 0]
+    return np.asarray(np.exp(np.minimum(x[own, PLAIN + 2 * k] + unit, 60.0)))
+
+
+def _estimate(values: Array, there: NDArray[np.bool_], weight: Array, least: float,
+              seen: float = 0.0) -> Estimate:
+    """Presence and quantiles, given presence."""
+    presence = float(weight[there].sum())
+    low, value, high = (quantiles(values[there], weight[there], _ENDS) if presence > 1e-9
+                        else (0.0, 0.0, 0.0))
+    return Estimate(presence > least, value, low, high, max(high, _LEAST_BOUND * seen), presence)
+
+
+def quantiles(values: Array, weight: Array, shares: tuple[float, ...]) -> tuple[float, ...]:
+    """
+    Quantiles of weighed draws.
+
+    Examples
+    --------
+    >>> quantiles(np.array([3.0, 1.0, 2.0]), np.ones(3), (0.5,))
+    (2.0,)
+
+    """
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return tuple(np.interp(np.array(shares) * total[-1], total - 0.5 * weight[order],
+                           values[order]).tolist())
+
+
+def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
+    """Sizes and standard errors of all regressors in draws of a model, and their weights."""
+    most = np.argsort(-model.share, kind='stable')[:_REGRESSED]
+    rows = model.row.take(np.zeros(len(most), np.int64))
+    lam, _, _ = spectrum(model.spectra, rows, model.x[most], slopes=False)
+    below = np.arange(lam.shape[1]) < rows.edge[:, None]
+    _, size, covariance = mean(model.spectra, rows.of,
+                               model.spectra.dof[rows.of] * below / lam)
+    error = np.sqrt(np.maximum(np.einsum('mrii->mri', covariance), 0.0))
+    share = model.share[most]
+    return size[:, 0], error[:, 0], share / share.sum()
+
+
+def _ramp(posterior: Posterior) -> Estimate:
+    """Estimate the ramp, which is signed; every one of several records has its own."""
+    if posterior.models[0].spectra.along.shape[1] > 1:
+        return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
+    values, weights, wanders = [], [], []
+    for model in posterior.models:
+        if model.weight > 0.01:
+            size, error, share = _regressed(model)
+            values.append((size[:, :1] + error[:, :1] * _QUANTILES).ravel())
+            weights.append(np.repeat(model.weight * share / len(_QUANTILES), len(_QUANTILES)))
+            wanders.append(np.full(len(values[-1]), bool(model.row.has[0, _WALK])))
+    value, weight, walk = (np.concatenate(parts) for parts in (values, weights, wanders))
+    if not np.isfinite(value).all() or not value.any():
+        return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
+    low, middle, high = quantiles(value, weight, _ENDS)
+    positive = value * np.sign(middle) > 0
+    # A walk drifts as well: beside one, if there may be one, the ramp has to be as certain.
+    other = max(float(weight[own & ~positive].sum() / weight[own].sum())
+                for own in (np.ones(len(walk), dtype=bool), walk) if own.any())
+    bound = max(abs(low), abs(high))
+    return Estimate(other < CERTAIN_RAMP, middle, low, high, bound, max(1 - 2 * other, 0.0))
+
+
+def _courses(posterior: Posterior) -> tuple[Reported, ...]:
+    """Give the courses of the mean that are there, each of its likeliest model."""
+    found, keys = [], []
+    for model in posterior.models:
+        for number, one in enumerate(model.courses):
+            key = one.kind.key
+            if key in keys or _weight_of_course(posterior, key) <= REPORTED:
+                continue
+            keys.append(key)
+            size, error, share = _regressed(model)
+            widths = [len(each.kind.columns(each.value, 1.0)) for each in model.courses]
+            first = size.shape[1] - sum(widths[number:])
+            columns = tuple((float(share @ size[:, k]), float(np.sqrt(
+                share @ (error[:, k]**2 + size[:, k]**2) - (share @ size[:, k])**2)))
+                for k in range(first, first + widths[number]))
+            low, high = one.interval
+            found.append(Reported(one.kind, one.value, low, high, columns))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean that moves, over the time of the record, and the noise beside it by group."""
+
+    course: Course
+    noise: Array
+    frequency: Array
+
+
+def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
+    """Give the mean of the likeliest model, where it moves by more than a ramp."""
+    best = posterior.models[0]
+    if not best.courses:
+        return None
+    size, _, share = _regressed(best)
+    trend = share @ size
+    courses = [course for one in best.courses
+               for course in one.kind.columns(one.value, record.duration_s)]
+    lam, _ = expected(best)
+    return Mean(record.beside(courses).mean(trend), lam, best.spectra.frequency)
+
+
+def expected(model: Drawn) -> tuple[Array, Array]:
+    """Return the expected power of a model by group, and that of its white noise."""
+    lam, slopes, _ = spectrum(model.spectra, model.row, model.row.x)
+    assert slopes is not None
+    return lam[0], slopes[0, 1] / 2
+
+
+def _window(posterior: Posterior) -> float | None:
+    """Width of the boxcar that bends the white noise as much as the likeliest filter does."""
+    model = next((model for model in posterior.models if _bends(model)), None)
+    if model is None:
+        return None
+    spectra = model.spectra
+    below = spectra.frequency[: int(model.row.edge[0])]
+    if model.row.has[0, LOW]:
+        table = spectra.tables.low_pass
+        value, _ = cubic(table.rows, *table.place(model.row.family, model.row.x[:, LOW]))
+        passed = np.exp(value[0, :len(below)])
+        at = int(np.argmin(np.abs(passed - 0.9)))
+        if passed[at] < 1:
+            return float(np.sqrt(3 * min(1 - passed[at], 1.0)) / (np.pi * below[at]))
+    return float(1 / (2 * below[-1]))

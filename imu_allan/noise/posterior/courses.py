@@ -1,0 +1,445 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Deterministic drift of the mean as further shapes: regressors with amplitudes of any size.
+
+A course has one column, a cycle two, and a nuisance on a grid. Its amplitude is uniform in the
+logarithm, so about noise of a given spectrum the integral over it is closed: with the gain g of
+the regression beside the ramp it is (density/2) sqrt(2 pi/g) e^(g/2) of one column, and
+(density/g) e^(g/2) of two.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from imu_allan.noise.mean_in_blocks import Course
+from imu_allan.noise.posterior.evidence import climb
+from imu_allan.noise.posterior.likelihood import (
+    batches,
+    LOW,
+    mean,
+    Rows,
+    Spectra,
+    spectrum,
+)
+from imu_allan.noise.posterior.prepared import Start
+from imu_allan.noise.posterior.search import (
+    B,
+    extra_prior,
+    K,
+    N as WHITE,
+    of_axis,
+    PROCESS,
+    Proposals,
+    Q,
+    TIME,
+)
+from imu_allan.noise.shapes import cycle, legendre, step, warming
+from imu_allan.noise.temperature_course import TemperatureCourse
+from imu_allan.noise.trends import RecordSpectrum
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SLOWEST = 128
+"""Coefficients of the record in which a course is looked for."""
+_MOST = 2
+"""Courses at once: what a third explains is told from noise by none."""
+_HALVINGS = 6
+"""Of the distance between values of a nuisance, about the best."""
+_LAGS_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
+"""Of a thermometer behind the sensor or ahead of it; below, both are one."""
+_LONGEST_LAG = 1 / 8
+"""Of the record: a longer lag is not told from the ramp."""
+CI95 = 3.841
+"""Likelihood ratio at the ends of a 95 % interval (Wilks)."""
+_WORTH_FITTING = 9.0
+"""Gain of a regression from which a course is laid beside the noise."""
+_NEAR = 30.0
+"""Nats within which a noise counts as one that a course may stand beside."""
+_CLEARER = 2.0
+"""Nats by which a course has to beat what is there before another is looked for beside it."""
+
+
+@dataclass(frozen=True)
+class CourseKind:
+    """
+    A way in which the mean may move.
+
+    Attributes
+    ----------
+    key : str
+    density : float
+        Prior probability of presence per unit of the logarithm of the amplitude.
+    grid : callable
+        Values of the nuisance, equally likely, given the duration in seconds.
+    columns : callable
+        Courses over time, given the nuisance and the duration.
+    continuous : bool
+        Whether there are values between those of the grid.
+
+    """
+
+    key: str
+    density: float
+    grid: Callable[[float], Array]
+    columns: Callable[[float, float], tuple[Course, ...]]
+    continuous: bool = True
+
+
+COURSES = (
+    CourseKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 1.0, 15),
+               lambda time, _: (warming(time),)),
+    CourseKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
+               lambda time, _: (step(time),)),
+    CourseKind('slow_cycle', 0.01, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
+               lambda frequency, _: cycle(frequency)),
+    CourseKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
+               lambda order, duration: (legendre(int(order), duration),), continuous=False),
+)
+
+
+def with_temperature(temperature: TemperatureCourse) -> tuple[CourseKind, ...]:
+    """Courses of a record with a thermometer: the temperature with a lag, and its square."""
+    longest = _LONGEST_LAG * temperature.duration_s
+    lags = np.array([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
+
+    def of(power: int) -> Callable[[float, float], tuple[Course, ...]]:
+        return lambda lag, _: temperature.of_sensor(lag).courses[:power]
+
+    return (CourseKind('temperature', 0.15, lambda _: np.sort(lags), of(1)),
+            CourseKind('temperature', 0.03, lambda _: np.sort(lags), of(2)), *COURSES)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A course at one value of its nuisance, and the 95 % interval of that."""
+
+    kind: CourseKind
+    value: float
+    interval: tuple[float, float]
+
+    @property
+    def width(self) -> int:
+        """Count its columns."""
+        return len(self.kind.columns(self.value, 1.0))
+
+
+@dataclass(frozen=True)
+class CourseSet:
+    """
+    Models beside the same courses.
+
+    Attributes
+    ----------
+    found : tuple of Found
+    spectra : Spectra
+        With the courses as regressors.
+    rows : Rows
+        Climbed; prior and evidence have those of the amplitudes and nuisances of the courses.
+
+    """
+
+    found: tuple[Found, ...]
+    spectra: Spectra
+    rows: Rows
+
+
+class Bank:
+    """All candidates on the slowest coefficients of one axis."""
+
+    def __init__(self, record: RecordSpectrum, kinds: Sequence[CourseKind]) -> None:
+        self.record, self.kinds = record, kinds
+        self.duration_s = record.duration_s
+        self._slow = record.slowest(_SLOWEST)
+        self.grids = [kind.grid(self.duration_s) for kind in kinds]
+        self._columns = [self._regressors(kind, grid)
+                         for kind, grid in zip(kinds, self.grids, strict=True)]
+        which = record.bins.whole & (record.bins.index <= _SLOWEST)
+        if record.keep is not None:
+            which = which & record.keep
+        self._frequency = record.bins.frequency[which]
+
+    def _regressors(self, kind: CourseKind, values: Array) -> Array:
+        """Transform candidates, shape (values, columns of the kind, coefficients)."""
+        courses = [kind.columns(float(value), self.duration_s) for value in values]
+        found = self._slow.regressors([course for each in courses for course in each])
+        return np.asarray(found.T.reshape(len(values), len(courses[0]), -1))
+
+    def courses(self, found: Sequence[Found]) -> list[Course]:
+        """Give the courses themselves."""
+        return [course for one in found for course in one.kind.columns(one.value, self.duration_s)]
+
+    def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
+        """Prepare the gains about noise of one spectrum, over the ramp and other courses."""
+        place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
+        root = 1 / np.sqrt(lam[place])
+        others = [self._slow.ramp[:, None]]
+        if self.record.courses or beside:
+            others.append(self._slow.regressors([*self.record.courses, *self.courses(beside)]))
+        basis = np.linalg.qr(np.column_stack(others) * root[:, None])[0]
+        value = self._slow.coefficient * root
+        return Whitened(self, root, basis, value - basis @ (basis.T @ value))
+
+    def gains(self, about: 'Whitened', number: int, values: Array | None = None) -> Array:
+        """Gain of a kind at the values of its grid, or at others."""
+        kind = self.kinds[number]
+        columns = self._columns[number] if values is None else self._regressors(kind, values)
+        return about.gains(columns)
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Coefficients of a record over the root of the noise, without what other courses explain."""
+
+    bank: Bank
+    root: Array
+    basis: Array
+    value: Array
+
+    def gains(self, columns: Array) -> Array:
+        """Return what candidates explain, shape (values,)."""
+        x = columns * self.root
+        x = x - (x @ self.basis) @ self.basis.T
+        along = x @ self.value
+        if columns.shape[1] == 1:
+            return np.asarray(along[:, 0]**2 / np.maximum((x**2).sum(axis=(1, 2)), 1e-300))
+        gram = x @ x.transpose(0, 2, 1)
+        ridge = 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(x.shape[1])
+        return np.asarray((along * np.linalg.solve(
+            gram + ridge, along[:, :, None])[..., 0]).sum(axis=1))
+
+
+def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
+                   records: Sequence[RecordSpectrum | None],
+                   kinds: Sequence[CourseKind] = COURSES) -> list[list[CourseSet]]:
+    """
+    Fit the models of every axis beside each course that promises something, greedily two of them.
+
+    Parameters
+    ----------
+    spectra : Spectra
+    starts : sequence of Start
+        Of every axis.
+    rows : Rows
+        Without courses, of each axis the best first.
+    records : sequence of RecordSpectrum or None
+        Of every axis; none where no course is looked for.
+    kinds : sequence of CourseKind, optional
+
+    Returns
+    -------
+    list of list of CourseSet
+        By axis.
+
+    """
+    searches = [_Search(spectra, axis, start, of_axis(rows, axis), Bank(record, kinds))
+                for axis, (start, record) in enumerate(zip(starts, records, strict=True))
+                if record is not None]
+    found: list[list[CourseSet]] = [[] for _ in starts]
+    if not searches:
+        return found
+    still = climb(spectra, Rows.joined([search.tried for search in searches]), 12)
+    for search in searches:
+        search.begin(of_axis(still, search.axis))
+    for _ in range(_MOST):
+        laid = _laid(spectra, [each for search in searches for each in search.candidates()])
+        for search in searches:
+            own = [one for at, one in laid if at is search]
+            found[search.axis] += own
+            search.go_on(own)
+    return found
+
+
+class _Search:
+    """The search for courses of one axis."""
+
+    def __init__(self, spectra: Spectra, axis: int, start: Start, rows: Rows, bank: Bank) -> None:
+        self.axis, self.bank = axis, bank
+        self.chosen: tuple[Found, ...] = ()
+        self.tried = _noises(spectra, axis, start, rows)
+        self._best = rows.take(np.array([0]))
+        self._top = float(rows.evidence.max())
+        self._spectra = spectra
+        self._about: list[Whitened] = []
+
+    def begin(self, still: Rows) -> None:
+        """Look about the noises that come near, as they are without courses."""
+        near = still.take(np.flatnonzero(still.evidence > still.evidence.max() - _NEAR))
+        self._look(self._spectra, Rows.joined([self._best, near]))
+
+    def _look(self, spectra: Spectra, rows: Rows) -> None:
+        self._about = [self.bank.about(spectra.frequency, lam, self.chosen)
+                       for lam in expected_powers(spectra, rows)]
+
+    def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...], float]]':
+        """Courses worth fitting, each with what the integral over its nuisance adds."""
+        found = []
+        for number, kind in enumerate(self.bank.kinds if self._about else ()):
+            if any(one.kind.key == kind.key for one in self.chosen):
+                continue
+            gains = [float(self.bank.gains(one, number).max()) for one in self._about]
+            best = int(np.argmax(gains))
+            if gains[best] < _WORTH_FITTING:
+                continue
+            one, share = likeliest(self.bank, number, self._about[best])
+            found.append((self, (*self.chosen, one), share))
+        return found
+
+    def go_on(self, own: Sequence[CourseSet]) -> None:
+        """Lay the best course to the record, if it is clearly better than what was there."""
+        self._about = []
+        if not own:
+            return
+        leader = max(own, key=lambda one: float(one.rows.evidence.max()))
+        top = float(leader.rows.evidence.max())
+        if top > self._top + _CLEARER:
+            self._top, self.chosen = top, leader.found
+            best = np.array([int(np.argmax(leader.rows.evidence))])
+            self._look(leader.spectra, leader.rows.take(best))
+
+
+Candidate = tuple[_Search, tuple[Found, ...], float]
+"""A search, courses worth fitting, and what the integral over the last nuisance adds."""
+
+
+def _laid(spectra: Spectra, candidates: Sequence[Candidate]
+          ) -> list[tuple[_Search, CourseSet]]:
+    """Fit the noises of axes beside their candidates: one batch for each number of columns."""
+    widths = [sum(one.width for one in found) for _, found, _ in candidates]
+    laid = []
+    for width in sorted(set(widths)):
+        same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
+        beside, rows = _climbed(spectra, same)
+        # What a strong course leaves passes for noise until it is laid: about that it is nearer.
+        same = [_nearer(candidate, beside, of_axis(rows, number))
+                for number, candidate in enumerate(same)]
+        beside, rows = _climbed(spectra, same)
+        sizes = _sizes(beside, rows, width)
+        for number, (search, found, share) in enumerate(same):
+            here = np.flatnonzero(rows.of == number)
+            occam = share + _occam(sizes[here], found)
+            own = replace(rows.take(here), of=np.zeros(len(here), np.int64))
+            laid.append((search, CourseSet(
+                found, beside.one(number), replace(
+                    own, evidence=own.evidence + occam, prior=own.prior + occam))))
+    return laid
+
+
+def _climbed(spectra: Spectra, same: Sequence[Candidate]) -> tuple[Spectra, Rows]:
+    """Fit the noises of axes beside candidates of as many columns."""
+    groups = [search.bank.record.groups(*search.bank.courses(found)) for search, found, _ in same]
+    beside = spectra.beside(groups, [search.axis for search, _, _ in same])
+    return beside, climb(beside, Rows.joined([
+        replace(search.tried, of=np.full(len(search.tried), number))
+        for number, (search, _, _) in enumerate(same)]), 12, hopeless=25.0)
+
+
+def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
+    """Fit the nuisance of the last course again, about the best noise beside it."""
+    search, found, _ = candidate
+    best = rows.take(np.array([int(np.argmax(rows.evidence))]))
+    about = search.bank.about(beside.frequency, expected_powers(beside, best)[0], found[:-1])
+    one, share = likeliest(search.bank, search.bank.kinds.index(found[-1].kind), about)
+    return search, (*found[:-1], one), share
+
+
+def likeliest(bank: Bank, number: int, about: Whitened) -> tuple[Found, float]:
+    """Find the best value of a nuisance, and what the integral over it adds to the evidence."""
+    kind = bank.kinds[number]
+    values, gains = _profile(bank, number, about)
+    near = np.exp((gains - gains.max()) / 2)
+    share = (float(((near[1:] + near[:-1]) * np.diff(values)).sum()) / 2
+             / (values[-1] - values[0]) if kind.continuous else float(near.mean()))
+    return (Found(kind, float(values[int(np.argmax(gains))]), _interval(values, gains)),
+            float(np.log(max(share, 1e-12))))
+
+
+def expected_powers(spectra: Spectra, rows: Rows) -> Array:
+    """Return the expected power of rows of any structure, shape (rows, groups)."""
+    found = np.empty((len(rows), len(spectra.frequency)))
+    for part in batches(rows):
+        some = rows.take(part)
+        found[part] = spectrum(spectra, some, some.x, slopes=False)[0]
+    return found
+
+
+def _sizes(spectra: Spectra, rows: Rows, width: int) -> Array:
+    """Sizes of the last regressors beside every row, shape (rows, width)."""
+    lam = expected_powers(spectra, rows)
+    below = np.arange(lam.shape[1]) < rows.edge[:, None]
+    _, size, _ = mean(spectra, rows.of, spectra.dof[rows.of] * below / lam)
+    return size[:, 0, size.shape[2] - width:]
+
+
+def _occam(sizes: Array, found: Sequence[Found]) -> Array:
+    """Logarithm of the prior of amplitudes at their sizes, times what the regression took."""
+    total, at = np.zeros(len(sizes)), 0
+    for one in found:
+        square = np.maximum(sizes[:, at:at + one.width]**2, 1e-300)
+        if one.kind.key == 'slow_cycle':
+            total += np.log(one.kind.density / square.sum(axis=1))
+        else:
+            total += (np.log(one.kind.density / 2) + 0.5 * np.log(2 * np.pi / square)).sum(axis=1)
+        at += one.width
+    return total
+
+
+def _profile(bank: Bank, number: int, about: Whitened) -> tuple[Array, Array]:
+    """Gains along the nuisance of a kind, closer and closer about the best value."""
+    values, gains = bank.grids[number], bank.gains(about, number)
+    if not bank.kinds[number].continuous or len(values) < 3:
+        return values, gains
+    for _ in range(_HALVINGS):
+        best = int(np.argmax(gains))
+        low, high = values[max(best - 1, 0)], values[min(best + 1, len(values) - 1)]
+        more = np.array([(low + values[best]) / 2, (values[best] + high) / 2])
+        more = more[(more > low) & (more < high) & (more != values[best])]
+        if not len(more):
+            break
+        values, gains = (np.concatenate(pair) for pair in (
+            (values, more), (gains, bank.gains(about, number, more))))
+        order = np.argsort(values)
+        values, gains = values[order], gains[order]
+    return values, gains
+
+
+def _interval(values: Array, gains: Array) -> tuple[float, float]:
+    """Where the likelihood ratio to the best value stays below that of a 95 % interval."""
+    near = np.flatnonzero(gains > gains.max() - CI95)
+    return (float(values[max(near[0] - 1, 0)]), float(values[min(near[-1] + 1, len(values) - 1)]))
+
+
+def _noises(spectra: Spectra, axis: int, start: Start, rows: Rows) -> Rows:
+    """
+    Propose noises to lay courses beside: terms, and what the best model has, with a walk or not.
+
+    Beside the fast end of the best model stands a plain one: what a mean that moves leaves in the
+    spectrum passes for a filter, too.
+    """
+    own, seen = Proposals(spectra, axis), set()
+    best = rows.take(np.array([0]))
+    bent = tuple(slot for slot in (Q, LOW) if best.has[0, slot])
+    slow = tuple(slot for slot in range(len(best.has[0]))
+                 if best.has[0, slot] and slot not in (Q, WHITE, K, LOW))
+    edge = int(best.edge[0])
+    plain: tuple[tuple[int, ...], Array, int, float] = (
+        (), start.x, spectra.dof.shape[1], 0.0)
+    for fast, x, until, prior in (
+            ((bent, best.x[0], edge, extra_prior(spectra, best)), plain)
+            if bent or edge < plain[2] else (((), best.x[0], edge, 0.0),)):
+        for more in ((), (B,), (PROCESS, TIME), (B, PROCESS, TIME), slow):
+            for walk in ((), (K,)):
+                slots = (WHITE, *more, *walk, *fast)
+                if (slots := tuple(sorted({*slots}))) in seen:
+                    continue
+                seen.add(slots)
+                begin = x.copy()
+                begin[K] = min(max(x[K], 0.3), 2.0) if best.has[0, K] else 0.3
+                if not best.has[0, B]:
+                    begin[B] = max(start.x[B], 0.3)
+                if not best.has[0, TIME]:
+                    begin[TIME], begin[PROCESS] = spectra.tables.terms[1].last[0] - 2.0, 1.5
+                own.add(slots, begin, int(best.family[0]), until, prior)
+    return own.rows()

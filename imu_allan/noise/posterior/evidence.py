@@ -1,0 +1,223 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Maxima of many models at once, their evidence, and weighed draws about them.
+
+References
+----------
+D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, ch. 28 and 29: Occam
+factors, importance sampling. R. E. Kass and A. E. Raftery, JASA 90 (1995): Laplace's method.
+
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from imu_allan.noise.posterior.likelihood import (
+    ALWAYS,
+    AMPLITUDES,
+    batches,
+    loss_alone,
+    losses,
+    LOW,
+    NUISANCES,
+    ranges,
+    Rows,
+    SLOTS,
+    Spectra,
+    spectrum,
+)
+from imu_allan.noise.posterior.shapes import cubic
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, gammaln, ndtri
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_LONGEST = np.full(SLOTS, 0.5)
+_LONGEST[AMPLITUDES] = 1.5
+_LONGEST[NUISANCES[0]] = 0.25
+"""Longest step of a parameter."""
+_TAILS = 6.0
+"""Degrees of freedom of the distribution that draws are taken from."""
+_WIDER = 1.15
+"""By which it is wider than Laplace's."""
+_FEWEST_DRAWS = 10.0
+"""Effective draws below which one of them carries everything: Laplace's word is the safer."""
+_PASSED = float(np.log(0.5))
+"""Logarithm of the response from which on a group lies in the pass band."""
+_LEAST_KNOWN = 16.0
+"""Information about the white noise in a pass band: four standard errors."""
+_AT_END = 0.02
+"""Distance from the end of its range at which a nuisance makes another model of a row."""
+
+
+def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
+          tolerance: float = 0.02) -> Rows:
+    """
+    Climb to the maximum of every row by damped scoring, and weigh it by Laplace's evidence.
+
+    Rows that promise to stay `hopeless` nats below the best of their axis are left where they are.
+    """
+    count = len(rows)
+    # What is known of the rows so far is not carried along.
+    rows = replace(rows, hessian=np.empty((count, 0)))
+    x, loss = rows.x.copy(), np.empty(count)
+    gradient, information = np.empty((count, SLOTS)), np.empty((count, SLOTS, SLOTS))
+    for part in batches(rows):
+        loss[part], gradient[part], information[part] = losses(spectra, rows.take(part), x[part])
+    damping, live = np.full(count, 1e-3), np.arange(count)
+    for step in range(steps):
+        damped = information[live].copy()
+        diagonal = np.einsum('rii->ri', damped)
+        diagonal *= 1 + damping[live, None]
+        diagonal += 1e-9
+        move = -np.linalg.solve(damped, gradient[live][:, :, None])[..., 0]
+        promised = -0.5 * np.einsum('ri,ri->r', move, gradient[live])
+        move /= np.maximum(1, np.max(np.abs(move) / _LONGEST, axis=1))[:, None]
+        there = x[live] + move
+        new, slope, bend = np.empty(len(live)), gradient[live], information[live]
+        some = rows.take(live)
+        for part in batches(some):
+            new[part], slope[part], bend[part] = losses(spectra, some.take(part), there[part])
+        good = new <= loss[live] + 1e-9
+        gained = np.where(good, loss[live] - new, np.inf)
+        better = live[good]
+        x[better], loss[better] = there[good], new[good]
+        gradient[better], information[better] = slope[good], bend[good]
+        damping[live] = np.where(good, damping[live] / 6, np.maximum(damping[live], 1e-2) * 8)
+        going = (gained > tolerance) & (damping[live] < 1e6)
+        if step >= 1 and np.isfinite(hopeless):
+            score = rows.prior - loss
+            best = np.full(int(rows.of.max()) + 1, -np.inf)
+            np.maximum.at(best, rows.of, score)
+            going &= score[live] + 10 * promised > best[rows.of[live]] - hopeless
+        live = live[going]
+        if not len(live):
+            break
+    evidence = (rows.prior - loss + 0.5 * rows.has.sum(axis=1) * np.log(2 * np.pi)
+                - 0.5 * np.linalg.slogdet(information)[1])
+    return replace(rows, x=x, loss=loss, hessian=information, evidence=evidence)
+
+
+def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
+    """Which rows have all nuisances inside their ranges: at an end a row is another model."""
+    found = np.ones(len(rows), dtype=bool)
+    for slot, first, last in ranges(spectra.tables, rows):
+        found &= ~rows.has[:, slot] | ((rows.x[:, slot] > first + _AT_END)
+                                       & (rows.x[:, slot] < last - _AT_END))
+    return found
+
+
+def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
+    """
+    Which rows have white noise that shows in the pass band of their low-pass.
+
+    Without that a filter is no more than a step of the spectrum between what it passes, which is
+    hidden by slower noise, and what blocks leak.
+    """
+    found = np.ones(len(rows), dtype=bool)
+    filtered = np.flatnonzero(rows.has[:, LOW])
+    some = rows.take(filtered)
+    for part in batches(some):
+        own = some.take(part)
+        lam, slopes, _ = spectrum(spectra, own, own.x)
+        assert slopes is not None
+        table = spectra.tables.low_pass
+        passed, _ = cubic(table.rows, *table.place(own.family, own.x[:, LOW]))
+        share = slopes[:, ALWAYS] / 2 / lam * (passed > _PASSED)
+        inside_edge = np.arange(lam.shape[1]) < own.edge[:, None]
+        seen = 0.5 * np.einsum('rg,rg->r', spectra.dof[own.of] * inside_edge, share**2)
+        found[filtered[part]] = seen > _LEAST_KNOWN
+    return found
+
+
+def distinct(rows: Rows) -> Rows:
+    """Return the best of the rows that came to the same place, the best first."""
+    order = np.argsort(-rows.evidence)
+    error = np.maximum(1 / np.sqrt(np.maximum(np.einsum('rii->ri', rows.hessian), 1e-12)), 0.15)
+    kept: list[int] = []
+    for i in order.tolist():
+        here = rows.has[i]
+        if not any(rows.family[i] == rows.family[k] and rows.edge[i] == rows.edge[k]
+                   and rows.of[i] == rows.of[k] and (here == rows.has[k]).all()
+                   and (np.abs(rows.x[i] - rows.x[k]) < 0.7 * error[k])[here].all()
+                   for k in kept):
+            kept.append(i)
+    return rows.take(np.array(kept))
+
+
+@dataclass(frozen=True)
+class Draws:
+    """
+    Draws about the maximum of one model.
+
+    Attributes
+    ----------
+    x : ndarray, shape (draws, SLOTS)
+    share : ndarray, shape (draws,)
+        Weights, which add up to 1.
+    evidence : float
+        Logarithm of the model's.
+
+    """
+
+    x: Array
+    share: Array
+    evidence: float
+
+
+def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
+    """Draw from every row by importance, `counts` times from each; the same draws every time."""
+    drawn = []
+    for number, count in enumerate(counts.tolist()):
+        row = rows.take(np.array([number]))
+        free = np.flatnonzero(row.has[0])
+        normal, chi = _points(count, len(free))
+        stretch = np.sqrt(_TAILS / chi)
+        information = row.hessian[0][np.ix_(free, free)]
+        half = np.linalg.cholesky(np.linalg.inv(information))
+        x = np.tile(row.x[0], (count, 1))
+        x[:, free] += _WIDER * stretch[:, None] * (normal @ half.T)
+        many = replace(row, hessian=row.x[:, :0]).take(np.zeros(count, np.int64))
+        loss = np.concatenate([loss_alone(spectra, many.take(part), x[part])
+                               for part in batches(many)])
+        d = len(free)
+        log_t = (gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
+                 - d * np.log(_WIDER) + 0.5 * np.linalg.slogdet(information)[1]
+                 - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * stretch**2 / _TAILS))
+        log_w = -loss - log_t
+        top = float(log_w.max())
+        weight = np.exp(log_w - top)
+        share = weight / weight.sum()
+        evidence = float(row.prior[0]) + top + float(np.log(weight.mean()))
+        if 1 / float(share @ share) < _FEWEST_DRAWS:
+            share, evidence = np.full(count, 1 / count), float(row.evidence[0])
+        drawn.append(Draws(x, share, evidence))
+    return drawn
+
+
+@lru_cache(maxsize=64)
+def _points(count: int, dimensions: int) -> tuple[Array, Array]:
+    """Quasi-random normal numbers, and chi-square ones that stretch them."""
+    uniform = evenly(count, dimensions + 1)
+    return (np.asarray(ndtri(uniform[:, :-1]), np.float64),
+            np.asarray(chdtri(_TAILS, 1 - uniform[:, -1]), np.float64))
+
+
+def evenly(count: int, dimensions: int) -> Array:
+    """
+    Fill the unit cube evenly: multiples of powers of a root of x^(d + 1) = x + 1, modulo 1.
+
+    References
+    ----------
+    H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992: Kronecker
+    sequences.
+
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (dimensions + 1))
+    step = root ** -np.arange(1.0, dimensions + 1)
+    return np.clip((0.5 + np.arange(1, count + 1)[:, None] * step) % 1, 1e-6, 1 - 1e-6)

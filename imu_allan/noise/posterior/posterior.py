@@ -1,0 +1,241 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The posterior over noise models of every axis: weighed draws from all models that matter.
+
+References
+----------
+E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931): the cube root of a chi-square.
+
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from imu_allan.noise import chi_square
+from imu_allan.noise.groups import Groups
+from imu_allan.noise.posterior.change import Change, STEADY
+from imu_allan.noise.posterior.courses import (
+    beside_courses,
+    CourseKind,
+    COURSES,
+    CourseSet,
+    Found,
+)
+from imu_allan.noise.posterior.evidence import sample
+from imu_allan.noise.posterior.likelihood import (
+    half_octaves,
+    LOW,
+    mean,
+    residual_power,
+    Rows,
+    Spectra,
+    spectrum,
+)
+from imu_allan.noise.posterior.prepared import prepared, Start
+from imu_allan.noise.posterior.search import again, best_of, KEPT, of_axis, searched
+from imu_allan.noise.posterior.shapes import cubic
+from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SMALLEST_P = 0.01
+"""Chi-square probability of the residuals above which they are chance."""
+_SMOOTH = 1.5
+"""Half-octaves over which the misfit of a model is averaged: it is worth that much less there."""
+_BY_CHANCE = 1e-3
+"""Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
+_UNNAMED = 0.1
+"""Share of what it takes to which a filter is known that no model explains to the top."""
+_MOST = 10
+"""Models of each set of courses that are drawn from."""
+_DRAWS = ((0.2, 512), (0.03, 192), (0.0, 48))
+"""Draws from a model by its weight: those of the leading ones make the ends of intervals."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """
+    One model with its draws.
+
+    Attributes
+    ----------
+    row : Rows
+        Of one row.
+    spectra : Spectra
+        That it was fitted to.
+    courses : tuple of Found
+    weight : float
+        Its share of the evidence.
+    x, share : ndarray
+        As in `Draws`.
+
+    """
+
+    row: Rows
+    spectra: Spectra
+    courses: tuple[Found, ...]
+    weight: float
+    x: Array
+    share: Array
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """
+    What is known of the noise of one axis.
+
+    Attributes
+    ----------
+    models : tuple of Drawn
+        The likeliest first; their weights add up to 1.
+    p_value, misfit : float
+        Of the half-octave residuals of the best model: chi-square probability, and the largest
+        relative misfit beyond sampling error.
+    change : Change
+        How much the level of the noise changes over the record.
+
+    """
+
+    models: tuple[Drawn, ...]
+    p_value: float
+    misfit: float
+    change: Change = STEADY
+
+    def changes(self, count: int) -> Array:
+        """Factors of the noise density in as many draws, for its change between parts."""
+        return self.change.factors(count)
+
+
+def posteriors(groups: Sequence[Groups], dt: float,
+               records: Sequence[RecordSpectrum | JointSpectrum | None],
+               kinds: Sequence[CourseKind] = COURSES) -> list[Posterior]:
+    """
+    Weigh all models of several axes.
+
+    Parameters
+    ----------
+    groups : sequence of Groups
+        Of every axis, over the same bands.
+    dt : float
+        Sample interval in seconds.
+    records : sequence of RecordSpectrum, JointSpectrum or None
+        What the groups were made of; only to one record courses of the mean are laid.
+    kinds : sequence of CourseKind, optional
+        What may move the mean.
+
+    Returns
+    -------
+    list of Posterior
+
+    """
+    spectra, starts = prepared(groups, dt)
+    found = searched(spectra, starts, dt)
+    alone = [record if isinstance(record, RecordSpectrum) else None for record in records]
+    sets = _sets(spectra, starts, found, alone, kinds)
+    judged = [_judged(_best(own)) for own in sets]
+    factors = np.stack([_doubt(_best(own), one) for own, one in zip(sets, judged, strict=True)])
+    doubtful: NDArray[np.bool_] = np.any(factors > 1, axis=1)
+    if doubtful.any():
+        spectra = spectra.worth(spectra.dof / factors)
+        found = again(spectra, found)
+        fewer = [record if doubt else None for record, doubt in zip(alone, doubtful, strict=True)]
+        for axis, own in enumerate(_sets(spectra, starts, found, fewer, kinds)):
+            if doubtful[axis]:
+                sets[axis] = own
+    return [Posterior(_drawn(own), one.p_value, one.misfit)
+            for own, one in zip(sets, judged, strict=True)]
+
+
+def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
+          records: Sequence[RecordSpectrum | None], kinds: Sequence[CourseKind]
+          ) -> list[list[CourseSet]]:
+    """Models of every axis without courses of the mean, and beside them."""
+    beside = beside_courses(spectra, starts, found, records, kinds)
+    return [[CourseSet((), spectra, of_axis(found, axis)), *own]
+            for axis, own in enumerate(beside)]
+
+
+def _best(sets: Sequence[CourseSet]) -> tuple[Spectra, Rows]:
+    """Return the best row of an axis, with what it was fitted to."""
+    best = max(sets, key=lambda one: float(one.rows.evidence.max()))
+    return best.spectra, best.rows.take(np.array([int(np.argmax(best.rows.evidence))]))
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Residuals of a model by half-octave, which every group is in."""
+
+    normal: Array
+    octave: NDArray[np.int64]
+    p_value: float
+    misfit: float
+
+
+def _judged(best: tuple[Spectra, Rows]) -> _Judged:
+    """Judge the best row of an axis."""
+    spectra, row = best
+    lam, _, _ = spectrum(spectra, row, row.x, slopes=False)
+    dof = spectra.dof[row.of[0]] * (np.arange(lam.shape[1]) < row.edge[0])
+    _, size, covariance = mean(spectra, row.of, dof[None] / lam)
+    ratio = residual_power(spectra, row.of, size, covariance)[0] / lam[0]
+    _, octave = np.unique(half_octaves(spectra.frequency), return_inverse=True)
+    count = np.bincount(octave, dof)
+    seen = count > 0.5
+    level = np.where(seen, np.bincount(octave, dof * ratio) / np.maximum(count, 1e-9), 1.0)
+    count = np.maximum(count, 1e-9)
+    # Wilson-Hilferty: the cube root of a chi-square is normal even for a few degrees of freedom.
+    normal = np.where(seen, (np.cbrt(level) - (1 - 2 / (9 * count))) / np.sqrt(2 / (9 * count)), 0)
+    free = max(int(seen.sum()) - int(row.has[0].sum()), 1)
+    p_value = float(chi_square.survival(float(normal @ normal), free))
+    high = chi_square.upper(_BY_CHANCE, count) / count
+    low = chi_square.lower(_BY_CHANCE, count) / count
+    misfit = np.where(seen, np.maximum(level - high, low - level), 0.0)
+    return _Judged(normal, octave.astype(np.int64), p_value, float(max(misfit.max(), 0.0)))
+
+
+def _doubt(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
+    """By how much less every group is worth where the best model does not describe the record."""
+    spectra, row = best
+    factor = np.ones(spectra.dof.shape[1])
+    if judged.p_value < _SMALLEST_P:
+        place = np.arange(len(judged.normal))
+        weight = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTH)**2)
+        local = (weight @ judged.normal**2 + 1) / (weight.sum(axis=1) + 1)
+        factor *= np.maximum(local, 1.0)[judged.octave]
+    edge = int(row.edge[0])
+    if edge < len(factor):
+        taken = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
+        if row.has[0, LOW]:
+            table = spectra.tables.low_pass
+            value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
+            taken = np.maximum(taken, 1 - np.exp(value[0]))
+        count = np.bincount(judged.octave, spectra.whole[row.of[0]])[judged.octave]
+        factor *= 1 + count * (_UNNAMED * taken)**2 / 2
+    return factor
+
+
+def _drawn(sets: Sequence[CourseSet]) -> tuple[Drawn, ...]:
+    """Draw from the models of one axis that matter, of all sets of courses."""
+    top = max(float(one.rows.evidence.max()) for one in sets)
+    total = np.logaddexp.reduce(np.concatenate([one.rows.evidence for one in sets]))
+    found: list[tuple[float, Rows, CourseSet, Array, Array]] = []
+    for one in sets:
+        near = np.flatnonzero(one.rows.evidence > top - KEPT)
+        if not len(near):
+            continue
+        rows = best_of(one.spectra, one.rows.take(near), KEPT, _MOST)
+        share = np.exp(rows.evidence - total)
+        counts = np.array([next(count for least, count in _DRAWS if weight >= least)
+                           for weight in share.tolist()])
+        for i, draws in enumerate(sample(one.spectra, rows, counts)):
+            found.append((draws.evidence, rows.take(np.array([i])), one,
+                          draws.x, draws.share))
+    evidence = np.array([each[0] for each in found])
+    weight = np.exp(evidence - evidence.max())
+    weight /= weight.sum()
+    order = np.argsort(-weight, kind='stable').tolist()
+    return tuple(Drawn(found[i][1], found[i][2].spectra, found[i][2].found, float(weight[i]),
+                       found[i][3], found[i][4]) for i in order)

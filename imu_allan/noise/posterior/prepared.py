@@ -1,0 +1,165 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Grouped spectra of several axes as the posterior takes them, in units of what is seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from imu_allan.noise.groups import Groups
+from imu_allan.noise.likelihood import maximise, residual_power
+from imu_allan.noise.posterior.likelihood import (
+    AMPLITUDES,
+    left_to_itself,
+    PLAIN,
+    regressors,
+    SLOTS,
+    Spectra,
+)
+from imu_allan.noise.posterior.shapes import (
+    FEWEST_GROUPS,
+    FREE_TERMS,
+    Table,
+    tables,
+    TERMS,
+)
+from imu_allan.noise.regression import about_blocks, explained_by_regressors, slope_of
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_KEYS = [shape.key for shape in TERMS]
+_WHITE = _KEYS.index('noise_density')
+_OCTAVE = 0.5
+"""Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
+_LEAK_KNOWN = 2e-3
+"""Share of the pass band to which the power in a stop band is known: blocks leak."""
+_STOPPED = 0.5
+"""Share of the pass band below which a group lies behind a filter."""
+_LEAST_LEVEL = 1e-100
+"""Power whose square is a number."""
+_LEAST_SEEN = 1.5
+"""Where a climb begins at the least, in squared units of what can be seen."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """
+    Where the climb of an axis begins.
+
+    Attributes
+    ----------
+    x : ndarray, shape (SLOTS,)
+    white : ndarray, shape (groups,)
+        Smoothed power over that of white noise of unit density.
+
+    """
+
+    x: Array
+    white: Array
+
+
+def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]:
+    """
+    Prepare the spectra of several axes over the same bands.
+
+    Parameters
+    ----------
+    groups : sequence of Groups
+        With the ramp as a regressor, and others where the mean follows a thermometer.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    Spectra, list of Start
+
+    """
+    power, levels, starts = [], [], []
+    for one in groups:
+        first = maximise(one, trend='restricted', tolerance=1e-3)
+        expected = np.maximum(one.design @ first.theta, 1e-300)
+        explained = explained_by_regressors(one, one.dof / expected, True)
+        power.append(about_blocks(one, slope_of(one, explained.trend)))
+        levels.append(_smoothed(one, np.maximum(residual_power(one, first.theta), 1e-300)))
+    level = np.stack(levels)
+    # Without noise, everything can be seen: of that no square may vanish.
+    level = np.maximum(level, _LEAST_LEVEL)
+    design = np.stack([one.design[:, :PLAIN].T for one in groups])
+    whole = np.stack([one.dof for one in groups])
+    dof = _known(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
+    information = whole / 2 / level**2
+    unit = 1 / np.sqrt(np.einsum('atg,ag->at', design**2, information))
+    table = tables(groups[0].frequency, dt)
+    nu = np.minimum(groups[0].frequency * dt, 0.5)
+    like = np.stack([np.log(np.maximum(
+        design[:, _KEYS.index(shape.like)]
+        / (TERMS[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
+        for shape in FREE_TERMS], axis=1)
+    sizes = tuple(_just_seen(own, like[:, k], information) for k, own in enumerate(table.terms))
+    along, among = regressors(groups)
+    spectra = Spectra(
+        groups[0].frequency, dof, np.stack(power), whole, design * (unit**1)[:, :, None],
+        np.sqrt(unit), like, sizes, _gentlest(nu, design[:, _WHITE], information, whole), along,
+        among, table, left_to_itself(groups[0].frequency, dof, np.stack(power), whole))
+    for number, one in enumerate(groups):
+        starts.append(_start(one, unit[number], level[number]))
+    return spectra, starts
+
+
+def _scale(key: str, dt: float) -> float:
+    """Power of a term at a sample interval, over that at an interval of 1."""
+    return {'noise_density': 1 / dt, 'bias_instability': 1.0}[key]
+
+
+def _smoothed(groups: Groups, power: Array) -> Array:
+    """Power of the neighbourhood: the level at which amplitudes are just seen."""
+    white = groups.design[:, _WHITE]
+    octave = np.log2(groups.frequency)
+    low = np.searchsorted(octave, octave - _OCTAVE)
+    high = np.searchsorted(octave, octave + _OCTAVE, 'right')
+
+    def between(values: Array) -> Array:
+        total = np.concatenate(([0.0], np.cumsum(values)))
+        return np.asarray(total[high] - total[low])
+
+    return np.asarray(between(groups.dof * power / white) / between(groups.dof) * white)
+
+
+def _known(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:
+    """Take off what is not known of groups behind a deep low-pass, into which blocks leak."""
+    passed = np.where(dof > 100, power, level) / white
+    pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
+    reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
+    share = np.maximum(passed / reference[:, None], 1e-9)
+    doubt = np.where(share < _STOPPED, _LEAK_KNOWN / share, 0.0)
+    return np.asarray(dof / (1 + dof * doubt**2 / 2))
+
+
+def _just_seen(table: Table, like: Array, information: Array) -> Array:
+    """Logarithm of the amplitude of a free term that is just seen, by spectrum and grid point."""
+    squares = np.exp(2 * (table.rows[None] + like[:, None]))
+    return np.asarray(-0.25 * np.log(np.einsum('akg,ag->ak', squares, information)))
+
+
+def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:
+    """Logarithm of the corner at which a roll-off of the band can just be seen."""
+    bend = np.sin(np.pi * nu)**2
+    weight = white**2 * information
+    mean = (weight @ bend) / weight.sum(axis=1)
+    seen = np.sqrt(np.einsum('ag,ag->a', dof / 2, (bend - mean[:, None])**2))
+    return np.asarray(0.5 * np.log(np.maximum(seen, 4.0)))
+
+
+def _start(groups: Groups, unit: Array, level: Array) -> Start:
+    """Begin at the terms over the slower half of the band, in octaves."""
+    count = len(level)
+    below = groups.frequency[min(max(FEWEST_GROUPS, count // 2), count - 1)]
+    slower = maximise(groups.below(below), fixed={0: 0.0}, trend='restricted', tolerance=1e-2)
+    x = np.zeros(SLOTS)
+    white = level / groups.design[:, _WHITE]
+    theta = slower.theta[:PLAIN].copy()
+    theta[_WHITE] = max(theta[_WHITE], float(np.quantile(white, 0.05)))
+    x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, _LEAST_SEEN))
+    x[PLAIN + 1] = 1.0
+    return Start(x, white)

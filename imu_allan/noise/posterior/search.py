@@ -1,0 +1,262 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which models matter: the fast end of the spectrum first, then every slow noise beside it.
+
+All axes are searched at once, so that every step is one batch.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from imu_allan.noise.posterior.evidence import climb, distinct, inside, sees_pass_band
+from imu_allan.noise.posterior.likelihood import (
+    GENTLE_FAMILY,
+    HIGH,
+    LOW,
+    PLAIN,
+    Rows,
+    SLOTS,
+    Spectra,
+    structure_prior,
+)
+from imu_allan.noise.posterior.prepared import Start
+from imu_allan.noise.posterior.shapes import FEWEST_GROUPS, LOW_PASSES
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Q, N, B, K = range(PLAIN)
+LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
+_TOP, _PER_HALF_OCTAVE = float(np.log(0.02)), -0.2
+"""Logarithm of the prior of a top that no filter explains, and its change per half-octave."""
+_FIRST_HALVES, _MOST_HALVES = 5, 20
+"""Half-octaves from the top that may be an edge: the first each, then every other."""
+_KEPT_FAST, KEPT = 12.0, 9.0
+"""Nats below the best at which a model is dropped: e^-9 of the evidence is nothing."""
+_MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
+"""Fast ends kept for the slow noise, slow noises crossed with them, and models in all."""
+_BESIDE_EDGE = ('recursive_mean', 'butterworth_2')
+"""Filters that may fall below an edge already."""
+
+
+class Proposals:
+    """Rows of one axis, as they are thought of."""
+
+    def __init__(self, spectra: Spectra, of: int) -> None:
+        self._spectra, self._of = spectra, of
+        self._found: list[tuple[NDArray[np.bool_], int, int, Array, float]] = []
+
+    def add(self, slots: Sequence[int], x: Array, family: int = 0, edge: int | None = None,
+            prior: float = 0.0) -> None:
+        """Add a row with some slots, beginning at `x`."""
+        has = np.zeros(SLOTS, dtype=bool)
+        has[list(slots)] = True
+        total = prior + structure_prior(self._spectra.tables,
+                                        float(self._spectra.gentle[self._of]), has, family)
+        groups = self._spectra.dof.shape[1]
+        self._found.append((has, family, groups if edge is None else edge, x, total))
+
+    def rows(self) -> Rows:
+        """Return them as rows that have not climbed."""
+        has, family, edge, x, prior = zip(*self._found, strict=True)
+        count = len(has)
+        nothing = np.zeros(count)
+        return Rows(np.full(count, self._of), np.array(x), np.array(has), np.array(family),
+                    np.array(edge), np.array(prior), nothing,
+                    np.zeros((count, SLOTS, SLOTS)), nothing)
+
+
+def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
+    """
+    Climb every model that may matter, of all axes.
+
+    Parameters
+    ----------
+    spectra : Spectra
+    starts : sequence of Start
+        One for every spectrum.
+    dt : float
+        Sample interval in seconds.
+
+    Returns
+    -------
+    Rows
+        At most `MOST` an axis, the best first.
+
+    """
+    fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
+                        for axis, start in enumerate(starts)])
+    fast = best_of(spectra, climb(spectra, fast, 25, hopeless=20.0), _KEPT_FAST, 12)
+    ends = [_ends(fast, axis) for axis in range(len(starts))]
+    slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
+                        for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
+    found = best_of(spectra, climb(spectra, slow, 16, hopeless=16.0), _KEPT_FAST, _MOST_SLOW)
+    crossed = [rows for axis, own in enumerate(ends) for rows in _crossed(
+        spectra, axis, own, of_axis(found, axis))]
+    if crossed:
+        found = Rows.joined([found, climb(spectra, Rows.joined(crossed), 16, hopeless=16.0)])
+    return best_of(spectra, found, KEPT, MOST)
+
+
+def of_axis(rows: Rows, axis: int) -> Rows:
+    """Return the rows of one spectrum."""
+    return rows.take(np.flatnonzero(rows.of == axis))
+
+
+def best_of(spectra: Spectra, rows: Rows, within: float, most: int) -> Rows:
+    """Return the distinct rows of every axis that come near its best, the best first."""
+    kept = []
+    for axis in np.unique(rows.of).tolist():
+        own = of_axis(rows, axis)
+        own = own.take(np.flatnonzero(own.evidence > own.evidence.max() - within - 4))
+        within_range = np.flatnonzero(inside(spectra, own) & sees_pass_band(spectra, own))
+        own = distinct(own.take(within_range) if len(within_range) else own)
+        near = np.flatnonzero(own.evidence > own.evidence[0] - within)
+        kept.append(own.take(near[:most]))
+    return Rows.joined(kept)
+
+
+def _with(x: Array, **values: float) -> Array:
+    """Return a starting point with some of its slots set."""
+    new = x.copy()
+    for name, value in values.items():
+        new[_SLOT[name]] = value
+    return new
+
+
+_SLOT = {'white': N, 'law': LAW, 'alpha': ALPHA, 'process': PROCESS, 'time': TIME, 'low': LOW,
+         'high': HIGH, 'flicker': B, 'walk': K}
+
+
+def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
+    """Propose what may bend the fast end, beside the slow noise of the terms."""
+    nu = np.minimum(spectra.frequency * dt, 0.5)
+    own, x = Proposals(spectra, axis), start.x
+    slow, law = (N, B, K), (N, K, LAW, ALPHA)
+    table = spectra.tables.low_pass
+    for more in ((), (Q,)):
+        own.add((*slow, *more), x)
+        for alpha in (0.5, 0.8, 1.3):
+            own.add((*law, *more), _with(x, alpha=alpha, law=x[B]))
+    process = spectra.tables.terms[1]
+    for time in np.linspace(process.first[0] + 0.5, process.last[0] - 0.5, 5):
+        own.add((*slow, PROCESS, TIME), _with(x, time=time, process=1.5))
+
+    unit = float(spectra.unit[axis, N])**2
+
+    def level(at: float) -> float:
+        """White noise as strong as the spectrum is at a frequency per sample."""
+        place = min(int(np.searchsorted(nu, at)), len(nu) - 1)
+        return float(0.5 * np.log(start.white[place] / unit))
+
+    for family in range(len(LOW_PASSES)):
+        first, last = table.first[family], table.last[family]
+        last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
+        for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), 7):
+            own.add((*slow, LOW), _with(x, low=corner,
+                                        white=level(0.25 * min(np.exp(corner), 1.0))), family)
+    for half, edge in _edges(nu):
+        prior = _TOP + _PER_HALF_OCTAVE * half
+        below = _with(x, white=level(nu[edge] / 3))
+        own.add(slow, below, edge=edge, prior=prior)
+        for key in _BESIDE_EDGE:
+            family = next(k for k, shape in enumerate(LOW_PASSES) if shape.key == key)
+            corner = _corner_at(key, float(nu[edge]))
+            corner = np.clip(np.log(corner), table.first[family], table.last[family])
+            own.add((*slow, LOW), _with(below, low=corner), family, edge, prior)
+    return own.rows()
+
+
+def _edges(nu: Array) -> Iterator[tuple[int, int]]:
+    """Half-octaves from the top, and the group that the last of them begins with."""
+    for half in (*range(1, _FIRST_HALVES), *range(_FIRST_HALVES, _MOST_HALVES + 1, 2)):
+        edge = int(np.searchsorted(nu, nu[-1] / 2 ** (half / 2) * 1.0001))
+        if edge < FEWEST_GROUPS:
+            return
+        yield half, edge
+
+
+def _corner_at(key: str, nu: float) -> float:
+    """Corner of a filter that falls by a few percent at a frequency."""
+    if key == 'recursive_mean':
+        return float(2 * np.sin(np.pi * nu))
+    return float(np.tan(min(np.pi * nu, 1.2))) if key == 'butterworth_2' else 2.5 * nu
+
+
+def _ends(fast: Rows, axis: int) -> Rows:
+    """Return the best row of each of the best fast ends of an axis."""
+    own = of_axis(fast, axis)
+    seen: dict[tuple[int, int, bool, bool], int] = {}
+    for i in range(len(own)):
+        low = bool(own.has[i, LOW])
+        key = (int(own.family[i]) if low else -1, int(own.edge[i]), bool(own.has[i, Q]), low)
+        seen.setdefault(key, i)
+    return own.take(np.array(list(seen.values())[:_MOST_FAST]))
+
+
+def _fast_part(row: Rows) -> list[int]:
+    """Slots of what bends the fast end in a row."""
+    return [slot for slot in (Q, LOW) if row.has[0, slot]]
+
+
+def extra_prior(spectra: Spectra, row: Rows) -> float:
+    """Return what the prior of a row holds beside that of its structure: that of an edge."""
+    return float(row.prior[0]) - structure_prior(
+        spectra.tables, float(spectra.gentle[row.of[0]]), row.has[0], int(row.family[0]))
+
+
+def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
+    """Every slow noise beside one fast end."""
+    own, fast, prior = Proposals(spectra, axis), _fast_part(end), extra_prior(spectra, end)
+    x = end.x[0].copy()
+    for slot in (B, K):
+        if not end.has[0, slot] or x[slot] < 0:
+            x[slot] = max(start.x[slot], 0.3)
+
+    def add(*slots: int, **values: float) -> None:
+        own.add((N, *slots, *fast), _with(x, **values), int(end.family[0]), int(end.edge[0]),
+                prior)
+
+    process, high = spectra.tables.terms[1], spectra.tables.high_pass
+    for walk in ((), (K,)):
+        add(*walk)
+        add(B, *walk)
+        for time in np.linspace(process.first[0] + 0.4, process.last[0] - 0.2, 6):
+            add(PROCESS, TIME, *walk, time=time, process=1.5)
+            add(B, PROCESS, TIME, *walk, time=time, process=1.0)
+        for alpha in (0.55, 0.8, 1.2, 1.5):
+            add(LAW, ALPHA, *walk, alpha=alpha, law=x[B])
+    for corner in np.linspace(high.first[0] + 0.4, high.last[0] - 0.3, 7):
+        add(HIGH, high=corner)
+        add(B, HIGH, high=corner)
+    return own.rows()
+
+
+def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
+    """Propose the best slow noises beside the other fast ends."""
+    if len(ends) < 2:
+        return []
+    own = Proposals(spectra, axis)
+    for k in range(1, len(ends)):
+        end = ends.take(np.array([k]))
+        prior, fast = extra_prior(spectra, end), _fast_part(end)
+        seen = set()
+        for i in range(len(slow)):
+            has = slow.has[i].copy()
+            has[[Q, LOW]] = False
+            if has.tobytes() in seen:
+                continue
+            seen.add(has.tobytes())
+            x = slow.x[i].copy()
+            for slot in (Q, N, LOW):
+                x[slot] = end.x[0, slot]
+            own.add((*np.flatnonzero(has).tolist(), *fast), x, int(end.family[0]),
+                    int(end.edge[0]), prior)
+    return [own.rows()]
+
+
+def again(spectra: Spectra, rows: Rows, steps: int = 10) -> Rows:
+    """Climb rows once more, under other degrees of freedom."""
+    return best_of(spectra, climb(spectra, replace(rows), steps), KEPT, MOST)

@@ -1,0 +1,218 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a spectrum may be made of: one small object a shape, and the one table of them.
+
+An additive shape comes with an amplitude; a response multiplies all that lies before it. Either
+has at most one nuisance parameter, on a uniform grid: an exponent, or the logarithm of a time or
+corner. All of it is relative to the sample rate and the length of the record.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from imu_allan.noise import spectrum
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Power = Callable[[Array, float], Array]
+"""Power at frequencies in cycles per sample, for a value of the nuisance, up to a constant."""
+
+LEAK = 2e-4
+"""Share of the pass band that a block transform leaks into a stop band."""
+FEWEST_GROUPS = 24
+"""Bands that a model has to describe: three octaves tell the terms from one another."""
+_EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
+_GAUSS = np.array([5.0, 8.0, 5.0]) / 18
+"""Points and weights over a band of an eighth of an octave (Gauss-Legendre)."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A uniform grid of a nuisance parameter."""
+
+    first: float
+    last: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Band:
+    """What a grid may depend on: the slowest band and the first that can be an edge."""
+
+    slowest: float
+    shortest_edge: float
+
+
+@dataclass(frozen=True)
+class Shape:
+    """
+    One thing that a spectrum may be made of.
+
+    Attributes
+    ----------
+    key : str
+    density : float
+        Prior probability of presence per unit of the logarithm of its amplitude, or in all for a
+        response.
+    power : callable
+        Power at frequencies per sample, given the nuisance.
+    grid : callable, optional
+        Range of the nuisance, given the band of a record.
+    at_output : bool
+        Whether it is added behind every filter.
+    like : str
+        Key of the term whose share in gaps and at the ends of a record it has.
+
+    """
+
+    key: str
+    density: float
+    power: Power
+    grid: Callable[[Band], Grid] | None = None
+    at_output: bool = False
+    like: str = ''
+
+
+def _of_corner(highest: float) -> Callable[[Band], Grid]:
+    """Corners from where the band below is just wide enough, up to a last one."""
+    def grid(band: Band) -> Grid:
+        return Grid(np.log(min(band.shortest_edge, highest / 2)), np.log(highest), 0.1)
+    return grid
+
+
+def _low_pass(response: Power) -> Power:
+    """Average a response over the band of each group; blocks leak into what it stops."""
+    def power(nu: Array, corner: float) -> Array:
+        wide = np.minimum(nu[:, None] * _EIGHTH, 0.4999)
+        return np.asarray(response(wide, np.exp(corner)) @ _GAUSS + LEAK)
+    return power
+
+
+def _butterworth(order: int) -> Power:
+    return lambda nu, c: 1 / (1 + (np.tan(np.pi * nu) / c) ** (2 * order))
+
+
+def _high_pass(nu: Array, corner: float) -> Array:
+    """First-order high-pass; the ends of a finite record leak what it has taken out."""
+    falls = 1 / (1 + nu * nu * np.exp(-2 * corner))
+    leak = min(float(nu[0]) / (np.pi * np.exp(corner)), 1.0)
+    return np.asarray(1 - falls * (1 - leak))
+
+
+WHITE, FLICKER, WALK, QUANTIZATION = 'noise_density', 'bias_instability', 'rate_random_walk', \
+    'quantization_noise'
+PROCESS, POWER_LAW, HIGH_PASS = 'gauss_markov', 'power_law', 'high_pass'
+GENTLE = 'recursive_mean'
+
+TERMS = (
+    Shape(QUANTIZATION, 0.25, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
+    Shape(WHITE, 1.0, lambda nu, _: spectrum.white(nu, 1.0)),
+    Shape(FLICKER, 0.15, lambda nu, _: spectrum.flicker(nu, 1.0)),
+    Shape(WALK, 0.15, lambda nu, _: spectrum.random_walk(nu, 1.0)),
+)
+"""Terms without a nuisance; white noise is in every model."""
+
+FREE_TERMS = (
+    Shape(POWER_LAW, 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
+          lambda _: Grid(0.3, 1.9, 0.1), like=FLICKER),
+    Shape(PROCESS, 0.05, lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
+          lambda band: Grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
+                                              np.log(50.0) + 1.4), 0.25), like=WHITE),
+)
+"""Terms with one: flicker of another exponent, and a Gauss-Markov process of any time."""
+
+LOW_PASSES = (
+    Shape(GENTLE, 3.0, _low_pass(lambda nu, c: 1 / (1 + (np.sin(np.pi * nu) / c) ** 2)),
+          _of_corner(60.0)),
+    Shape('moving_mean', 0.05, _low_pass(lambda nu, c: (np.sinc(nu / c) / np.sinc(nu)) ** 2),
+          _of_corner(0.9)),
+    Shape('butterworth_1', 0.05, _low_pass(_butterworth(1)), _of_corner(20.0)),
+    Shape('butterworth_2', 0.05, _low_pass(_butterworth(2)), _of_corner(4.0)),
+    Shape('butterworth_3', 0.05, _low_pass(_butterworth(3)), _of_corner(4.0)),
+    Shape('butterworth_4', 0.05, _low_pass(_butterworth(4)), _of_corner(4.0)),
+    Shape('gauss', 0.05, _low_pass(lambda nu, c: np.exp(-np.log(2) * (nu / c) ** 2)),
+          _of_corner(0.8)),
+)
+"""Responses of which a sensor has one at most; the first may be too gentle to be seen."""
+
+HIGH_PASSES = (Shape(HIGH_PASS, 0.1, _high_pass, lambda band: Grid(
+    np.log(band.slowest / 2), np.log(max(0.01, 2 * band.slowest)), 0.25)),)
+"""What follows a bias is slower than a hundredth of the sample rate."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    Logarithm of the power of shapes on their grids, cubic in between.
+
+    Attributes
+    ----------
+    first, last, step : ndarray, shape (shapes,)
+    rows : ndarray, shape (points, groups)
+        Of all shapes, one after the other.
+    start, count : ndarray of int, shape (shapes,)
+        Where each begins in `rows`, and how many points it has.
+
+    """
+
+    first: Array
+    last: Array
+    step: Array
+    rows: Array
+    start: NDArray[np.int64]
+    count: NDArray[np.int64]
+
+    def place(self, shape: NDArray[np.int64], x: Array) -> tuple[NDArray[np.int64], Array, Array]:
+        """Row and position of values between grid points, and the scale of a derivative."""
+        u = np.clip((x - self.first[shape]) / self.step[shape], 0, self.count[shape] - 1)
+        i = np.clip(u.astype(np.int64), 1, self.count[shape] - 3)
+        return self.start[shape] + i, u - i, 1 / self.step[shape]
+
+
+def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array) -> tuple[Array, Array]:
+    """Interpolate rows (Catmull-Rom), shape (n, groups), and the derivative by the nuisance."""
+    t, per = t[:, None], per[:, None]
+    a, b, c, d = rows[at - 1], rows[at], rows[at + 1], rows[at + 2]
+    p, q, r = c - a, 2 * a - 5 * b + 4 * c - d, 3 * (b - c) + d - a
+    value = b + 0.5 * t * (p + t * (q + t * r))
+    return value, 0.5 * (p + t * (2 * q + 3 * t * r)) * per
+
+
+def tables(frequency: Array, dt: float) -> 'Tables':
+    """Tables of all shapes with a nuisance at the groups' frequencies."""
+    return _tables(np.ascontiguousarray(np.minimum(frequency * dt, 0.5)).tobytes())
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Tables of the free terms, each its own, of the low-passes and of the high-passes."""
+
+    terms: tuple[Table, ...]
+    low_pass: Table
+    high_pass: Table
+
+
+@lru_cache(maxsize=8)
+def _tables(layout: bytes) -> Tables:
+    nu: Array = np.frombuffer(layout)
+    band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
+    return Tables(tuple(_table((shape,), nu, band) for shape in FREE_TERMS),
+                  _table(LOW_PASSES, nu, band), _table(HIGH_PASSES, nu, band))
+
+
+def _table(shapes: tuple[Shape, ...], nu: Array, band: Band) -> Table:
+    rows, grids = [], []
+    for shape in shapes:
+        assert shape.grid is not None
+        grid = shape.grid(band)
+        values = grid.first + grid.step * np.arange(
+            max(int(np.ceil((grid.last - grid.first) / grid.step)) + 1, 5))
+        grids.append(values)
+        rows += [np.log(shape.power(nu, float(value))) for value in values]
+    count = np.array([len(values) for values in grids])
+    return Table(np.array([v[0] for v in grids]), np.array([v[-1] for v in grids]),
+                 np.array([v[1] - v[0] for v in grids]), np.stack(rows),
+                 np.cumsum(count) - count, count)
