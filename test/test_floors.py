@@ -30,8 +30,6 @@ FLOORS = (
     # The public names lead everywhere, and nothing inside takes them from there.
     ('imu_allan.__init__', 'imu_allan.__main__', 'imu_allan'),
 )
-LONG = 300
-"""Lines; a newcomer reads a module of three hundred in one go."""
 ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'geometry_msgs', 'diagnostic_msgs',
        'builtin_interfaces', 'rcl_interfaces', 'rosgraph_msgs', 'ament_index_python'}
 
@@ -94,14 +92,6 @@ def test_numerics_need_numpy_and_scipy_alone(module: str) -> None:
 def test_no_module_is_named_after_nothing() -> None:
     assert not {path.stem for path in PACKAGE.rglob('*.py')} & {
         'utils', 'util', 'helpers', 'helper', 'common', 'misc', 'tools'}
-
-
-@pytest.mark.parametrize('module', sorted(MODULES))
-def test_a_long_module_says_in_its_first_line_why(module: str) -> None:
-    text = MODULES[module].read_text()
-    if text.count('\n') > LONG:
-        first = (ast.get_docstring(tree_of(MODULES[module])) or '').partition('\n')[0]
-        assert re.search(r'in one (module|class) \w+', first)
 
 
 @pytest.mark.parametrize('module', sorted(MODULES))

@@ -10,6 +10,7 @@ spectra, as what they are made of is the package's matter too.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import module_from_spec, spec_from_file_location
+import os
 from pathlib import Path
 import time
 from types import ModuleType
@@ -23,6 +24,8 @@ from imu_allan.noise.terms import Quantity
 from imu_allan.result import AxisResult
 import numpy as np
 
+INFERENCE = 'BATTERY_INFERENCE'
+"""Environment variable by which a run is told which inference to ask."""
 CHECKOUT = Path(imu_allan.__file__).parents[1]
 
 
@@ -61,6 +64,12 @@ def of_samples(samples: Array, rate_hz: float, quantity: str = 'angular_velocity
     began = time.process_time()
     estimator = Estimator()
     estimator.update(samples)
+    if asks_posterior():
+        from imu_allan.noise.posterior.axes import reports
+        [found] = reports(estimator.finished(), 1 / rate_hz)
+        cpu_s = time.process_time() - began
+        return (_of_report(found, cpu_s) if found is not None
+                else Answer(dict.fromkeys(TERMS, Said(None, None, None)), (), cpu_s))
     [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity(quantity)])
     cpu_s = time.process_time() - began
     terms = {key: Said(c.value, c.ci95, c.upper95) for key, c in axis.coefficients.items()
@@ -90,21 +99,31 @@ def of_spectra(sensor: Sensor, records: int, seed: int) -> list[Answer]:
 
 
 def _of_spectrum(spectrum: Any, dt: float) -> Answer:
-    """Ask whichever inference the checkout has; both give estimates with the same fields."""
-    try:
-        from imu_allan.noise.posterior.answer import answer
-        from imu_allan.noise.posterior.posterior import posteriors
-    except ModuleNotFoundError:
+    """Ask the fit that users get, or the posterior."""
+    if not asks_posterior():
         return _of_fit(spectrum, dt)
+    from imu_allan.noise.posterior.posterior import posteriors
+    from imu_allan.noise.posterior.report import reported
     began = time.process_time()
     [posterior] = posteriors([spectrum.groups()], dt, [spectrum])
-    found = answer(posterior, dt)
-    cpu_s = time.process_time() - began
-    words = {'power_law': found.exponent.observable, 'gauss_markov': found.sigma.observable,
-             'high_passed': found.high_pass_hz.observable,
-             'band_limited': found.window_s is not None, 'ramp': found.ramp.observable,
-             **dict.fromkeys((one.kind.key for one in found.courses), True)}
-    return Answer(_said(found.terms), _true(words), cpu_s)
+    found = reported(posterior, dt)
+    return _of_report(found, time.process_time() - began)
+
+
+def asks_posterior() -> bool:
+    """Whether `--inference posterior` was asked for."""
+    return os.environ.get(INFERENCE) == 'posterior'
+
+
+def _of_report(found: Any, cpu_s: float) -> Answer:
+    words = {'power_law': found.power_law is not None,
+             'gauss_markov': found.gauss_markov is not None,
+             'high_passed': found.high_pass_hz is not None,
+             'band_limited': found.window_s is not None, 'warm_up': bool(found.warmings),
+             'slow_cycle': found.cycle_s is not None, 'bias_step': found.bias_step is not None,
+             'trend_or_walk': found.walk_unclear, 'poor_fit': not found.acceptable,
+             'ramp': found.estimates['rate_ramp'].observable}
+    return Answer(_said(found.estimates), _true(words), cpu_s)
 
 
 def _of_fit(spectrum: Any, dt: float) -> Answer:

@@ -150,8 +150,8 @@ def test_a_shape_is_one_line_of_the_table():
     pair = shapes.Shape('mean_of_two', 0.05,
                         lambda nu, c: np.cos(np.pi * nu)**2 + shapes.LEAK + 0 * c,
                         lambda _: shapes.Grid(0.0, 1.0, 0.25))
-    tables = shapes._table((*shapes.LOW_PASSES, pair), np.geomspace(1e-4, 0.49, 80),
-                           shapes.Band(1e-4, 1e-3))
+    nu, band = np.geomspace(1e-4, 0.49, 80), shapes.Band(1e-4, 1e-3)
+    tables = shapes.table_of((*shapes.LOW_PASSES, pair), nu, band)
     assert len(tables.first) == len(shapes.LOW_PASSES) + 1
     assert tables.count[-1] == 5
 

@@ -33,6 +33,7 @@ CERTAIN_RAMP = 0.005
 _LEAST_BOUND = 1.4
 """Least bound, in amplitudes that the record can just see."""
 _ENDS = (0.025, 0.5, 0.975)
+"""Shares at the lower end, the value and the upper end of a 95 % interval."""
 _FLICKER, _WALK = (
     [shape.key for shape in TERMS].index(key) for key in ('bias_instability', 'rate_random_walk'))
 _REGRESSED = 64
@@ -138,6 +139,7 @@ def answer(posterior: Posterior, dt: float) -> Answer:
     Parameters
     ----------
     posterior : Posterior
+        Of one axis.
     dt : float
         Sample interval in seconds.
 

@@ -220,6 +220,7 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     Parameters
     ----------
     spectra : Spectra
+        Of all axes.
     starts : sequence of Start
         Of every axis.
     rows : Rows
@@ -227,6 +228,7 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     records : sequence of RecordSpectrum or None
         Of every axis; none where no course is looked for.
     kinds : sequence of CourseKind, optional
+        What may move the mean.
 
     Returns
     -------

@@ -39,6 +39,7 @@ Mask = NDArray[np.bool_]
 
 PLAIN = len(TERMS)
 FREE = len(FREE_TERMS)
+# Behind the amplitudes of the terms, and amplitude and nuisance of each free term.
 LOW, HIGH = PLAIN + 2 * FREE, PLAIN + 2 * FREE + 1
 SLOTS = HIGH + 1
 """Amplitudes of the terms; amplitude and nuisance of each free term; low-pass; high-pass."""
@@ -51,6 +52,7 @@ GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
 _WALL = 0.05
 """How far a nuisance may stand beyond the end of its range, one sigma."""
 _SMALL = 1e-300
+"""Power that is none, of which there is a logarithm."""
 _BATCH = 192
 """Rows of one batch: their arrays then stay in the cache."""
 UNSEEN_LEVEL = 0.2

@@ -210,6 +210,7 @@ def reported(posterior: Posterior, dt: float, parts: Callable[[], Sequence[Group
     Parameters
     ----------
     posterior : Posterior
+        Of one axis.
     dt : float
         Sample interval in seconds.
     parts : callable, optional
@@ -278,5 +279,3 @@ def _dependence(course: Reported, temperature: TemperatureCourse | JointTemperat
         course.columns[1][0] if len(course.columns) > 1 else None,
         temperature.lowest, temperature.highest,
         course.value if lags else None, (course.low, course.high) if lags else None)
-
-

@@ -75,6 +75,7 @@ def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     Parameters
     ----------
     spectra : Spectra
+        Of all axes.
     starts : sequence of Start
         One for every spectrum.
     dt : float

@@ -24,9 +24,9 @@ LEAK = 2e-4
 """Share of the pass band that a block transform leaks into a stop band."""
 FEWEST_GROUPS = 24
 """Bands that a model has to describe: three octaves tell the terms from one another."""
+# Points and weights over a band of an eighth of an octave (Gauss-Legendre).
 _EIGHTH = 2.0 ** (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) / 16)
-_GAUSS = np.array([5.0, 8.0, 5.0]) / 18
-"""Points and weights over a band of an eighth of an octave (Gauss-Legendre)."""
+_GAUSS = np.array([5.0, 8.0, 5.0]) / 18  # see above
 
 
 @dataclass(frozen=True)
@@ -199,11 +199,11 @@ class Tables:
 def _tables(layout: bytes) -> Tables:
     nu: Array = np.frombuffer(layout)
     band = Band(float(nu[0]), float(nu[min(FEWEST_GROUPS, len(nu) - 1)]))
-    return Tables(tuple(_table((shape,), nu, band) for shape in FREE_TERMS),
-                  _table(LOW_PASSES, nu, band), _table(HIGH_PASSES, nu, band))
+    return Tables(tuple(table_of((shape,), nu, band) for shape in FREE_TERMS),
+                  table_of(LOW_PASSES, nu, band), table_of(HIGH_PASSES, nu, band))
 
 
-def _table(shapes: tuple[Shape, ...], nu: Array, band: Band) -> Table:
+def table_of(shapes: tuple[Shape, ...], nu: Array, band: Band) -> Table:
     rows, grids = [], []
     for shape in shapes:
         assert shape.grid is not None
