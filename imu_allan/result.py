@@ -517,6 +517,19 @@ class Source:
 
 
 @dataclass(frozen=True)
+class SensorVerdict:
+    """
+    Whether the numbers of a sensor are good to use, and the codes of the findings for it.
+
+    With care: something is to be done first, or shows less than it should. Not usable: there are
+    no numbers, or they are those of something else.
+    """
+
+    verdict: Literal['good', 'with_care', 'not_usable']
+    because: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class RecordingPart:
     """One recording of a joint result, with the mean of each axis in it."""
 
@@ -549,7 +562,8 @@ class Result:
     The result file.
 
     `recordings` and `turn_on_bias` are those of a joint result; `temperature`, in degrees Celsius,
-    is that of a thermometer beside the sensor, on the time axis of the signals.
+    is that of a thermometer beside the sensor, on the time axis of the signals. `sensors` has the
+    verdict on ``gyro`` and ``accel``.
     """
 
     imu_allan_version: str
@@ -561,6 +575,7 @@ class Result:
     turn_on_bias: Mapping[str, TurnOnBias] = field(default_factory=dict)
     inspection: Inspection | None = None
     temperature: Signal | None = None
+    sensors: Mapping[str, SensorVerdict] = field(default_factory=dict)
     schema: str = field(default=SCHEMA)
 
     def __str__(self) -> str:

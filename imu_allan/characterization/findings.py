@@ -177,7 +177,8 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
 
 
 def _halves_remark(log_ratio: float, interval_s: float, axis: AxisResult) -> Finding:
-    return finding('not_steady', interval_s=interval_s, drift_ratio=exp(abs(log_ratio) / 2),
+    return finding('not_steady', severity='know', interval_s=interval_s,
+                   drift_ratio=exp(abs(log_ratio) / 2),
                    higher='first' if log_ratio > 0 else 'second',
                    half_s=axis.backtest.tested_s if axis.backtest is not None else None)
 

@@ -39,6 +39,7 @@ from imu_allan.node.storage import Storage
 from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
+from imu_allan.writers.verdict import verdict_lines
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -377,6 +378,8 @@ class CharacterizationNode(Node):
             lambda: self._storage.save_state_at_end(self._run),
             lambda: self._storage.save_files_at_end(self._run),
             self._end_worker)]
+        for line in verdict_lines(self._results.latest) if self._results.latest else ():
+            self._log.info(line)
         self._storage.close()
         return all(done)
 

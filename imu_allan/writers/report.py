@@ -61,6 +61,7 @@ from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.means import written_mean
 from imu_allan.writers.outlook import outlook_of
+from imu_allan.writers.verdict import verdict_lines
 from imu_allan.writers.words import message_of, presented, title_of
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def report_html(result: Result) -> str:
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
     return _page(
         'report.html.j2', title=' '.join(names_of(result)), names=names_of(result),
+        verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
         cards=[_card(answer) for answer in found], remarks=remarks,
         remark_count=_count_of(result) if remarks else '',

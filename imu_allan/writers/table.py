@@ -37,7 +37,8 @@ from imu_allan.writers.answer import (
 from imu_allan.writers.means import written_mean
 from imu_allan.writers.outlook import outlook_of
 from imu_allan.writers.terminal import console_of
-from imu_allan.writers.words import message_of, presented, title_of
+from imu_allan.writers.verdict import verdict_lines
+from imu_allan.writers.words import advice, presented, says, title_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -45,12 +46,6 @@ if TYPE_CHECKING:
 
 Units = Literal['datasheet', 'si']
 
-_HEAD = 16
-"""Columns before the numbers of the answer."""
-_MORE = ' ...'
-_PARTS = ('; ', '. ', ': ', ' (')
-_MOST_LOST = 0.6
-"""Share of a line that a whole part of a sentence has to fill to end there."""
 _LONGEST_HEAD = 28
 """Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
 
@@ -125,7 +120,9 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.console import Group
     from rich.text import Text
 
-    parts: list[RenderableType] = [_heading(result)]
+    parts: list[RenderableType] = [
+        *(line for text in verdict_lines(result) for line in _filled(text, width, 'bold')),
+        Text(), _heading(result)]
     found = answers(result)
     for answer in found:
         axes = {name: result.axes[name] for name in AXES
@@ -135,7 +132,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
         parts += [Text(), *answer_lines(answer, width)]
         parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)
     parts += [Text(), *_notes(result, found),
-              *_remarks(result, None if verbose else width)]
+              *_findings(result, width, verbose=verbose)]
     return Group(*parts)
 
 
@@ -156,27 +153,30 @@ def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
     head = Text(answer.title, style='bold')
     head.append(': ', style='not bold')
     head.append(answer.word, style='green' if answer.word in GOOD else 'yellow')
-    rows: list[tuple[str, str]] = []
+    lines: list[str] = []
     if answer.tuned is not None:
         tuned = answer.tuned
-        pair = [f'N {tuned.noise_density} {tuned.units[0]}',
-                f'K {tuned.random_walk} {tuned.units[1]}']
+        pair = [f'filter N {tuned.noise_density} {tuned.units[0]}',
+                f'filter K {tuned.random_walk} {tuned.units[1]}']
         beside = '   '.join(pair)
-        rows += zip(('for a filter', ''), [beside] if _HEAD + len(beside) <= width else pair,
-                    strict=False)
+        lines += [beside] if 2 + len(beside) <= width else pair
+        if answer.drift is not None and not answer.drift.si_interval:
+            lines.append(f'measured K: not visible, {answer.drift.si_value}')
     elif answer.word != CONSTANT and answer.noise is not None:
-        rows += [(f'worst axis {figure.axis}',
-                  f'{figure.symbol} {figure.si_value} {figure.si_unit}')
-                 for figure in (answer.noise, answer.drift) if figure is not None]
+        lines += [f'worst axis {figure.axis}: {figure.symbol} {figure.si_value} {figure.si_unit}'
+                  for figure in (answer.noise, answer.drift) if figure is not None]
     if answer.forecast:
-        off = [f'off by {answer.forecast} rms',
-               f'95 %: {answer.forecast_interval}' if answer.forecast_interval else UNCERTAIN]
-        beside = ', '.join(off)
-        rows += zip((f'alone {duration(COAST_S)}', ''),
-                    [beside] if _HEAD + len(beside) <= width else off, strict=False)
-        if answer.extrapolated:
-            rows.append(('', 'beyond what this recording knows'))
-    return [head, *(Text(f'  {name:<{_HEAD - 2}}{text}') for name, text in rows)]
+        drift = f'unaided drift after {duration(COAST_S)}:'
+        if answer.forecast_interval:
+            low, high = answer.forecast_interval.split(' .. ')
+            lines.append(f'{drift} {answer.forecast} rms ({low} to {high})')
+        elif answer.extrapolated:
+            lines.append(f'{drift} not known from this recording')
+        else:
+            lines.append(f'{drift} {answer.forecast} rms, {UNCERTAIN}')
+        if answer.extrapolated and answer.forecast_interval:
+            lines.append('beyond what this recording knows')
+    return [head, *(Text(f'  {line}') for line in lines)]
 
 
 def _heading(result: Result) -> 'Text':
@@ -308,8 +308,8 @@ def _notes(result: Result, found: Sequence[Answer]) -> 'Iterator[Text]':
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
     words = []
     if any(answer.tuned for answer in found):
-        words.append(f'"for a filter": corrected every {AIDING_S:g} s, alone up to '
-                     f'{duration(COAST_S)}; else: imu_allan tune.')
+        words.append(f'"filter": tuned for corrections every {AIDING_S:g} s and up to '
+                     f'{duration(COAST_S)} unaided; else: imu_allan tune.')
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
     if longer := outlook_of(result):
@@ -318,30 +318,33 @@ def _notes(result: Result, found: Sequence[Answer]) -> 'Iterator[Text]':
         yield Text(' '.join(words), style='dim')
 
 
-def _remarks(result: Result, width: int | None) -> 'Iterator[Text]':
-    """Yield a line for each remark, cut to `width` where it has more to say."""
+def _findings(result: Result, width: int, *, verbose: bool) -> 'Iterator[Text]':
+    """Yield what to act upon in full, and the names of what is good to know."""
+    known = []
+    for found in presented(result.warnings):
+        # The segments of motion stand in the heading.
+        if found.code == 'motion' and result.timeline.motion and not verbose:
+            continue
+        if found.severity == 'know' and not verbose:
+            known.append(title_of(found))
+            continue
+        style = 'yellow' if found.severity == 'act' else 'default'
+        said = says(found)
+        yield from _filled(
+            f'{title_of(found)}: {said}{"" if said.endswith((".", "?")) else "."}', width, style)
+        if do := advice(found):
+            yield from _filled(f'  -> {do}', width, 'default')
+    if known:
+        yield from _filled(f'Good to know: {", ".join(dict.fromkeys(known))} '
+                           '(imu_allan explain NAME, or --verbose).', width, 'dim')
+
+
+def _filled(text: str, width: int, style: str) -> 'Iterator[Text]':
+    """Yield lines that are whole words, those after the first set in."""
+    from textwrap import wrap
+
     from rich.text import Text
 
-    cut = False
-    for found in presented(result.warnings):
-        # The stretches of motion stand in the heading.
-        if found.code == 'motion' and result.timeline.motion:
-            continue
-        text = Text(f'{title_of(found)}: ', style='yellow')
-        sentence = message_of(found)
-        short = sentence if width is None else _cut(sentence, width - len(text))
-        cut |= short != sentence
-        text.append(short, style='default')
-        yield text
-    if cut:
-        yield Text('... goes on: --verbose, or report.html of --output', style='dim')
-
-
-def _cut(sentence: str, width: int) -> str:
-    """Return as much of a sentence as a line holds, up to the end of a part of it if it may be."""
-    if len(sentence) <= width:
-        return sentence
-    room = sentence[:max(width - len(_MORE), 1)]
-    ends = [room.rfind(mark) for mark in _PARTS]
-    end = max(ends) if max(ends) > len(room) * _MOST_LOST else room.rfind(' ')
-    return (room[:end] if end > 0 else room) + _MORE
+    inside = ' ' * (5 if text.startswith('  ->') else 2)
+    for line in wrap(text, width, subsequent_indent=inside, break_on_hyphens=False):
+        yield Text(line, style=style)

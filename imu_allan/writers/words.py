@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from imu_allan.characterization.verdict import verdicts
 from imu_allan.errors import printable
 from imu_allan.finding import ACT, Finding
 from imu_allan.noise.terms import TERMS
@@ -888,8 +889,9 @@ def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def with_words(result: Result) -> Result:
-    """Return a result with its findings as every front end shows them."""
-    return replace(result, warnings=presented(result.warnings))
+    """Return a result with findings and verdicts as every front end shows them."""
+    shown = replace(result, warnings=presented(result.warnings))
+    return replace(shown, sensors=verdicts(shown))
 
 
 def _grouped(findings: Sequence[Finding]) -> list[Finding]:

@@ -163,7 +163,7 @@ def test_recordings_of_one_imu_make_one_result(
     paths = [write_csv(tmp_path / f'night{number}.csv', 0.005, number) for number in (1, 2)]
     assert main(['analyze', *paths, '--together', '--output', str(tmp_path / 'out'),
                  '--json', str(tmp_path / 'r.json'), '--serial', 'A-17']) == 0
-    assert capsys.readouterr().out.splitlines()[0] == f'{paths[0]} + {paths[1]}'
+    assert f'{paths[0]} + {paths[1]}' in capsys.readouterr().out.splitlines()
     result = load_result(tmp_path / 'r.json')
     assert [part.path for part in result.recordings] == paths
     assert result.inspection.serial == 'A-17'

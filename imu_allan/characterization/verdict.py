@@ -1,0 +1,52 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the numbers of a sensor are good to use, by what was found of it."""
+
+from collections.abc import Mapping
+
+from imu_allan.finding import Finding
+from imu_allan.result import AxisResult, Result, SensorVerdict
+
+SHORTEST_S = 10.0
+"""Of less rest even N is known to a tenth at best. A judgment."""
+SHORTEST_GOOD_S = 60.0
+"""Of less rest nothing slower than N shows."""
+_NO_SENSOR = frozenset({
+    'axis_not_finite', 'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated',
+    'stood_still', 'unknown_rate', 'mostly_motion'})
+"""Codes after which an axis has no numbers, or those of something else."""
+FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
+          'zeroed': 'deadband', 'copied': 'copied_axis'}
+"""Codes by `AxisResult.fault`: a file may hold the fault without the finding."""
+
+
+def verdicts(result: Result) -> dict[str, SensorVerdict]:
+    """Return the verdict on each sensor that a result has axes of, with the codes for it."""
+    found = {}
+    for sensor in ('gyro', 'accel'):
+        axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
+        if axes:
+            found[sensor] = _verdict(axes, [one for one in result.warnings if concerns(
+                one, sensor)], result.timeline.rest_s)
+    return found
+
+
+def concerns(found: Finding, sensor: str) -> bool:
+    """Whether a finding is about a sensor: by its axes, or because it is about the recording."""
+    if found.axes:
+        return any(axis.startswith(sensor) for axis in found.axes)
+    return found.values.get('half') in (None, sensor) and not (
+        sensor == 'gyro' and found.code == 'gravity')
+
+
+def _verdict(axes: Mapping[str, AxisResult], about: list[Finding], rest_s: float
+             ) -> SensorVerdict:
+    act = list(dict.fromkeys(one.code for one in about if one.severity == 'act'))
+    faults = [FAULTS[axis.fault] for axis in axes.values() if axis.fault is not None]
+    broken = list(dict.fromkeys([*(code for code in act if code in _NO_SENSOR), *faults]))
+    unseen = [axis for axis in axes.values() if not axis.coefficients['noise_density'].observable]
+    if broken or unseen or rest_s < SHORTEST_S:
+        return SensorVerdict('not_usable', tuple(broken or act or ['short_recording']))
+    if act or rest_s < SHORTEST_GOOD_S:
+        return SensorVerdict('with_care', tuple(act or ['short_recording']))
+    return SensorVerdict('good', ())

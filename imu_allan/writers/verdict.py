@@ -1,0 +1,79 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verdict on each sensor in a line: what terminal, report and the node's log say first."""
+
+from collections.abc import Mapping
+
+from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
+from imu_allan.result import AxisResult, Result
+from imu_allan.sensor.units import engineering
+from imu_allan.wording import about, bounded, duration, listed, measured, SENSORS
+from imu_allan.writers.words import presented, title_of, WORDS
+
+
+def verdict_lines(result: Result) -> list[str]:
+    """
+    Return the verdict on each sensor, the worst axis counting.
+
+    Parameters
+    ----------
+    result : Result
+        Of one recording or several.
+
+    Returns
+    -------
+    list of str
+        Such as ``Gyroscope: N is good (+-0.6 %). B: 34 deg/h (27 to 42). K: not visible in 3 h.``
+
+    """
+    found = result.sensors or verdicts(result)
+    lines = []
+    for sensor, verdict in found.items():
+        axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
+        title = SENSORS.get(sensor, sensor)
+        if verdict.verdict == 'good':
+            lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s)}')
+        else:
+            word = 'not usable' if verdict.verdict == 'not_usable' else 'use with care'
+            lines.append(f'{title}: {word}: {_reason(result, sensor, verdict.because)}.')
+    return lines
+
+
+def _numbers(axes: Mapping[str, AxisResult], rest_s: float) -> str:
+    """Say how well N is known, and what B and K are."""
+    widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
+              if (c := axis.coefficients['noise_density']).value and c.ci95 is not None]
+    parts = [f'N is good (+-{100 * max(widths):.2g} %)']
+    for key in ('bias_instability', 'rate_random_walk'):
+        cells = [axis.coefficients[key] for axis in axes.values()]
+        shown = [(c.value, c.ci95) for c in cells if c.value is not None and c.ci95 is not None]
+        symbol, unit = cells[0].symbol, engineering(1.0, cells[0].unit)[1]
+        if shown:
+            value, ends = max(shown)
+            text, low, high = measured(*(
+                engineering(number, cells[0].unit)[0] for number in (value, *ends)))
+            parts.append(f'{symbol}: {text} {unit} ({low} to {high})')
+            continue
+        bounds = [c.upper95 for c in cells if c.upper95 is not None]
+        below = f', {bounded(engineering(max(bounds), cells[0].unit)[0])} {unit}' if bounds else ''
+        waits = [c.observable_in_s for c in cells if c.observable_in_s]
+        longer = f'; record about {about(rest_s + min(waits))}' if waits else ''
+        parts.append(f'{symbol}: not visible in {duration(rest_s)}{below}{longer}')
+    return '. '.join(parts) + '.'
+
+
+def _reason(result: Result, sensor: str, because: tuple[str, ...]) -> str:
+    """Say why in a few words; the findings themselves stand below."""
+    rest_s = result.timeline.rest_s
+    if rest_s < SHORTEST_GOOD_S and because[:1] == ('short_recording',):
+        return f'{duration(rest_s)} at rest'
+    reasons: dict[str, set[str]] = {WORDS[code].title: set() for code in because if code in WORDS}
+    for one in presented(result.warnings):
+        if one.code in because and concerns(one, sensor):
+            reasons.setdefault(title_of(one), set()).update(
+                axis[-1] for axis in one.axes if axis.startswith(sensor))
+    for name, axis in result.axes.items():
+        if name.startswith(sensor) and axis.fault is not None and FAULTS[axis.fault] in because:
+            reasons[WORDS[FAULTS[axis.fault]].title].add(name[-1])
+    return ', '.join(f'{title} ({listed(sorted(axes))})' if axes else title
+                     for title, axes in reasons.items()) or 'N does not show'
