@@ -120,12 +120,12 @@ def write_state(path: str, rate: float, hours: float) -> None:
     from imu_allan.timeline import TimelineOptions
 
     setup = Setup('/imu/data_raw', TimelineOptions())
-    run = Characterization(kind='topic', topic=setup.topic, options=setup.options)
+    run = Run(Lane(Characterization(kind='topic', topic=setup.topic, options=setup.options)))
     for block in simulated_blocks(load_model(find_model('consumer_mems')), rate,
                                   round(hours * 3600 * rate), start_ns=10**18):
-        run.update(block)
+        run.lanes[0].update([block])
     file = StateFile(path)
-    file.save(pack(Run(Lane(run)), setup))
+    file.save(pack(run, setup))
     file.close()
 
 

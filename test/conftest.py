@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import os
 from pathlib import Path
 import signal
+import tempfile
 from typing import Any
 
 from hypothesis import settings
@@ -21,6 +22,8 @@ use_one_thread()
 # every process that the tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# No node of a test leaves anything in the home of whoever runs it.
+os.environ['ROS_HOME'] = tempfile.mkdtemp(prefix='imu_allan_test_ros_home_')
 # Workers of pytest-xdist are told that they are 80 columns wide; what is tested is a pipe.
 os.environ.pop('COLUMNS', None)
 # GNU readline, which pytest imports, says so to children alone, past os.environ.

@@ -21,7 +21,8 @@ from imu_allan.characterization.exponents import (
     with_own_exponents,
 )
 from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
-from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.characterization.mean import mean_is_known
+from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.characterization.stream import Characterization, FinishedGroup, FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
@@ -133,41 +134,6 @@ def joint_result(recordings: Sequence[Characterization],
         tuple(RecordingPart(part.path, part.result.source.start_time,
                             part.result.timeline.duration_s, _means(part)) for part in parts),
         spread)
-
-
-def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[float]
-                 ) -> TurnOnBias:
-    """
-    Return the spread of means from one power-on to the next.
-
-    Parameters
-    ----------
-    means : sequence of float
-        At least two.
-    axis : AxisResult
-        Whose means they are, and whose coefficients say how far a mean wanders in a record.
-    lengths_s : sequence of float
-        How long a record each is the mean of.
-
-    Returns
-    -------
-    TurnOnBias
-        What measuring explains of the scatter is taken off; of the lower end of the interval what
-        a term may explain that does not show, too.
-
-    Examples
-    --------
-    >>> from imu_allan import characterize, simulate
-    >>> axis = characterize(simulate({'noise_density': 1.0}, 20_000, 100.0), 100.0)
-    >>> turn_on_bias([0.1, -0.1, 0.05], axis, [25.0, 25.0, 25.0]).sigma
-    0.0
-
-    """
-    found, careful = (
-        random_effects(means, [error_of_mean(axis, length, at_most=at_most)
-                               for length in lengths_s]) for at_most in (False, True))
-    low, high = found.between_ci95
-    return TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
 
 
 # ------------------------------------------------------------------------------ what must be equal

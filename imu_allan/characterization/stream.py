@@ -26,6 +26,7 @@ from imu_allan.characterization.findings import (
     with_start,
 )
 from imu_allan.characterization.group import Group
+from imu_allan.characterization.power_ons import PowerOns
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
@@ -143,6 +144,7 @@ class Characterization:
         self._path, self._topic = path, topic
         self._timeline = TimelineStage(options)
         self._groups: list[Group] = []
+        self._power_ons = PowerOns()
         self._before = Thermometer()     # what was read before the first sample came
         self._epoch_ns: int | None = None
 
@@ -214,6 +216,11 @@ class Characterization:
         epoch = self._timeline.epoch_ns
         self._absorb(self._timeline.break_run(), epoch)
 
+    def power_on(self) -> None:
+        """Begin anew behind a power-on of the sensor, whose bias may be another now."""
+        self._power_ons = self._power_ons.one_more(self.record())
+        self.break_run()
+
     def summary(self) -> TimelineSummary:
         """Return what was seen of clock and samples so far."""
         return self._timeline.summary()
@@ -224,6 +231,7 @@ class Characterization:
         twin._timeline = self._timeline.copy()
         twin._groups = [group.copy() for group in self._groups]
         twin._before, twin._epoch_ns = self._before.copy(), self._epoch_ns
+        twin._power_ons = self._power_ons
         return twin
 
     @property
@@ -320,8 +328,10 @@ class Characterization:
         axes, found, fits = twin._axes(summary, tested)
         source = Source(self._kind, self._path, self._topic, summary.frame_id,
                         summary.start_time, summary.clock)
+        record = twin.record() if self._power_ons.ended else None
         return Result(__version__, source, summary.timeline, axes,
                       (*remarks, *summary.remarks, *found),
+                      turn_on_bias={} if record is None else self._power_ons.spread(axes, record),
                       temperature=twin._shown_temperature(summary)), fits
 
     def _shown_temperature(self, summary: TimelineSummary) -> Signal | None:
@@ -444,7 +454,7 @@ class Characterization:
 
         """
         about = {'kind': self._kind, 'path': self._path, 'topic': self._topic,
-                 'epoch_ns': self._epoch_ns,
+                 'epoch_ns': self._epoch_ns, 'power_ons': self._power_ons.to_plain(),
                  'groups': [group.to_plain() for group in self._groups]}
         state: dict[str, NDArray[np.generic]] = {'about': np.array(json.dumps(about))}
         parts = {'timeline': self._timeline.to_state()}
@@ -479,6 +489,7 @@ class Characterization:
                 self = cls(kind=about['kind'], path=about['path'], topic=about['topic'])
                 self._timeline = TimelineStage.from_state(part('timeline'))
                 self._epoch_ns = about.get('epoch_ns')
+                self._power_ons = PowerOns.from_plain(about.get('power_ons', []))
                 # A state from before axes could come and go has one group at most, and one from
                 # before there were temperatures has none of them.
                 groups = about.get('groups', [about] if part('estimator') else [])
@@ -497,6 +508,6 @@ class Characterization:
                     raise ValueError('an axis stands in two groups')
                 if not groups and (heat := part('thermometer')):
                     self._before = Thermometer.from_state(heat)
-        except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+        except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
             raise ImuAllanError(f'saved characterization is damaged: {error}') from error
         return self

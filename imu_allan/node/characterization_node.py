@@ -9,14 +9,14 @@ middleware's queue never has to hold more than moments. Nothing that a driver, a
 does lets an error out of the executor's thread; if one gets out all the same, `serve` saves first.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from math import ceil
+from threading import RLock
 import time
 from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.node.announcements import Announcements
 from imu_allan.node.callers import Callers, REQUESTS
@@ -31,9 +31,10 @@ from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
-from imu_allan.node.resuming import new_run, Setup
-from imu_allan.node.run import Half, Lane
-from imu_allan.node.same_imu import Probation
+from imu_allan.node.resuming import Setup
+from imu_allan.node.run import Half, Run
+from imu_allan.node.runs import Runs
+from imu_allan.node.same_imu import LOOK_S
 from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
 from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
@@ -41,6 +42,9 @@ from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.verdict import verdict_lines
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -64,7 +68,13 @@ TICK_MESSAGES = QUEUE_MESSAGES // 4
 
 class CharacterizationNode(Node):
     """
-    Characterizes the IMU on ``imu/data_raw``.
+    Characterizes the IMU on ``imu/data_raw``, in whichever executor spins it.
+
+    Parameters
+    ----------
+    node_name : str, optional
+    options
+        Of `rclpy.node.Node`, such as ``namespace`` and ``parameter_overrides``.
 
     Raises
     ------
@@ -73,8 +83,11 @@ class CharacterizationNode(Node):
 
     """
 
-    def __init__(self) -> None:
-        super().__init__('imu_allan')
+    def __init__(self, node_name: str = 'imu_allan', **options: Any) -> None:
+        super().__init__(node_name, **options)
+        # An executor of several threads calls services and timer at the same time.
+        self._lock = RLock()
+        self._ended = False
         self._log = Log(self.get_logger())
         values = declare(self, SETTINGS, self._apply)
         warn_of_unknown(self)
@@ -109,8 +122,11 @@ class CharacterizationNode(Node):
             self, [_type(values, half)[1] for _, half in topics],
             [f'-p {half}_topic' if half else f'-r {TOPIC}' for _, half in topics],
             self._receptions, self._publications, self._announcements, self._log)
-        self._run = self._storage.first_run()
-        self._note_probations()
+        run = self._storage.first_run()
+        # Held back means lost in a crash: no more than half of what may be lost.
+        self._runs = Runs(self._setup, run, [reception.facts for reception in self._receptions],
+                          lambda: min(LOOK_S, self._storage.checkpoint_period / 2),
+                          self._leave, self._log)
 
         # Services wait for the worker while samples come in: they have a group of their own.
         self._callers = Callers(self)
@@ -122,14 +138,18 @@ class CharacterizationNode(Node):
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
-        if self._run.on_probation:
+        if self._storage.has_resumed:
             self._results.fit(self._run)
         self._storage.try_output()
+        self._last_tick = now
+        # With use_sim_time and no /clock a timer by the clock of ROS never ticks.
+        self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
+                                        Clock(clock_type=ClockType.STEADY_TIME))
         self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
 
     def serve(self, stop: StopRequest) -> int:
         """
-        Work until `stop` is set, then save.
+        Work until `stop` is set, then save: cheaper than any executor, for a process of its own.
 
         Returns
         -------
@@ -137,19 +157,17 @@ class CharacterizationNode(Node):
             Exit status: 0, or 1 if something went wrong or could not be saved.
 
         """
+        # A timer would wake the executor twice: once more for having been called.
+        self.destroy_timer(self._timer)
         executor = SingleThreadedExecutor()
         executor.add_node(self)
         well = True
         try:
-            last_tick, wait_s = time.monotonic(), TICK_S
+            wait_s = TICK_S
             while not stop:
-                # A timer would wake the executor twice: once more for having been called.
                 executor.spin_once(wait_s)
-                now = time.monotonic()
-                if now - last_tick >= wait_s:
-                    count = self._tick(now)
-                    wait_s = pace_s(count, now - last_tick)
-                    last_tick = now
+                if time.monotonic() - self._last_tick >= wait_s:
+                    wait_s = self._tick()
         except ExternalShutdownException:
             # ROS is gone, what was learnt is not.
             pass
@@ -159,7 +177,12 @@ class CharacterizationNode(Node):
             self._log.bug(error, 'the node ends and saves what it has learnt')
         finally:
             executor.shutdown()
-        return 0 if self._finish() and well else 1
+        return 0 if self.finish() and well else 1
+
+    def destroy_node(self) -> None:
+        """Save what has not been saved, and end."""
+        self.finish()
+        super().destroy_node()
 
     def _reception(self, topic: str, half: Half | None, values: Mapping[str, Any]) -> Reception:
         expected = 0.0 if half == 'accel' else values['expected_rate']
@@ -205,6 +228,10 @@ class CharacterizationNode(Node):
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, name: str, value: Any) -> None:
+        with self._lock:
+            self._set(name, value)
+
+    def _set(self, name: str, value: Any) -> None:
         results, storage = self._results, self._storage
         if name == 'publish_period':
             results.publish_every(value)
@@ -223,7 +250,19 @@ class CharacterizationNode(Node):
 
     # -- one tick: samples in, what is due started, what is done handed out ---------------------
 
-    def _tick(self, now: float) -> int:
+    def _on_timer(self) -> None:
+        period_ns = round(self._tick() * 1e9)
+        if period_ns != self._timer.timer_period_ns:
+            self._timer.timer_period_ns = period_ns
+
+    def _tick(self) -> float:
+        """Do what is due; return the time until the next tick."""
+        with self._lock:
+            now = time.monotonic()
+            count, elapsed_s, self._last_tick = self._work(now), now - self._last_tick, now
+        return pace_s(count, elapsed_s)
+
+    def _work(self, now: float) -> int:
         count = self._take(now)
         self._feed(now)
         self._worker.hand_out()
@@ -248,78 +287,35 @@ class CharacterizationNode(Node):
             for number, lane in enumerate(self._run.lanes):
                 self._temperature.feed(number, lane.characterization)
         for number, reception in enumerate(self._receptions):
-            blocks = reception.blocks(now)
-            if blocks:
-                # What comes on one topic can begin another run.
-                self._feed_lane(number, self._run.lanes[number], blocks)
-
-    def _feed_lane(self, number: int, lane: Lane, blocks: list[ImuBlock]) -> None:
-        if lane.probation is not None:
-            lane.probation.hold(blocks)
-            if lane.probation.complete:
-                self._end_probation(number, lane.probation)
-            return
-        self._update(number, blocks)
-        # Where two publishers take turns, neither has changed.
-        changed = (lane.changed(blocks) if self._receptions[number].facts.publishers <= 1
-                   else None)
-        if changed is not None:
-            self._storage.save(self._run)
-            self._begin_because(changed[0], {number: changed[1]})
-
-    def _update(self, number: int, blocks: Sequence[ImuBlock]) -> None:
-        lane, facts = self._run.lanes[number], self._receptions[number].facts
-        lane.update(blocks)
-        facts.looping = lane.looping
-        facts.update_error = lane.error
-        if lane.error:
-            self._log.error(lane.error, f'useless samples {number}')
+            for publisher, blocks in reception.blocks(now):
+                self._runs.take(number, publisher, blocks)
 
     # -- one run after the other ----------------------------------------------------------------
 
-    def _end_probation(self, number: int, probation: Probation) -> None:
-        verdict = probation.verdict()
-        if verdict is None:
-            self._run.lanes[number].probation = None
-            self._note_probations()
-            self._update(number, probation.blocks)
-        else:
-            self._begin_because(verdict, {
-                place: lane.probation.blocks for place, lane in enumerate(self._run.lanes)
-                if lane.probation is not None})
+    @property
+    def _run(self) -> Run:
+        return self._runs.run
+
+    def _leave(self, run: Run, why: UnusableState) -> None:
+        """Save a run whose place another takes, and keep its state aside."""
+        self._storage.save(run)
+        self._storage.keep_aside(run, why)
         self._storage.hurry()
+        self._forget_run()
 
-    def _begin_because(self, verdict: UnusableState, blocks: Mapping[int, Sequence[ImuBlock]]
-                       ) -> None:
-        """Leave the run, its state kept aside, and begin another with these messages by lane."""
-        self._log.warning(f'a new run begins, the one before cannot go on: {verdict}',
-                          'new run', 0.0)
-        self._storage.keep_aside(self._run, verdict)
-        self._begin_anew()
-        for number, held in blocks.items():
-            self._update(number, held)
-        self._results.fit(self._run)
-
-    def _begin_anew(self) -> None:
-        self._run.over = True
-        self._run = new_run(self._setup)
-        self._note_probations()
+    def _forget_run(self) -> None:
         self._results.begin_run()
-        for reception, announcements in zip(self._receptions, self._announcements, strict=True):
-            reception.facts.looping = False
+        for announcements in self._announcements:
             announcements.begin_run()
-
-    def _note_probations(self) -> None:
-        for reception, lane in zip(self._receptions, self._run.lanes, strict=True):
-            reception.facts.on_probation = lane.probation is not None
 
     # -- services -------------------------------------------------------------------------------
 
     async def _save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        now = time.monotonic()
-        self._take(now)
-        self._feed(now)
-        future = self._storage.save(self._run)
+        with self._lock:
+            now = time.monotonic()
+            self._take(now)
+            self._feed(now)
+            future = self._storage.save(self._run)
         await self._settled(future)
         error = future.exception()
         response.success = error is None
@@ -328,15 +324,17 @@ class CharacterizationNode(Node):
         return response
 
     async def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._take(time.monotonic())
-        for reception in self._receptions:
-            reception.drop()
-        self._begin_anew()
-        self._storage.forget_resumed()
-        self._results.fit(self._run)
+        with self._lock:
+            self._take(time.monotonic())
+            for reception in self._receptions:
+                reception.drop()
+            self._runs.begin_anew()
+            self._forget_run()
+            self._storage.forget_resumed()
+            self._results.fit(self._run)
+            future = self._storage.checkpoint(self._run) if self._storage.keeps_state else None
         response.success, response.message = True, 'a new run has begun'
-        if self._storage.keeps_state:
-            future = self._storage.checkpoint(self._run)
+        if future is not None:
             await self._settled(future)
             error = future.exception()
             if error is not None:
@@ -355,12 +353,13 @@ class CharacterizationNode(Node):
                 await _AWhile()
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        now = time.monotonic()
-        self._take(now)
-        self._feed(now)
-        changes = request.data != self._facts.paused
-        for reception in self._receptions:
-            reception.facts.paused = request.data
+        with self._lock:
+            now = time.monotonic()
+            self._take(now)
+            self._feed(now)
+            changes = request.data != self._facts.paused
+            for reception in self._receptions:
+                reception.facts.paused = request.data
         response.success = True
         response.message = ('paused: samples are passed over' if request.data else
                             'going on; the pause counts as a gap' if changes else 'not paused')
@@ -370,16 +369,24 @@ class CharacterizationNode(Node):
 
     # -- the end --------------------------------------------------------------------------------
 
-    def _finish(self) -> bool:
+    def finish(self) -> bool:
         """Take what is still queued, write state and result; return whether all was well."""
+        with self._lock:
+            ended, self._ended = self._ended, True
+            return ended or self._finish()
+
+    def _finish(self) -> bool:
         # One after the other: what fails costs the others nothing.
         done = [self._attempt(step) for step in (
             self._take_rest,
             lambda: self._storage.save_state_at_end(self._run),
-            lambda: self._storage.save_files_at_end(self._run),
+            lambda: all(self._storage.save_files_at_end(run)
+                        for run in (self._run, self._runs.unproven) if run is not None),
             self._end_worker)]
         for line in verdict_lines(self._results.latest) if self._results.latest else ():
             self._log.info(line)
+        if all(done):
+            self._storage.finish_run()
         self._storage.close()
         return all(done)
 
@@ -397,10 +404,7 @@ class CharacterizationNode(Node):
         if self.context.ok():
             self._take(now)
         self._feed(now)
-        for number in range(len(self._receptions)):
-            probation = self._run.lanes[number].probation
-            if probation is not None and not probation.hopeless:
-                self._end_probation(number, probation)
+        self._runs.finish()
         return True
 
     def _end_worker(self) -> bool:

@@ -34,6 +34,10 @@ _DIGEST_BYTES = 32
 """Of SHA-256."""
 _LARGEST_BYTES = 64_000_000
 """A state has some megabytes; what is larger is another file, and not read into memory."""
+_MOST_ASIDE, _MOST_ASIDE_BYTES = 20, 100_000_000
+"""States kept aside: more than anybody looks at, and no more than a memory card can spare."""
+_TIME = '%Y%m%dT%H%M%S.%fZ'
+_TIME_LENGTH = len('20260101T000000.000000Z')
 _KINDS = 'biufU'
 _PLAIN = getattr(os, 'O_NOFOLLOW', 0) | getattr(os, 'O_NONBLOCK', 0)
 
@@ -189,6 +193,27 @@ class StateFile:
         """Release the lock."""
         self._lock.close()
 
+    def remove(self) -> None:
+        """Leave nothing to go on with."""
+        with contextlib.suppress(OSError):
+            self.path.unlink(missing_ok=True)
+
+    def thin_out(self) -> list[str]:
+        """Remove the oldest states kept aside where they are too many; return their names."""
+        pattern = re.compile(re.escape(self.path.name) + r'\.[a-z_]+\.\d{8}T[\d.]+Z')
+        removed, total = [], 0
+        with contextlib.suppress(OSError):
+            # Their names end with the time.
+            aside = sorted((path for path in self.path.parent.iterdir()
+                            if pattern.fullmatch(path.name)),
+                           key=lambda path: path.name[-_TIME_LENGTH:], reverse=True)
+            for number, path in enumerate(aside):
+                total += path.stat().st_size
+                if number and (number >= _MOST_ASIDE or total > _MOST_ASIDE_BYTES):
+                    path.unlink()
+                    removed.append(path.name)
+        return removed
+
     def _sweep_up(self) -> None:
         # A process killed while it saved leaves its unfinished file.
         leftover = re.compile(re.escape(f'.{self.path.name[:100]}.') + '[0-9a-f]{8}')
@@ -253,7 +278,7 @@ class StateFile:
             If the file cannot be renamed.
 
         """
-        now = datetime.now(timezone.utc).strftime('%Y%m%dT%H%M%S.%fZ')
+        now = datetime.now(timezone.utc).strftime(_TIME)
         aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
         try:
             with contextlib.suppress(FileNotFoundError):

@@ -8,14 +8,13 @@ sample: at 1 kHz a third of a core. Here the subscription stays out of the execu
 middleware queues the samples in its own threads, and one call takes all that have come.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
+from imu_allan.node.rclpy_inside import drain, Info, OutOfWaitSet, Taken
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import (
@@ -27,8 +26,6 @@ from rclpy.qos import (
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
-
-Info = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -42,11 +39,6 @@ class Batch:
         Serialized, encapsulation header included.
     receive_ns : ndarray of int64, shape (n,)
         When the middleware received each message, nanoseconds since 1970.
-    lost : int
-        Messages the publisher numbered that never came, since the batch before.
-    interleaved : int
-        How often a number is not above the one before: once where a publisher restarts, over and
-        over where two of them take turns.
     numbers : ndarray of int64, shape (n,), or None
         Which of its messages the publisher says each one is; None where the middleware does not
         tell.
@@ -57,30 +49,8 @@ class Batch:
 
     messages: list[bytes]
     receive_ns: NDArray[np.int64]
-    lost: int
-    interleaved: int = 0
     numbers: NDArray[np.int64] | None = None
     full: bool = False
-
-
-class _Taken(NamedTuple):
-    """Messages, and what the middleware says of each."""
-
-    messages: list[bytes]
-    infos: list[Info]
-
-
-class _OutOfWaitSet(CallbackGroup):
-    """Never lets the executor wait for the subscription."""
-
-    def can_execute(self, _: object) -> bool:
-        return False
-
-    def beginning_execution(self, _: object) -> bool:
-        return False
-
-    def ending_execution(self, _: object) -> None:
-        pass
 
 
 def in_one_line(error: Exception) -> str:
@@ -113,8 +83,7 @@ class DrainedSubscription:
         self._node = node
         self._msg_type = msg_type
         self._depth = depth
-        self._collected = _Taken([], [])
-        self._sequence: int | None = None
+        self._collected = Taken([], [])
         self.draining = draining
         self._qos = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
                                reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -170,6 +139,11 @@ class DrainedSubscription:
         return sorted(f'{offer.node_namespace.rstrip("/")}/{offer.node_name}'
                       for offer in self._node.get_publishers_info_by_topic(self.topic))
 
+    def publisher_gids(self) -> set[bytes]:
+        """Identities of the publishers of the topic."""
+        return {bytes(offer.endpoint_gid)
+                for offer in self._node.get_publishers_info_by_topic(self.topic)}
+
     def _type_name(self) -> str:
         package, kind, name = (*self._msg_type.__module__.split('.')[:2],
                                self._msg_type.__name__)
@@ -177,7 +151,7 @@ class DrainedSubscription:
 
     def take(self) -> Batch:
         """Everything that has come since the last call, at most `depth` messages."""
-        taken, self._collected = self._collected, _Taken([], [])
+        taken, self._collected = self._collected, Taken([], [])
         if self.draining:
             drained = drain(self._subscription, self._msg_type, self._depth)
             taken.messages.extend(drained.messages)
@@ -191,12 +165,11 @@ class DrainedSubscription:
         numbers = [number for info in taken.infos
                    if (number := info.get('publication_sequence_number')) is not None]
         known = np.array(numbers, np.int64) if len(numbers) == len(taken.infos) else None
-        return Batch(taken.messages, np.array(receive, dtype=np.int64),
-                     *self._count_lost(numbers), known,
+        return Batch(taken.messages, np.array(receive, dtype=np.int64), known,
                      self._drops and len(taken.messages) >= self._depth)
 
     def _subscribe(self, topic: str) -> Subscription:
-        group = _OutOfWaitSet() if self.draining else None
+        group = OutOfWaitSet() if self.draining else None
         # rclpy's annotation leaves out callbacks that take the message info as well.
         collect: Any = self._collect
         return self._node.create_subscription(
@@ -208,40 +181,3 @@ class DrainedSubscription:
     def _collect(self, message: bytes, info: Info) -> None:
         self._collected.messages.append(message)
         self._collected.infos.append(info)
-
-    def _count_lost(self, numbers: Sequence[int]) -> tuple[int, int]:
-        """Numbers that were left out, and numbers that did not rise."""
-        if not numbers:
-            return 0, 0
-        first = numbers[0] - 1 if self._sequence is None else self._sequence
-        self._sequence = numbers[-1]
-        if numbers == list(range(first + 1, first + 1 + len(numbers))):
-            return 0, 0
-        steps = np.diff(np.array([first, *numbers], dtype=np.int64))
-        interleaved = int(np.count_nonzero(steps < 1))
-        if self.publishers > 1:
-            # Every publisher has numbers of its own: two of them cannot be told apart here.
-            return 0, interleaved
-        # A publisher that restarted counts from one again.
-        return int((steps[steps > 1] - 1).sum()), interleaved
-
-
-def drain(subscription: Subscription, msg_type: type, most: int) -> _Taken:
-    """Take what waits in the queue of the middleware, at most so many messages."""
-    messages: list[bytes] = []
-    infos: list[Info] = []
-    handle = subscription.handle
-    with handle:
-        take = handle.take_message
-        for _ in range(most):
-            item = take(msg_type, True)
-            if item is None:
-                break
-            message, info = item
-            messages.append(message)
-            infos.append(info)
-    if messages:
-        if not isinstance(messages[0], bytes):
-            raise TypeError('take_message did not return bytes')
-        infos[0]['received_timestamp']
-    return _Taken(messages, infos)

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a node: described, ranged, refused with a reason when they make no sense."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import difflib
 import os
 from pathlib import Path
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.rclpy_inside import given_parameters
 from imu_allan.node.settings import Setting, Value
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -102,7 +103,7 @@ def _leads_out(name: str, folder: str, start: str) -> str:
 
 def warn_of_unknown(node: Node) -> None:
     """Tell of parameters that were given to the node but that it does not have."""
-    given: Mapping[str, Any] = getattr(node, '_parameter_overrides', {})
+    given = given_parameters(node)
     names = list(node.list_parameters([], 0).names)
     for name in given:
         if not node.has_parameter(name) and not name.startswith('qos_overrides.'):

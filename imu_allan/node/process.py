@@ -29,8 +29,13 @@ ENOUGH_SHARED_BYTES = 8_000_000
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 
 
+STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
+            if hasattr(signal, name)]
+"""A terminal that is closed, as by an SSH session that drops, hangs up."""
+
+
 class StopRequest:
-    """Set by SIGINT or SIGTERM; what is under way is finished first."""
+    """Set by a signal of `STOPPING`; what is under way is finished first."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
@@ -130,8 +135,9 @@ def _do_without_shared_memory(program: str) -> None:
 def _told_to_stop(stop: StopRequest) -> Iterator[None]:
     # rclpy's own handlers raise KeyboardInterrupt wherever the program is, half-way through an
     # update too, and shut the context down before a last result can be published.
-    before = {number: signal.signal(number, stop.receive)
-              for number in (signal.SIGINT, signal.SIGTERM)}
+    # What is ignored from the start, as nohup has it for SIGHUP, is meant to be.
+    before = {number: signal.signal(number, stop.receive) for number in STOPPING
+              if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield
     finally:
@@ -141,9 +147,9 @@ def _told_to_stop(stop: StopRequest) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _ros(args: Sequence[str] | None) -> Iterator[None]:
+    from imu_allan.node.rclpy_inside import RCLError, UnknownROSArgsError
     import rclpy
     from rclpy.exceptions import ParameterException
-    from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
@@ -151,7 +157,7 @@ def _ros(args: Sequence[str] | None) -> Iterator[None]:
     try:
         rclpy.init(args=None if args is None else list(args),
                    signal_handler_options=SignalHandlerOptions.NO)
-    except (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError) as error:
+    except (RCLError, UnknownROSArgsError) as error:
         raise ImuAllanError(f'{_one_line(error)}; check the arguments after --ros-args and the '
                             'parameter file') from error
     try:

@@ -96,7 +96,7 @@ class Reports:
 
     def _see_reception(self, now: float, number: int, reception: Reception) -> None:
         facts, subscription = reception.facts, reception.subscription
-        facts.publishers = subscription.publishers
+        facts.publishers = reception.publishers()
         facts.silent_s = now - reception.last_message
         facts.received_hz = (facts.received - self._last_received[number]) / (now - self._last)
         if not facts.publishers:

@@ -5,22 +5,23 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 import json
+from pathlib import Path
 from typing import Any
 
 from imu_allan.characterization import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import State, UnusableState
 from imu_allan.node.imu_type import IMU
-from imu_allan.node.power_ons import PowerOns
-from imu_allan.node.replay import LoopWatch
 from imu_allan.node.run import Half, Lane, Run
+from imu_allan.node.same_imu import Known, Seen
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 from numpy.typing import NDArray
 
+BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 _KEY = 'node'
-_LOOP = 'loop/'
+_SEEN = 'seen/'
 
 
 @dataclass(frozen=True)
@@ -51,14 +52,14 @@ class Setup:
 
 def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
     """Give the arrays to save of a run."""
-    lanes = [{'power_ons': lane.power_ons.to_dict(),
+    lanes = [{'known': lane.known.to_plain(),
               'in_g': None if lane.unit is None else lane.unit.decision} for lane in run.lanes]
     about = json.dumps({'topic': setup.topics, 'options': asdict(setup.options),
-                        'messages': setup.messages, 'lanes': lanes})
+                        'messages': setup.messages, 'boot': boot_id(), 'lanes': lanes})
     return {**{f'{_prefix(number)}{key}': array for number, lane in enumerate(run.lanes)
                for key, array in {
                    **lane.characterization.to_state(),
-                   **{f'{_LOOP}{name}': kept for name, kept in _remembered(lane).items()},
+                   **{f'{_SEEN}{name}': kept for name, kept in _remembered(lane).items()},
                }.items()},
             _KEY: np.array(about)}
 
@@ -85,22 +86,25 @@ def unpack(state: State, setup: Setup) -> Run:
             raise UnusableState('settings', 'it was made with other parameters '
                                 f'({_difference(options, setup.options)})')
         lanes = [_lane(state, number, half, saved, setup) for number, ((_, half), saved)
-                 in enumerate(zip(setup.streams, about.get('lanes', [about]), strict=True))]
+                 in enumerate(zip(setup.streams, about['lanes'], strict=True))]
+        boot, before = boot_id(), about['boot']
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
         why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
         raise UnusableState('damaged', f'its arrays do not belong together ({why})') from error
     for number, lane in enumerate(lanes):
         try:
-            lane.characterization.break_run()
+            if boot and boot == before:
+                # Whoever starts a node again on the same boot has not switched the IMU off.
+                lane.characterization.break_run()
+            else:
+                lane.characterization.power_on()
         except ImuAllanError:
             # All that had come was of no use.
             lanes[number] = new_run(setup).lanes[number]
-    try:
-        for lane in lanes:
-            lane.power_ons = lane.power_ons.resumed(lane.characterization)
-    except (ImuAllanError, ValueError, TypeError, IndexError, ArithmeticError) as error:
-        raise UnusableState('damaged', f'its arrays do not belong together ({error})') from error
+        except (ValueError, TypeError, IndexError, ArithmeticError) as error:
+            raise UnusableState('damaged', f'its arrays do not belong together ({error})'
+                                ) from error
     return Run(*lanes)
 
 
@@ -116,20 +120,26 @@ def _lane(state: State, number: int, half: Half | None, about: Mapping[str, Any]
     prefix = _prefix(number)
     own = {key[len(prefix):]: array for key, array in state.items()
            if key != _KEY and key.startswith(prefix)}
-    # A state from before the unit was found out has its samples as they came.
-    in_g = about.get('in_g', False)
-    if in_g is not None:
-        in_g = bool(in_g)
-    return Lane(Characterization.from_state(own), PowerOns.from_dict(about['power_ons']), half,
-                AccelerationUnit(in_g) if setup.finds_unit else None,
-                LoopWatch.from_state({key[len(_LOOP):]: array for key, array in own.items()
-                                      if key.startswith(_LOOP)}))
+    in_g = about['in_g']
+    return Lane(Characterization.from_state(own), half,
+                AccelerationUnit(None if in_g is None else bool(in_g)) if setup.finds_unit
+                else None, Known.from_plain(about['known']),
+                Seen.from_state({key[len(_SEEN):]: array for key, array in own.items()
+                                 if key.startswith(_SEEN)}))
+
+
+def boot_id() -> str:
+    """Return what tells one boot of this computer from another; empty where nothing does."""
+    try:
+        return BOOT_ID.read_text().strip()
+    except OSError:
+        return ''
 
 
 def _remembered(lane: Lane) -> dict[str, NDArray[Any]]:
     """Give what the lane knows of messages that have come, if they are in the state."""
     waits = lane.unit is not None and lane.unit.waiting
-    return {} if waits else lane.loop.to_state()
+    return {} if waits else lane.seen.to_state()
 
 
 def _prefix(number: int) -> str:

@@ -11,10 +11,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import HalfResult, united
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
-from imu_allan.node.checkpoint import UnusableState
-from imu_allan.node.power_ons import boot_id, PowerOns
-from imu_allan.node.replay import LoopWatch
-from imu_allan.node.same_imu import ChangeWatch, Probation, Signature
+from imu_allan.node.same_imu import Known, Seen
 from imu_allan.node.sequential import SequentialLooks
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
@@ -36,7 +33,6 @@ class LaneSnapshot:
     """All that a lane had taken in at a moment."""
 
     characterization: Characterization
-    power_ons: PowerOns
     half: Half | None
     remarks: Sequence[Finding]
 
@@ -44,7 +40,7 @@ class LaneSnapshot:
         """Fit it: the result, and the fits of its axes."""
         result, fits = self.characterization.fitted(self.remarks, tested=tested)
         own = {name: fit for name, fit in fits.items() if name.startswith(self.half or '')}
-        return self.power_ons.entered(result, self.characterization), own
+        return result, own
 
 
 @dataclass(frozen=True)
@@ -95,20 +91,19 @@ class Lane:
     ----------
     characterization : Characterization
         New, or resumed.
-    power_ons : PowerOns, optional
-        Of a resumed one.
     half : {'gyro', 'accel'}, optional
         The sensor that is taken from the topic; both by default.
     unit : AccelerationUnit, optional
         Finds out the unit of the acceleration, where the user has not said it.
-    loop : LoopWatch, optional
+    known : Known, optional
+    seen : Seen, optional
         Of a resumed one.
 
     Attributes
     ----------
-    probation : Probation or None
-        Of a resumed one: messages are held back until it has passed.
-    loop : LoopWatch
+    known : Known
+        By what messages are told to be of this IMU.
+    seen : Seen
         Keeps out what has come before.
     fed : int
         Messages it has been given.
@@ -119,24 +114,28 @@ class Lane:
 
     """
 
-    def __init__(self, characterization: Characterization, power_ons: PowerOns | None = None,
-                 half: Half | None = None, unit: AccelerationUnit | None = None,
-                 loop: LoopWatch | None = None) -> None:
+    def __init__(self, characterization: Characterization, half: Half | None = None,
+                 unit: AccelerationUnit | None = None, known: Known | None = None,
+                 seen: Seen | None = None) -> None:
         self.characterization = characterization
-        self.power_ons = PowerOns(boot_id()) if power_ons is None else power_ons
         self.half: Half | None = half
         self.unit = unit
-        self.probation: Probation | None = None
+        self.known = Known() if known is None else known
+        self.seen = Seen() if seen is None else seen
         self.fed = 0
         self.stamp_ns = 0
         self.error = ''
-        self.loop = LoopWatch() if loop is None else loop
-        self._change = ChangeWatch(Signature())
 
     @property
     def looping(self) -> bool:
         """Whether the messages that come now have come before."""
-        return self.loop.looping
+        return self.seen.looping
+
+    @property
+    def span_s(self) -> float:
+        """Time that it holds samples of; 0 where their rate is not known."""
+        timeline = self.characterization.summary().timeline
+        return timeline.samples / timeline.sample_rate_hz if timeline.sample_rate_hz else 0.0
 
     def snapshot(self) -> LaneSnapshot:
         """Return an independent copy, with the messages that wait for their unit."""
@@ -144,17 +143,19 @@ class Lane:
         if self.unit is not None:
             for block in self.unit.waiting:
                 self._pass_on(block, copy)
-        return LaneSnapshot(copy, self.power_ons, self.half,
-                            [] if self.unit is None else self.unit.remarks)
+        return LaneSnapshot(copy, self.half, [] if self.unit is None else self.unit.remarks)
 
-    def learn(self, result: Result) -> None:
-        """Remember what a fit of this lane has told about the messages."""
-        self._change.signature = Signature(
-            result.source.frame_id, result.timeline.sample_rate_hz, result.source.clock)
+    def power_on(self) -> None:
+        """Keep the mean of what comes apart from that of what has come."""
+        try:
+            self.characterization.power_on()
+        except ImuAllanError as error:
+            self.error = str(error)
 
     def update(self, blocks: Sequence[ImuBlock]) -> None:
         """Take in messages; those that the timeline cannot use are told of in `error`."""
-        blocks = self.loop.unseen(blocks)
+        self.known.see(blocks)
+        blocks = self.seen.unseen(blocks)
         if blocks:
             self.error = ''
         for block in blocks:
@@ -168,11 +169,6 @@ class Lane:
             to.update(block if self.half is None else block.only(self.half))
         except ImuAllanError as error:
             self.error = str(error)
-
-    def changed(self, blocks: Sequence[ImuBlock]) -> tuple[UnusableState, list[ImuBlock]] | None:
-        """Tell of a change of rate or frame_id that has lasted, with the messages since."""
-        verdict = self._change.look(blocks)
-        return None if verdict is None else (verdict, self._change.changed)
 
 
 class Run:
@@ -220,9 +216,9 @@ class Run:
         return max(lane.stamp_ns for lane in self.lanes)
 
     @property
-    def on_probation(self) -> bool:
-        """Whether all messages are held back until they show the IMU of the state file."""
-        return all(lane.probation is not None for lane in self.lanes)
+    def span_s(self) -> float:
+        """Time that it holds samples of."""
+        return max(lane.span_s for lane in self.lanes)
 
     @property
     def backtests(self) -> Backtests | None:
@@ -247,7 +243,7 @@ class Run:
         """
         self.duration_s = max(result.timeline.duration_s for result in results)
         for lane, result in zip(self.lanes, results, strict=True):
-            lane.learn(result)
+            lane.known.learn(result.source)
         if tested_at is not None:
             self._tested = tested_at
             self._backtests = {name: axis.backtest for result in results

@@ -1,193 +1,316 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether the messages that come are still those of the IMU that the run is about.
+Whether messages are those of the IMU that a run is about, or have come before.
 
-Asked after a resume, when the first messages are held back until they have shown it, and all the
-time, when the rate or the frame_id may change for good.
+An IMU is known by its frame_id, by the rate of its messages and, where another publisher sends
+them, by the level of its noise.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
-from imu_allan.timeline import TimelineSummary
+from imu_allan.recordings.same_recording import is_kept
+from imu_allan.result import Source
 from imu_allan.timeline.pace import measure_pace
 import numpy as np
+from numpy.typing import NDArray
 
-_SAME_RATE = 0.05
-"""Relative difference of two rates that jitter over the probation can make."""
+Floats = NDArray[np.float64]
+
+SAME_RATE = 0.02
+"""Relative difference of rates beyond which the timeline leaves messages out."""
 _OTHER_RATE = 0.3
 """Relative difference that jitter cannot make: one between the two wants a longer look."""
-PROBATION_S = 2.0
-"""At 100 Hz 200 messages, which tell a rate to far less than `_SAME_RATE`; all wait so long."""
-LONGEST_PROBATION_S = 10.0
+LOOK_S = 2.0
+"""At 100 Hz 200 messages, which tell another IMU in most cases; all of them wait so long."""
+LONGEST_LOOK_S = 10.0
 """Jitter has averaged out by then: the rate counts as it is."""
-LASTING_S = 10.0
-"""A driver that is reconfigured settles in less; so long a change is no hiccup."""
-_FEWEST_MESSAGES = 16
-"""A jitter of half an interval moves the rate of 16 messages by 5 %, which is `_SAME_RATE`."""
+FEWEST_MESSAGES = 16
+"""A jitter of half an interval moves the rate of 16 messages by 5 %."""
 _MOST_MESSAGES = 20_000
 """10 s at 2 kHz, 1.3 MB; a faster sensor is told by as many messages sooner."""
+_SAME_LEVEL = 0.1
+"""Relative difference of the noise of one sensor from one day to another. A judgment."""
+_SURE, _SUSPECT = 5.0, 2.0
+"""Standard errors of a difference of levels: it is one, or wants a longer look."""
+_GROUP = 64
+"""Samples whose level is one number: chance moves it by a tenth."""
+_GROUPS = 64
+"""Groups that are remembered: 20 s at 200 Hz."""
+_AT_REST = 1.5
+"""Groups louder than the calm ones by more are of a sensor that is moved, or knocked."""
+_FIRST = 8
+"""Samples that are remembered from the start: a repetition is seen at once."""
+_MOST = 2048
+"""Samples that are remembered in all, 110 kB, chosen by their stamps: of a repetition whose start
+got lost one of the next few is among them, a hundred of a day at 100 Hz thousands later."""
+_SHORTEST_NS = 1_000_000_000
+"""A recording is longer; stamps that stand still are another fault."""
+_ARRAYS = ('stamps', 'samples', 'counts')
 
 
-@dataclass(frozen=True)
-class Signature:
+class Known:
     """
-    What tells one IMU from another.
+    What is known of an IMU by its messages.
 
     Attributes
     ----------
-    frame_id : str or None
+    frame_id, clock : str or None
+        The clock is the one by whose stamps the rate is measured.
     rate_hz : float or None
-    clock : str or None
-        Stamps that the rate was measured by.
+        Of messages: of a sensor that is polled they are more than samples.
 
     """
 
-    frame_id: str | None = None
-    rate_hz: float | None = None
-    clock: str | None = None
+    def __init__(self) -> None:
+        self.frame_id: str | None = None
+        self.clock: str | None = None
+        self.rate_hz: float | None = None
+        self._levels = np.empty((0, 6))
+        self._recent: list[ImuBlock] = []
+        self._is_sure = False
 
-    @classmethod
-    def of(cls, summary: TimelineSummary) -> 'Signature':
-        """Take it from what was seen of a run."""
-        return cls(summary.frame_id, summary.timeline.sample_rate_hz, summary.clock)
+    def see(self, blocks: Sequence[ImuBlock]) -> None:
+        """Take in messages that are of this IMU."""
+        if self.frame_id is None:
+            self.frame_id = blocks[0].frame_id
+        own = [block for block in blocks if block.frame_id == self.frame_id]
+        if own:
+            self._levels = np.concatenate([self._levels, _levels(own)])[-_GROUPS:]
+            self._recent += own
+        while len(self._recent) > 1 and (messages(self._recent) > _MOST_MESSAGES
+                                         or self.lasted_s(self._recent[1:]) > LONGEST_LOOK_S):
+            self._recent.pop(0)
 
-    def departure(self, blocks: Sequence[ImuBlock]) -> UnusableState | None:
+    def learn(self, source: Source) -> None:
+        """Take from a result by which stamps, and measure the rate until that is sure."""
+        if source.clock is None:
+            return
+        if source.clock != self.clock:
+            self._is_sure = False
+        self.clock = source.clock
+        if not self._is_sure and (rate := self.measured_hz(self._recent)):
+            self.rate_hz = rate
+            self._is_sure = (messages(self._recent) >= _MOST_MESSAGES // 2
+                             or self.lasted_s(self._recent) > 0.9 * LONGEST_LOOK_S)
+
+    def like(self, blocks: Sequence[ImuBlock]) -> 'Known':
+        """Tell what is known of another IMU by its first messages."""
+        other = Known()
+        other.clock = self.clock
+        other.frame_id = blocks[-1].frame_id
+        other.rate_hz = other.measured_hz(blocks) or None
+        return other
+
+    def looks_other(self, blocks: Sequence[ImuBlock]) -> bool:
+        """Tell, cheaply where nothing is wrong, whether the next messages want a look."""
+        if self.frame_id is None or not blocks:
+            return False
+        if all(block.frame_id != self.frame_id for block in blocks):
+            return True
+        if any(block.frame_id != self.frame_id for block in blocks) or not self.rate_hz:
+            # What is of the other frame_id says nothing about the rate.
+            return False
+        for some in (blocks, [*self._recent, *blocks]):
+            stamps = self._stamps(some)
+            if len(stamps) < FEWEST_MESSAGES:
+                continue
+            span_s = float(stamps[-1] - stamps[0]) * 1e-9
+            counted = (len(stamps) - 1) / span_s if span_s > 0 else 0.0
+            # Of few messages jitter moves the rate.
+            allowed = SAME_RATE + 4 / len(stamps)
+            if (abs(counted / self.rate_hz - 1) > allowed
+                    and self._rate_difference(some) > allowed):
+                return True
+        return False
+
+    def departure(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> UnusableState | None:
         """Tell why messages are not of this IMU; None if they may be."""
-        frame_id = blocks[-1].frame_id if blocks else self.frame_id
-        if self.frame_id is not None and frame_id != self.frame_id:
+        frame_id = blocks[-1].frame_id
+        if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
             return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
                                  f'the messages now have {frame_id!r}')
-        if self.rate_difference(blocks) > _SAME_RATE:
+        if self._rate_difference(blocks) > SAME_RATE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
+        ratio = self._level_ratio(blocks, _SURE) if by_level else None
+        if ratio is not None:
+            return UnusableState('noise', 'another publisher sends messages whose noise is '
+                                 f'{ratio:.2f} times as large, as another sensor would')
         return None
 
-    def rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
-        """Relative difference of the rates; 0 where one is unknown."""
-        measured = self.measured_hz(blocks)
-        return abs(measured / self.rate_hz - 1) if measured and self.rate_hz else 0.0
+    def wants_longer_look(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> bool:
+        """Whether chance may have made a difference, or hidden one."""
+        return (0.4 * SAME_RATE < self._rate_difference(blocks) < _OTHER_RATE
+                or (by_level and self._level_ratio(blocks, _SUSPECT) is not None))
+
+    def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:
+        """Time that messages span, by their stamps or their receipt."""
+        if not blocks:
+            return 0.0
+        return max(float(last - first) * 1e-9 for first, last in (
+            (blocks[0].receive_ns[0], blocks[-1].receive_ns[-1]),
+            (self._stamps(blocks[:1])[0], self._stamps(blocks[-1:])[-1])))
 
     def measured_hz(self, blocks: Sequence[ImuBlock]) -> float:
-        """Rate of messages by the clock of the run; 0 where there are too few."""
-        stamps = self.stamps(blocks)
-        pace = measure_pace(np.sort(np.concatenate(stamps))) if stamps else None
+        """Rate of messages by the clock; 0 where there are too few."""
+        # A message that comes twice is one.
+        stamps = np.unique(self._stamps(blocks)) if blocks else np.empty(0, np.int64)
+        pace = measure_pace(stamps) if len(stamps) >= FEWEST_MESSAGES else None
         return 1e9 / pace.interval_ns if pace is not None and pace.interval_ns > 0 else 0.0
 
-    def stamps(self, blocks: Sequence[ImuBlock]) -> list['np.typing.NDArray[np.int64]']:
-        """Stamps of messages by the clock of the run."""
-        return [block.receive_ns if self.clock == 'receive' else block.header_ns
-                for block in blocks]
+    def _rate_difference(self, blocks: Sequence[ImuBlock]) -> float:
+        measured = self.measured_hz(blocks) if self.rate_hz else 0.0
+        return abs(measured / self.rate_hz - 1) if measured and self.rate_hz else 0.0
+
+    def _level_ratio(self, blocks: Sequence[ImuBlock], sure: float) -> float | None:
+        """Ratio of the noise to that known, where they differ by so many standard errors."""
+        found: float | None = None
+        for axis, groups in enumerate(_levels(blocks).T):
+            (before, error_before), (now, error_now) = map(_calm, (self._levels[:, axis], groups))
+            apart = abs(now - before)
+            if (before > 0 and apart > _SAME_LEVEL * before
+                    and apart > sure * np.hypot(error_before, error_now)
+                    and (found is None or apart > abs(found - 1) * before)):
+                found = now / before
+        return found
+
+    def _stamps(self, blocks: Sequence[ImuBlock]) -> NDArray[np.int64]:
+        return np.concatenate([block.receive_ns if self.clock == 'receive' else block.header_ns
+                               for block in blocks])
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return what JSON can hold of it."""
+        return {'frame_id': self.frame_id, 'clock': self.clock, 'rate_hz': self.rate_hz,
+                'is_sure': self._is_sure, 'levels': np.nan_to_num(self._levels).tolist()}
+
+    @classmethod
+    def from_plain(cls, plain: Mapping[str, Any]) -> 'Known':
+        """Go on from `to_plain`; KeyError, TypeError or ValueError if it is none of it."""
+        known = cls()
+        known.frame_id, known.clock = plain['frame_id'], plain['clock']
+        known.rate_hz = None if plain['rate_hz'] is None else float(plain['rate_hz'])
+        known._is_sure = bool(plain['is_sure'])
+        known._levels = np.array(plain['levels'], np.float64).reshape(-1, 6)[-_GROUPS:]
+        return known
 
 
-class Probation:
+class Seen:
     """
-    The first messages after a resume, held back.
+    Samples that have come, so that a recording that is played in a loop counts once.
 
-    Parameters
-    ----------
-    signature : Signature
-        Of the run to go on with.
-    seconds : float, optional
-        How long to look.
-
+    The same samples twice would make intervals narrower than the data allow.
     """
 
-    def __init__(self, signature: Signature, seconds: float = PROBATION_S) -> None:
-        self._seconds = seconds
-        self._signature = signature
-        self.blocks: list[ImuBlock] = []
+    def __init__(self) -> None:
+        self._stamps = np.empty(0, np.int64)
+        self._samples = np.empty((0, 6))
+        self._bits = 0
+        self._last_ns = 0
+        self.looping = False
+        """Whether the samples that come now have come before."""
 
-    def hold(self, blocks: Sequence[ImuBlock]) -> None:
-        """Add messages to those held back."""
-        self.blocks += blocks
+    def unseen(self, blocks: Sequence[ImuBlock]) -> list[ImuBlock]:
+        """Give the samples of these blocks that are no repetition."""
+        passed = []
+        for block in blocks:
+            if self.looping or self._begins_again(block):
+                new = block.header_ns > self._last_ns
+                self.looping = not new.any()
+                block = block.part(new)
+            if len(block):
+                self._remember(block)
+                self._last_ns = max(self._last_ns, int(block.header_ns.max()))
+                passed.append(block)
+        return passed
 
-    @property
-    def complete(self) -> bool:
-        """Whether enough has come to tell."""
-        if _messages(self.blocks) >= _MOST_MESSAGES:
-            return True
-        if self.hopeless or self._lasted_s < self._seconds:
+    def _remember(self, block: ImuBlock) -> None:
+        fresh = block.header_ns > self._last_ns
+        kept = fresh & is_kept(block.header_ns, self._bits)
+        kept |= fresh & (np.cumsum(fresh) + len(self._stamps) <= _FIRST)
+        if not kept.any():
+            return
+        self._stamps = np.append(self._stamps, block.header_ns[kept])
+        self._samples = np.concatenate([self._samples, block.samples[kept]])
+        while len(self._stamps) > _MOST:
+            self._bits += 1
+            kept = is_kept(self._stamps, self._bits)
+            kept[:_FIRST] = True
+            self._stamps, self._samples = self._stamps[kept], self._samples[kept]
+
+    def _begins_again(self, block: ImuBlock) -> bool:
+        if not len(self._stamps) or self._last_ns - int(self._stamps[0]) < _SHORTEST_NS:
             return False
-        return self._lasted_s >= LONGEST_PROBATION_S or not (
-            _SAME_RATE < self._signature.rate_difference(self.blocks) < _OTHER_RATE)
-
-    @property
-    def hopeless(self) -> bool:
-        """Whether there is too little to tell anything."""
-        return _messages(self.blocks) < _FEWEST_MESSAGES
-
-    def verdict(self) -> UnusableState | None:
-        """Tell why the run cannot be gone on with; None if it can."""
-        return self._signature.departure(self.blocks)
-
-    @property
-    def _lasted_s(self) -> float:
-        return float(self.blocks[-1].receive_ns[-1] - self.blocks[0].receive_ns[0]) * 1e-9
-
-
-class ChangeWatch:
-    """
-    Looks for a rate or frame_id that changes for good while the node runs.
-
-    Parameters
-    ----------
-    signature : Signature
-        Of the run.
-
-    """
-
-    def __init__(self, signature: Signature) -> None:
-        self.signature = signature
-        self.changed: list[ImuBlock] = []
-
-    def look(self, blocks: Sequence[ImuBlock]) -> UnusableState | None:
-        """Look at the next messages; tell of a change once it has lasted, with its messages."""
-        if _messages(blocks) < _FEWEST_MESSAGES and not self.changed:
-            return None
-        if not self._departs(blocks):
-            self.changed = []
-            return None
-        self.changed += blocks
-        while _messages(self.changed) > _MOST_MESSAGES and len(self.changed) > 1:
-            self.changed.pop(0)
-        if not self._lasted():
-            return None
-        return self.signature.departure(self.changed)
-
-    def _departs(self, blocks: Sequence[ImuBlock]) -> bool:
-        known = self.signature.frame_id
-        if known is not None and blocks and all(block.frame_id != known for block in blocks):
-            return True
-        if any(block.frame_id != known for block in blocks):
-            # Two publishers: what is of the other frame_id says nothing about the rate.
+        back = block.header_ns < self._last_ns
+        if not back.any():
             return False
-        if _messages(blocks) < _FEWEST_MESSAGES:
-            return bool(self.changed)
-        return not self._as_many_as_expected(blocks) and (
-            self.signature.rate_difference(blocks) > _SAME_RATE)
+        for row in np.flatnonzero(back & np.isin(block.header_ns, self._stamps)):
+            same = self._samples[self._stamps == block.header_ns[row]]
+            # An axis that is absent is NaN, which equals nothing.
+            if any(np.array_equal(sample, block.samples[row], equal_nan=True) for sample in same):
+                return True
+        return False
 
-    def _as_many_as_expected(self, blocks: Sequence[ImuBlock]) -> bool:
-        """Tell whether number and time span give the rate, as they nearly always do: cheaply."""
-        if not self.signature.rate_hz:
-            return True
-        stamps = self.signature.stamps(blocks)
-        span_s = float(stamps[-1][-1] - stamps[0][0]) * 1e-9
-        counted = (_messages(blocks) - 1) / span_s if span_s > 0 else 0.0
-        return abs(counted / self.signature.rate_hz - 1) < _SAME_RATE
+    def to_state(self) -> dict[str, NDArray[Any]]:
+        """Return what is remembered, as plain arrays."""
+        return dict(zip(_ARRAYS, (self._stamps, self._samples,
+                                  np.array([self._bits, self._last_ns])), strict=True))
 
-    def _lasted(self) -> bool:
-        """Whether the changed messages go on for `LASTING_S`, by their stamps and their number."""
-        stamps = np.concatenate(self.signature.stamps(self.changed))
-        lasted = float(stamps.max() - stamps.min()) * 1e-9
-        wanted = 0.5 * LASTING_S * self.signature.measured_hz(self.changed)
-        count = len(stamps)
-        return count >= _MOST_MESSAGES or (
-            lasted >= LASTING_S and count >= max(wanted, _FEWEST_MESSAGES))
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'Seen':
+        """
+        Go on from `to_state`; from nothing as from the start.
+
+        Raises
+        ------
+        ValueError
+            If the arrays are none of it.
+
+        """
+        self = cls()
+        if not state:
+            return self
+        stamps, samples, counts = (state.get(name, np.empty(0)) for name in _ARRAYS)
+        if (stamps.dtype != np.int64 or counts.dtype != np.int64 or samples.dtype != np.float64
+                or stamps.ndim != 1 or samples.shape != (len(stamps), 6) or counts.shape != (2,)
+                or len(stamps) > _MOST or not 0 <= counts[0] < 64 or counts[1] < 0):
+            raise ValueError('what is remembered of earlier samples is damaged')
+        self._stamps, self._samples = stamps, samples
+        self._bits, self._last_ns = counts.tolist()
+        return self
 
 
-def _messages(blocks: Sequence[ImuBlock]) -> int:
+def messages(blocks: Sequence[ImuBlock]) -> int:
+    """How many messages there are."""
     return sum(len(block) for block in blocks)
+
+
+def is_enough(known: Known, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool) -> bool:
+    """Whether so many messages tell if they are of an IMU."""
+    count, lasted = messages(blocks), known.lasted_s(blocks)
+    if count >= _MOST_MESSAGES:
+        return True
+    if count < FEWEST_MESSAGES or lasted < seconds:
+        return False
+    return lasted >= LONGEST_LOOK_S or not known.wants_longer_look(blocks, by_level=by_level)
+
+
+def _levels(blocks: Sequence[ImuBlock]) -> Floats:
+    """Mean step from one sample to the next, of every axis in groups of 64, shape (g, 6)."""
+    samples = np.concatenate([block.samples for block in blocks])
+    with np.errstate(over='ignore', invalid='ignore'):
+        steps = np.abs(np.diff(samples, axis=0))
+        whole = len(steps) // _GROUP * _GROUP
+        return np.asarray(steps[:whole].reshape(-1, _GROUP, 6).mean(axis=1))
+
+
+def _calm(groups: Floats) -> tuple[float, float]:
+    """Mean of the levels at rest and its standard error; infinite where they are too few."""
+    groups = groups[np.isfinite(groups) & (groups > 0)]
+    if len(groups) < 4:
+        return 0.0, np.inf
+    calm = groups[groups < _AT_REST * np.percentile(groups, 10)]
+    return float(calm.mean()), float(calm.std() / np.sqrt(max(len(calm) - 1, 1)))

@@ -13,6 +13,8 @@ Value = str | int | float | bool | Sequence[str]
 
 DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
 """Beside the logs of ROS, which belong to the same user."""
+DEFAULT_STATE_FILE = '$ROS_HOME/imu_allan/<name>.state'
+"""Of the fully qualified name of the node; without ROS_HOME in ~/.ros."""
 _LONGEST_TEXT = 1000
 """Characters; a path or a topic has fewer, and whoever is on the network may set parameters."""
 _MOST_TEXTS = 100
@@ -83,8 +85,8 @@ SETTINGS = (
     Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder in which ~/save and the end of the node '
             'write; every run gets a folder of its own in it; while the node runs, it can be '
             'changed to folders below', may_be_empty=False, below_start=True),
-    Setting('state_file', '', 'File that keeps what was learnt over a crash or a reboot; empty '
-            'keeps nothing', read_only=True),
+    Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps what was learnt over every '
+            'restart; by default over a crash alone; empty keeps nothing', read_only=True),
     Setting('checkpoint_period', 60.0, 'At most so many seconds of samples are lost in a crash',
             1.0, 86_400.0),
     Setting('motion', 'exclude', 'What to do with knocks and motion', choices=('exclude', 'keep'),

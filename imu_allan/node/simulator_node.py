@@ -10,6 +10,7 @@ from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
+from imu_allan.node.rclpy_inside import RCLError
 from imu_allan.node.settings import SIMULATOR_SETTINGS
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.noise_model import load_model
@@ -18,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -151,7 +151,7 @@ class SimulatorNode(Node):
                 try:
                     self._publisher.publish(message)
                     break
-                except rclpy_implementation.RCLError:
+                except RCLError:
                     if not self.context.ok():
                         raise
                     # The queue of a writer that keeps all is full: it has waited 0.1 s already.

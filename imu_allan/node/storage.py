@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+import os
 from pathlib import Path
+import re
 import time
 from typing import Any
 
@@ -17,7 +19,7 @@ from imu_allan.node.log import Log
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Run, Snapshot
 from imu_allan.node.run_folder import claimed, other_folders, run_folder, try_folder
-from imu_allan.node.same_imu import Probation, PROBATION_S, Signature
+from imu_allan.node.settings import DEFAULT_STATE_FILE
 from imu_allan.node.worker import Worker
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
@@ -74,10 +76,13 @@ class Storage:
         self._worker = worker
         self._facts = facts
         self._log = log
-        self._state_file = StateFile(values['state_file']) if values['state_file'] else None
+        self._unasked = values['state_file'] == DEFAULT_STATE_FILE
+        self._state_file = self._opened(values['state_file'])
+        facts.state_file = '' if self._state_file is None else str(self._state_file.path)
         self._output_dir: str = values['output_dir']
         self.checkpoint_period: float = values['checkpoint_period']
         self.export_for: list[str] = list(values['export_for'])
+        self.has_resumed = False
         self._next_save: _NextSave | None = None
         self._saved_at: float | None = None
         self._last_checkpoint = time.monotonic()
@@ -94,6 +99,20 @@ class Storage:
 
     # -- the state file -------------------------------------------------------------------------
 
+    def _opened(self, path: str) -> StateFile | None:
+        if not path:
+            return None
+        if not self._unasked:
+            return StateFile(path)
+        name = re.sub(r'[^A-Za-z0-9_]+', '.', self._node_name.strip('/'))
+        try:
+            return StateFile(Path(os.environ.get('ROS_HOME') or '~/.ros') / 'imu_allan'
+                             / f'{name}.state')
+        except ImuAllanError as error:
+            # Nobody has asked for it.
+            self._log.warning(f'nothing is kept over a crash: {error}', 'no state', 0.0)
+            return None
+
     def first_run(self) -> Run:
         """Begin with the run of the state file, or with a new one."""
         if self._state_file is None:
@@ -106,14 +125,13 @@ class Storage:
         except UnusableState as error:
             self._note_aside(error, self._state_file.keep_aside(error.reason))
             return new_run(self._setup)
-        summaries = [lane.characterization.summary() for lane in run.lanes]
-        longest_s = max(summary.timeline.duration_s for summary in summaries)
+        longest_s = max(lane.characterization.summary().timeline.duration_s for lane in run.lanes)
+        self.has_resumed = True
         self._facts.resumed = f'resumed {duration(longest_s)} of data from {self._state_file.path}'
+        if self._unasked:
+            self._facts.resumed += (', of a run that has ended without saving; call ~/reset to '
+                                    'begin anew')
         self._log.info(self._facts.resumed)
-        for lane, summary in zip(run.lanes, summaries, strict=True):
-            # Held back means lost in a crash: no more than half of what may be lost.
-            lane.probation = Probation(Signature.of(summary),
-                                       min(PROBATION_S, self.checkpoint_period / 2))
         return run
 
     def keep_aside(self, run: Run, verdict: UnusableState) -> None:
@@ -147,13 +165,16 @@ class Storage:
 
     def forget_resumed(self) -> None:
         """Tell no longer of what the run was resumed from: the user has begun another."""
-        self._facts.resumed = ''
+        self._facts.resumed, self.has_resumed = '', False
 
     def _note_aside(self, unusable: UnusableState, aside: Path) -> None:
         assert self._state_file is not None
         self._facts.resumed = (f'a new run: {self._state_file.path} could not be resumed from, '
                                f'{unusable}; it is kept as {aside.name}')
         self._log.warning(self._facts.resumed, 'aside', 0.0)
+        if removed := self._state_file.thin_out():
+            self._log.warning('removed the oldest states that were kept aside: '
+                              f'{", ".join(removed)}', 'removed', 0.0)
 
     def hurry(self) -> None:
         """Let the next checkpoint be due at once."""
@@ -164,7 +185,7 @@ class Storage:
         period = self.checkpoint_period
         # Sooner than the period, so that a sample is not older when its checkpoint is on the disk.
         due = now - self._last_checkpoint >= max(period / 3, period - 2.0)
-        return (self.keeps_state and due and not run.on_probation and run.fed != run.checkpointed
+        return (self.keeps_state and due and run.fed != run.checkpointed
                 and not self._worker.under_way('checkpoint'))
 
     def checkpoint(self, run: Run) -> 'Future[int]':
@@ -270,7 +291,7 @@ class Storage:
         What fails is told by the worker, as of any save.
 
         """
-        if not run.fed:
+        if not run.fed and not (self._unasked and self.has_resumed):
             return True
         try:
             self.save(run).result()
@@ -285,3 +306,8 @@ class Storage:
                     break
             return False
         return True
+
+    def finish_run(self) -> None:
+        """Leave no state that nobody has asked for: the run has ended, and its files are saved."""
+        if self._unasked and self._state_file is not None:
+            self._state_file.remove()

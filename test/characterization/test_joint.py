@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 from imu_allan import characterize, simulate
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import joint_result, turn_on_bias, with_between
+from imu_allan.characterization.joint import joint_result, with_between
+from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.simulate import flicker
 from imu_allan.noise.terms import AXES

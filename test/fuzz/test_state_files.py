@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 import pytest
 
 checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
-same_imu = pytest.importorskip('imu_allan.node.same_imu')
 resuming = pytest.importorskip('imu_allan.node.resuming')
 Run = pytest.importorskip('imu_allan.node.run').Run
 Lane = pytest.importorskip('imu_allan.node.run').Lane
-power_ons = pytest.importorskip('imu_allan.node.power_ons')
 
 MODEL = parse_model('gyro: {noise_density: 0.3 deg/sqrt(h)}\n'
                     'accel: {noise_density: 150 ug/sqrt(Hz)}')
@@ -33,11 +31,12 @@ def blocks(count: int, start_ns: int) -> list[ImuBlock]:
 
 
 def saved_state() -> dict[str, NDArray[Any]]:
-    run = Run(Lane(Characterization(kind='topic', path=None, topic='/imu', options=SETUP.options),
-                   power_ons.PowerOns('an earlier boot', (
-                       power_ons.Mark(1000, {'gyro_x': 0.0}, 0.0),))))
-    for block in blocks(4000, 10**18):
-        run.lanes[0].characterization.update(block)
+    run = Run(Lane(Characterization(kind='topic', path=None, topic='/imu',
+                                    options=SETUP.options)))
+    for start in (10**18 - 100 * 10**9, 10**18):
+        run.lanes[0].power_on()
+        for block in blocks(4000, start):
+            run.lanes[0].update([block])
     state: dict[str, NDArray[Any]] = resuming.pack(run, SETUP)
     return state
 
@@ -84,12 +83,12 @@ def resumed(content: bytes) -> bool:
     """Go on with a state as the node does; False if it is refused."""
     try:
         run = resuming.unpack(checkpoint.decode_state(content), SETUP)
-        same_imu.Probation(same_imu.Signature.of(run.lanes[0].characterization.summary()))
+        run.lanes[0].known.departure(MORE, by_level=True)
     except checkpoint.UnusableState as error:
         assert error.reason in ('damaged', 'foreign', 'newer', 'topic', 'settings')
         return False
     for block in MORE:
-        run.lanes[0].characterization.update(block)
+        run.lanes[0].update([block])
     run.snapshot().result().to_json()
     checkpoint.encode_state(resuming.pack(run, SETUP))
     return True

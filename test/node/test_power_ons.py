@@ -9,9 +9,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.node import power_ons
+from imu_allan.characterization.power_ons import PowerOns
+from imu_allan.node import resuming
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.power_ons import PowerOns
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
 from imu_allan.node.run import Lane, Run
 from imu_allan.noise.random_effects import random_effects
@@ -31,7 +31,7 @@ SAMPLES = 4000
 def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     path = tmp_path / 'boot_id'
     path.write_text('first\n')
-    monkeypatch.setattr(power_ons, 'BOOT_ID', path)
+    monkeypatch.setattr(resuming, 'BOOT_ID', path)
     return path
 
 
@@ -48,9 +48,18 @@ def feed(run: Run, mean: float, seed: int, count: int = SAMPLES, most: float = n
     return float(np.nanmean(samples[:, 0]))
 
 
-def resumed(run: Run) -> Run:
-    """Go through the state file, as a node that is started again does."""
-    return unpack(decode_state(encode_state(pack(run, SETUP))), SETUP)
+def ended(run: Run) -> list[Any]:
+    """Give what is noted of the power-ons that have ended."""
+    state = run.lanes[0].characterization.to_state()
+    return list(json.loads(str(state['about']))['power_ons'])
+
+
+def resumed(run: Run, boot: Path, name: str = '') -> Run:
+    """Go through the state file, as a node that is started again does, after a boot if named."""
+    content = encode_state(pack(run, SETUP))
+    if name:
+        boot.write_text(name)
+    return unpack(decode_state(content), SETUP)
 
 
 def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path) -> None:
@@ -59,8 +68,7 @@ def test_means_of_every_boot_make_the_turn_on_bias_and_no_random_walk(boot: Path
     means = []
     for number, bias in enumerate(biases):
         if number:
-            boot.write_text(f'boot {number}')
-            run = resumed(run)
+            run = resumed(run, boot, f'boot {number}')
         means.append(feed(run, bias, number))
     result = run.snapshot().result()
     found = result.turn_on_bias['gyro_x']
@@ -81,14 +89,14 @@ def test_a_node_that_is_started_again_on_the_same_boot_goes_on_with_the_power_on
         boot: Path) -> None:
     run = new_run(SETUP)
     feed(run, 0.0, 0)
-    run = resumed(run)
+    run = resumed(run, boot)
     feed(run, 0.1, 1)
     assert run.snapshot().result().turn_on_bias == {}
     # A computer that cannot tell its boots counts every start.
     boot.unlink()
     for _ in range(2):
-        run = resumed(run)
-    assert len(run.lanes[0].power_ons.ended) == 2
+        run = resumed(run, boot)
+    assert len(ended(run)) == 2
 
 
 def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
@@ -96,9 +104,8 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
     for number in range(4):
         feed(run, 0.05 * number, number)
         for pause in 'ab':
-            boot.write_text(f'{number} {pause}')
-            run = resumed(run)
-    assert len(run.lanes[0].power_ons.ended) == 8
+            run = resumed(run, boot, f'{number} {pause}')
+    assert len(ended(run)) == 8
     assert run.snapshot().result().turn_on_bias['gyro_x'].sigma == pytest.approx(
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
@@ -108,8 +115,7 @@ def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: in
     run = new_run(SETUP)
     for number in range(4):
         if number:
-            boot.write_text(f'boot {number}')
-            run = resumed(run)
+            run = resumed(run, boot, f'boot {number}')
         if number == cut_off:
             # Two fifths of it stand at the limit, but less than a hundredth of the run.
             feed(run, 0.5, number, count=int(12 * RATE_HZ), most=0.5 + 0.25 * SIGMA)
@@ -127,8 +133,7 @@ def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int
     means = []
     for number in range(4):
         if number:
-            boot.write_text(f'boot {number}')
-            run = resumed(run)
+            run = resumed(run, boot, f'boot {number}')
         means.append(feed(run, 0.1 * number, number, without=100 if number == hole else 0))
     result = run.snapshot().result()
     assert list(result.turn_on_bias) == list(result.axes) == list(AXES)
@@ -136,41 +141,27 @@ def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int
     assert result.turn_on_bias['accel_x'].sigma < 0.01
 
 
-def test_power_ons_of_a_state_without_ends_are_read(boot: Path) -> None:
-    run = new_run(SETUP)
-    for number in range(3):
-        if number:
-            boot.write_text(f'boot {number}')
-            run = resumed(run)
-        feed(run, 0.1 * number, number)
-    found = run.lanes[0].power_ons
-    document = found.to_dict()
-    for mark in document['ended']:
-        del mark['ends'], mark['cut_off'], mark['samples_of']
-    old = PowerOns.from_dict(json.loads(json.dumps(document)))
-    characterization = run.lanes[0].characterization
-    result = characterization.result()
-    assert old.entered(result, characterization) == found.entered(result, characterization)
+WHOLE = {'samples': 3, 'means': {}, 'first': 0, 'ends': {}, 'cut_off': [], 'samples_of': {}}
 
 
 @pytest.mark.parametrize('document', [
-    {}, {'boot': 'a', 'ended': 3}, {'boot': 'a', 'ended': [{}]},
-    {'boot': 'a', 'ended': [{'samples': 'many', 'means': {}, 'first': 0}]},
-    {'boot': 'a', 'ended': [{'samples': 3, 'means': [], 'first': 0}]},
-    {'boot': 'a', 'ended': [{'samples': 3, 'means': {}, 'first': 0, 'ends': {'gyro_x': 1}}]},
-    {'boot': 'a', 'ended': [{'samples': 3, 'means': {'gyro_x': 0}, 'first': 0,
-                             'samples_of': {'gyro_x': 4}}]}])
+    {}, {'samples': 'many'}, {'means': []}, {'ends': {'gyro_x': 1}},
+    {'means': {'gyro_x': 0}, 'samples_of': {'gyro_x': 4}}])
 def test_what_is_no_list_of_power_ons_is_refused(document: Any) -> None:
+    assert len(PowerOns.from_plain([WHOLE]).ended) == 1
     with pytest.raises((KeyError, TypeError, ValueError, AttributeError)):
-        PowerOns.from_dict(document)
+        PowerOns.from_plain([WHOLE | document if document else document])
 
 
 def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
     topic, state = ros.name('imu/data_raw'), ros.folder / 'state'
     setup = Setup(topic, TimelineOptions())
-    run = Run(Lane(Characterization(kind='topic', topic=topic), PowerOns('an earlier boot')))
+    run = Run(Lane(Characterization(kind='topic', topic=topic)))
     feed(run, 0.2, 1)
-    state.write_bytes(encode_state(pack(run, setup)))
+    (ros.folder / 'boot_id').write_text('an earlier boot')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(resuming, 'BOOT_ID', ros.folder / 'boot_id')
+        state.write_bytes(encode_state(pack(run, setup)))
     ros.start('imu_allan_node', {'state_file': str(state), 'checkpoint_period': 1.0,
                                  'publish_period': 0.5})
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')

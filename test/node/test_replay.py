@@ -4,8 +4,8 @@
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.replay import LoopWatch
 from imu_allan.node.resuming import new_run, pack, Setup, unpack
+from imu_allan.node.same_imu import Seen
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def played(samples: np.ndarray) -> ImuBlock:
 def test_a_second_time_is_recognised_whatever_axes_are_absent(absent: list[int]) -> None:
     samples = np.random.default_rng(1).normal(size=(1000, 6))
     samples[:, absent] = np.nan
-    watch = LoopWatch()
+    watch = Seen()
     assert [len(block) for block in watch.unseen([played(samples)])] == [1000]
     assert watch.unseen([played(samples), played(samples)]) == []
     assert watch.looping
@@ -30,7 +30,7 @@ def test_a_second_time_is_recognised_whatever_axes_are_absent(absent: list[int])
 
 def test_other_samples_under_old_stamps_are_no_loop() -> None:
     rng = np.random.default_rng(2)
-    watch = LoopWatch()
+    watch = Seen()
     watch.unseen([played(rng.normal(size=(1000, 6)))])
     assert [len(block) for block in watch.unseen([played(rng.normal(size=(1000, 6)))])] == [1000]
     assert not watch.looping
@@ -41,11 +41,11 @@ def test_a_second_time_whose_start_got_lost_is_recognised_within_a_moment() -> N
     stamps = 10**18 + 10_000_000 * np.arange(count)
     samples = np.random.default_rng(3).normal(size=(count, 6))
     whole = ImuBlock(stamps, stamps, samples, np.zeros((count, 2), np.bool_), 'imu')
-    watch = LoopWatch()
+    watch = Seen()
     for first in range(0, count, 100):
         watch.unseen([whole.part(slice(first, first + 100))])
     assert sum(array.nbytes for array in watch.to_state().values()) < 200_000
-    for again in (watch, LoopWatch.from_state(watch.to_state())):
+    for again in (watch, Seen.from_state(watch.to_state())):
         passed = sum(len(block) for first in range(50, count, 10)
                      for block in again.unseen([whole.part(slice(first, first + 10))]))
         assert passed < 500
@@ -63,13 +63,11 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     resumed.lanes[0].update([played(samples)])
     assert resumed.snapshot().result().timeline.samples == 1000
     assert resumed.lanes[0].looping == (gravity > 0)
-    # A state from before samples were remembered.
-    unpack({key: array for key, array in state.items() if not key.startswith('loop/')}, setup)
 
 
 def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
-    watch = LoopWatch()
+    watch = Seen()
     watch.unseen([played(np.random.default_rng(5).normal(size=(1000, 6)))])
     for name in watch.to_state():
         with refused('what is remembered of earlier samples is damaged', ValueError):
-            LoopWatch.from_state({**watch.to_state(), name: np.zeros((3, 3))})
+            Seen.from_state({**watch.to_state(), name: np.zeros((3, 3))})

@@ -1,25 +1,24 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the means of a run were from one power-on of the robot to the next.
+What the means of a run were from one power-on of the sensor to the next.
 
-A run goes on over reboots, and its coefficients are those of all its samples. The mean is another
-thing: a gyroscope wakes up with another bias each time, and by how much is what a filter must
-expect at its start. A node that is started again on the same boot of its computer has not switched
-the IMU off, and goes on with the power-on that it finds.
+A run goes on over power-ons, and its coefficients are those of all its samples. The mean is
+another thing: a gyroscope wakes up with another bias each time, and by how much is what a filter
+must expect at its start.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple, TYPE_CHECKING
 
-from imu_allan.characterization import Characterization
-from imu_allan.characterization.joint import turn_on_bias
-from imu_allan.characterization.mean import mean_is_known
-from imu_allan.characterization.stream import FinishedGroup, FinishedRecord
+from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.noise.random_effects import random_effects
 from imu_allan.noise.saturation import is_cut_off
-from imu_allan.result import Result, TurnOnBias
+from imu_allan.result import AxisResult, TurnOnBias
+
+if TYPE_CHECKING:
+    from imu_allan.characterization.stream import FinishedGroup, FinishedRecord
 
 MOST = 1000
 """Power-ons that are remembered, the latest ones: three years of a robot switched on daily."""
@@ -27,7 +26,6 @@ _SHORTEST_S = 10.0
 """Where the robot rests for less after a power-on, its mean is the noise's."""
 _ABSURD = 2.0**62
 """More samples do not come in a life time, and no sensor's mean is so large."""
-BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 
 class End(NamedTuple):
@@ -84,58 +82,39 @@ class Mark:
 @dataclass(frozen=True)
 class PowerOns:
     """
-    The power-ons of a run.
+    The power-ons of a run that have ended, in their order.
 
     Attributes
     ----------
-    boot : str
-        Of the computer, during the latest of them; empty where it is not known.
     ended : tuple of Mark
-        The others, in their order.
 
     """
 
-    boot: str = ''
     ended: tuple[Mark, ...] = ()
 
-    def resumed(self, characterization: Characterization) -> 'PowerOns':
-        """Return them as they are for a node that goes on with a run now."""
-        boot = boot_id()
-        if boot and boot == self.boot:
-            return self
-        record = characterization.record()
-        ended = self.ended if record is None else (*self.ended, self._mark(record))[-MOST:]
-        return PowerOns(boot, ended)
-
-    def entered(self, result: Result, characterization: Characterization) -> Result:
-        """
-        Return the result of a run with the spread of its means from power-on to power-on.
-
-        Parameters
-        ----------
-        result : Result
-            Of the run.
-        characterization : Characterization
-            What it was made of.
-
-        """
-        record = characterization.record() if self.ended else None
+    def one_more(self, record: 'FinishedRecord | None') -> 'PowerOns':
+        """Return them when another begins behind what the run has so far."""
         if record is None:
-            return result
+            return self
+        return PowerOns((*self.ended, self._mark(record))[-MOST:])
+
+    def spread(self, axes: Mapping[str, AxisResult], record: 'FinishedRecord'
+               ) -> dict[str, TurnOnBias]:
+        """Return the spread of the means of a run from power-on to power-on, by axis."""
         now = self._mark(record)
-        spread: dict[str, TurnOnBias] = {}
-        for name, axis in result.axes.items():
+        found: dict[str, TurnOnBias] = {}
+        for name, axis in axes.items():
             if not mean_is_known(axis):
                 continue
             means = [(mean, samples / record.rate_hz) for mean, samples
                      in _of_each(name, (*self.ended, now))
                      if samples >= _SHORTEST_S * record.rate_hz]
             if len(means) > 1:
-                spread[name] = turn_on_bias(
+                found[name] = turn_on_bias(
                     [mean for mean, _ in means], axis, [duration_s for _, duration_s in means])
-        return replace(result, turn_on_bias=spread)
+        return found
 
-    def _mark(self, record: FinishedRecord) -> Mark:
+    def _mark(self, record: 'FinishedRecord') -> Mark:
         """Return where the run stands at the end of its latest power-on."""
         reference = record.group_of(record.names[0]).estimator.reference
         first = 0.0 if reference is None else float(reference[0])
@@ -156,54 +135,77 @@ class PowerOns:
             name: group.estimator.samples for group in record.groups for name in group.names
             if group.estimator.samples < record.samples})
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_plain(self) -> list[dict[str, Any]]:
         """Return what JSON can hold of them."""
-        return asdict(self)
+        return [asdict(mark) for mark in self.ended]
 
     @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> 'PowerOns':
+    def from_plain(cls, plain: Sequence[Mapping[str, Any]]) -> 'PowerOns':
         """
-        Go on from `to_dict`.
+        Go on from `to_plain`.
 
         Raises
         ------
         KeyError, TypeError, ValueError, AttributeError
-            If the document is none.
+            If it is none of it.
 
         """
         marks = [Mark(int(mark['samples']),
                       {str(name): float(mean) for name, mean in mark['means'].items()},
-                      float(mark['first']), _ends_from(mark.get('ends', {})),
-                      tuple(map(str, mark.get('cut_off', ()))),
-                      {str(name): int(samples) for name, samples
-                       in mark.get('samples_of', {}).items()})
-                 for mark in document['ended'][-MOST:]]
+                      float(mark['first']),
+                      {str(name): (End(float(low[0]), int(low[1])),
+                                   End(float(high[0]), int(high[1])))
+                       for name, (low, high) in mark['ends'].items()},
+                      tuple(map(str, mark['cut_off'])),
+                      {str(name): int(samples) for name, samples in mark['samples_of'].items()})
+                 for mark in plain[-MOST:]]
         if not all(0 <= mark.used(name) <= mark.samples < _ABSURD and abs(mean) < _ABSURD
                    for mark in marks for name, mean in mark.means.items()):
             raise ValueError('a mean of a power-on is none')
-        return cls(str(document['boot']), tuple(marks))
+        return cls(tuple(marks))
 
 
-def boot_id() -> str:
-    """Return what tells one boot of this computer from another; empty where nothing does."""
-    try:
-        return BOOT_ID.read_text().strip()
-    except OSError:
-        return ''
+def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[float]
+                 ) -> TurnOnBias:
+    """
+    Return the spread of means from one power-on to the next.
+
+    Parameters
+    ----------
+    means : sequence of float
+        At least two.
+    axis : AxisResult
+        Whose means they are, and whose coefficients say how far a mean wanders in a record.
+    lengths_s : sequence of float
+        How long a record each is the mean of.
+
+    Returns
+    -------
+    TurnOnBias
+        What measuring explains of the scatter is taken off; of the lower end of the interval what
+        a term may explain that does not show, too.
+
+    Examples
+    --------
+    >>> from imu_allan import characterize, simulate
+    >>> axis = characterize(simulate({'noise_density': 1.0}, 20_000, 100.0), 100.0)
+    >>> turn_on_bias([0.1, -0.1, 0.05], axis, [25.0, 25.0, 25.0]).sigma
+    0.0
+
+    """
+    found, careful = (
+        random_effects(means, [error_of_mean(axis, length, at_most=at_most)
+                               for length in lengths_s]) for at_most in (False, True))
+    low, high = found.between_ci95
+    return TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
 
 
-def _ends(group: FinishedGroup) -> dict[str, tuple[End, End]]:
+def _ends(group: 'FinishedGroup') -> dict[str, tuple[End, End]]:
     """Return the lowest and the highest value of every axis, about the first sample."""
     estimator = group.estimator
     return {name: (End(float(estimator.lowest[axis]), int(estimator.at_ends[0, axis])),
                    End(float(estimator.highest[axis]), int(estimator.at_ends[1, axis])))
             for axis, name in enumerate(group.names)}
-
-
-def _ends_from(document: Mapping[str, Any]) -> dict[str, tuple[End, End]]:
-    """Go on from what JSON holds of them."""
-    return {str(name): (End(float(low[0]), int(low[1])), End(float(high[0]), int(high[1])))
-            for name, (low, high) in document.items()}
 
 
 def _own(name: str, ends: tuple[End, End], samples: int, before: Mark | None

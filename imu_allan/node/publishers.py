@@ -1,0 +1,174 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which publisher a message is of.
+
+rclpy does not hand on the identity of a message's publisher, but the number that every publisher
+gives its messages: those of one publisher rise one by one, those of another are elsewhere.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+MIXED = -1
+"""Stands for two publishers whose numbers are too close to be told apart."""
+_NEAR = 64
+"""Numbers so close may be those of another publisher that started in the same second."""
+_FASTEST_HZ = 100_000.0
+"""What a publisher whose rate is not known yet may have sent while nothing was received."""
+_MIXED_NS = 5_000_000_000
+"""Numbers that do not rise any more for so long are of one publisher again."""
+_HICCUP_NS = 1_000_000_000
+"""Messages of two publishers come in turns, a bundle of each; a driver takes longer to restart."""
+_SILENT_NS = 5_000_000_000
+"""Who has sent nothing for so long has left, or may as well have."""
+_MOST = 16
+"""Publishers remembered: each restart of a driver is another one."""
+
+
+@dataclass
+class _Publisher:
+    """
+    One publisher.
+
+    Attributes
+    ----------
+    key : int
+    number : int
+        Of its last message.
+    began_ns, last_ns : int
+        When its first and its last message were received.
+    first : int
+        Number of its first message that was received.
+    fell_ns : int
+        When numbers last did not rise; more than one publisher as long as that is not long ago.
+
+    """
+
+    key: int
+    number: int
+    began_ns: int
+    last_ns: int
+    first: int
+    fell_ns: int | None = None
+
+    def may_have_sent(self, number: int, now_ns: int) -> bool:
+        """Whether a number can be its next one, the messages between being lost."""
+        elapsed_s = max(now_ns - self.last_ns, 0) * 1e-9
+        lasted_s = (self.last_ns - self.began_ns) * 1e-9
+        rate = (2 * (self.number - self.first) / lasted_s if lasted_s > 1 else _FASTEST_HZ)
+        return 0 < number - self.number <= _NEAR + elapsed_s * rate
+
+
+class Publishers:
+    """
+    The publishers of a topic that have delivered something.
+
+    Attributes
+    ----------
+    begun : int
+        How many there have been.
+
+    """
+
+    def __init__(self) -> None:
+        self._known: list[_Publisher] = []
+        self.begun = 0
+        self._gids: set[bytes] = set()
+
+    def delivering(self, now_ns: int) -> int:
+        """Count those that deliver now: a driver that started anew does not make two."""
+        lately = [one for one in self._known if now_ns - one.last_ns < _SILENT_NS]
+        newest = max((one.began_ns for one in lately), default=0)
+        return sum(2 if one.fell_ns is not None else 1 for one in lately
+                   if one.last_ns >= newest)
+
+    def see_offers(self, offers: Callable[[], set[bytes]]) -> None:
+        """Look who offers the topic, where that alone tells one publisher from another."""
+        if not any(one.number < 0 for one in self._known):
+            return
+        gids = offers()
+        if gids and self._gids and not gids & self._gids:
+            self._known = [one for one in self._known if one.number >= 0]
+        self._gids = gids or self._gids
+
+    def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
+        """
+        Tell whose messages are.
+
+        Parameters
+        ----------
+        numbers : ndarray of int64, shape (n,), or None
+            That their publishers gave them, where the middleware tells.
+        receive_ns : ndarray of int64, shape (n,)
+            When they were received.
+
+        Returns
+        -------
+        keys : ndarray of int64, shape (n,)
+            One for each publisher; `MIXED` where two cannot be told apart.
+        lost : int
+            Messages that a publisher has numbered and that have not come.
+
+        """
+        if not len(receive_ns):
+            return np.empty(0, np.int64), 0
+        if numbers is None:
+            only = next((one for one in self._known if one.number < 0), None)
+            if only is None:
+                only = self._begin(-1, int(receive_ns[0]))
+            only.last_ns = int(receive_ns[-1])
+            return np.full(len(receive_ns), only.key), 0
+        for one in self._known:
+            # As it nearly always is.
+            if (one.fell_ns is None and numbers[0] == one.number + 1
+                    and (numbers[1:] - numbers[:-1] == 1).all()):
+                one.number, one.last_ns = int(numbers[-1]), int(receive_ns[-1])
+                return np.full(len(numbers), one.key), 0
+        keys, lost = [], 0
+        for number, now_ns in zip(numbers.tolist(), receive_ns.tolist(), strict=True):
+            one, missed = self._sender(number, now_ns)
+            keys.append(MIXED if one.fell_ns is not None else one.key)
+            lost += missed
+        return np.array(keys, np.int64), lost
+
+    def _sender(self, number: int, now_ns: int) -> tuple[_Publisher, int]:
+        """Find who sent a message, and how many of its messages before are lost."""
+        for one in self._known:
+            if one.fell_ns is not None and abs(number - one.number) <= _NEAR:
+                if number <= one.number:
+                    one.fell_ns = now_ns
+                one.number, one.last_ns = max(number, one.number), now_ns
+                if now_ns - one.fell_ns > _MIXED_NS:
+                    # Whoever is left is to be looked at as if it were new.
+                    self._known.remove(one)
+                    one = self._begin(number, now_ns)
+                return one, 0
+        newest = max((one.began_ns for one in self._known), default=0)
+        fitting = sorted((one for one in self._known if one.may_have_sent(number, now_ns)),
+                         key=lambda one: number - one.number)
+        fitting = [one for one in fitting if number - one.number <= _NEAR] or fitting
+        # Who has been silent since another began speaks again only if nobody else may have spoken.
+        fitting = [one for one in fitting if one.last_ns >= newest
+                   or now_ns - one.last_ns < _HICCUP_NS] or fitting
+        if not fitting:
+            return self._begin(number, now_ns), 0
+        found = fitting[0]
+        if len(fitting) > 1 and number - fitting[1].number <= _NEAR:
+            found.fell_ns = now_ns
+            self._known.remove(fitting[1])
+        missed = number - found.number - 1
+        found.number, found.last_ns = number, now_ns
+        return found, 0 if found.fell_ns is not None else missed
+
+    def _begin(self, number: int, now_ns: int) -> _Publisher:
+        self.begun += 1
+        self._known.append(_Publisher(self.begun, number, now_ns, now_ns, number))
+        if len(self._known) > _MOST:
+            self._known.remove(min(self._known, key=lambda one: one.last_ns))
+        return self._known[-1]

@@ -1,0 +1,270 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whose messages these are: of the run, of another IMU, of a stranger beside it.
+
+Where the publisher is another one, or frame_id or rate are, messages are held until they show
+which IMU they are of. Those of another one make a run of their own, which takes the place of the
+one before when it has lasted long enough beside it; where the first IMU returns, its run goes on.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from imu_allan.block import ImuBlock
+from imu_allan.node.checkpoint import UnusableState
+from imu_allan.node.diagnostics import Facts
+from imu_allan.node.log import Log
+from imu_allan.node.publishers import MIXED
+from imu_allan.node.resuming import new_run, Setup
+from imu_allan.node.run import Run
+from imu_allan.node.same_imu import FEWEST_MESSAGES, is_enough, Known, LONGEST_LOOK_S, messages
+from imu_allan.wording import duration
+
+PROOF_SHARE = 0.1
+"""Another IMU has to last for a tenth of the run that it replaces. A judgment."""
+SHORTEST_PROOF_S, LONGEST_PROOF_S = 10.0, 600.0
+"""A driver that is reconfigured settles in the one; nobody waits longer than the other."""
+_ALONE_NS = 2_000_000_000
+"""Beside a publisher that has been silent for less, another one is a stranger."""
+
+
+@dataclass
+class _Topic:
+    """
+    Where the messages of a topic go.
+
+    Attributes
+    ----------
+    publisher : int or None
+        Whose messages they are.
+    heard_ns : int
+        When it was last heard.
+    elsewhere : bool
+        They are of another IMU than that of the run.
+    held : list of ImuBlock
+        Messages of which it is not known yet.
+    holding : int or None
+        Whose messages are held.
+    looked_s : float
+        How much of another IMU has come since it was last looked whether it is another.
+    strangers : set of int
+        Publishers that were heard beside this one.
+
+    """
+
+    publisher: int | None = None
+    heard_ns: int = 0
+    elsewhere: bool = False
+    held: list[ImuBlock] = field(default_factory=list)
+    holding: int | None = None
+    looked_s: float = 0.0
+    strangers: set[int] = field(default_factory=set)
+
+
+class Runs:
+    """
+    The run under way, and one of another IMU that may take its place.
+
+    Parameters
+    ----------
+    setup : Setup
+        What new runs are made with.
+    run : Run
+        To begin with, new or resumed.
+    facts : sequence of Facts
+        Of each topic.
+    look_s : callable
+        Gives the time for which messages are held back at least.
+    replaced : callable
+        Called with the run that is left, and why, before another takes its place.
+    log : Log
+
+    Attributes
+    ----------
+    run : Run
+
+    """
+
+    def __init__(self, setup: Setup, run: Run, facts: Sequence[Facts],
+                 look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],
+                 log: Log) -> None:
+        self.run = run
+        self._setup = setup
+        self._facts = facts
+        self._look_s = look_s
+        self._replaced = replaced
+        self._log = log
+        self._topics = [_Topic() for _ in facts]
+        self._other: Run | None = None
+        self._why = UnusableState('', '')
+
+    @property
+    def unproven(self) -> Run | None:
+        """Return the run of another IMU that has not taken the place of this one yet."""
+        return None if self._other is None or self._other.over else self._other
+
+    def begin_anew(self) -> None:
+        """Leave everything; whose messages come stays known."""
+        self._other = None
+        for topic in self._topics:
+            topic.elsewhere, topic.holding, topic.held = False, None, []
+        self._take_up(new_run(self._setup))
+
+    def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
+        """Take messages of one publisher that have come on a topic."""
+        topic, facts = self._topics[number], self._facts[number]
+        if not blocks:
+            return
+        last_ns = int(blocks[-1].receive_ns[-1])
+        if publisher == MIXED:
+            # Of publishers with frame_ids of their own the timeline keeps to the first.
+            if len({block.frame_id for block in blocks}) == 1:
+                self._pass_over(facts, blocks)
+            else:
+                self._feed(number, blocks)
+            return
+        if topic.publisher is None and not self.run.lanes[number].known.frame_id:
+            topic.publisher = publisher
+        if publisher == topic.publisher:
+            topic.heard_ns = last_ns
+            if topic.holding != publisher and not self._wants_look(number, blocks):
+                self._feed(number, blocks)
+                return
+        elif publisher in topic.strangers and last_ns - topic.heard_ns < _ALONE_NS:
+            self._pass_over(facts, blocks)
+            return
+        if topic.holding not in (None, publisher):
+            silent = last_ns - int(topic.held[-1].receive_ns[-1]) > _ALONE_NS
+            if not silent and topic.publisher not in (publisher, topic.holding):
+                self._pass_over(facts, blocks)
+                return
+            # Nothing more comes of what is held.
+            self._decide(number)
+        topic.holding = publisher
+        topic.held += blocks
+        facts.on_probation = True
+        if is_enough(self._known(number), topic.held, self._look_s(),
+                     by_level=self._by_level(topic)):
+            self._decide(number)
+
+    def finish(self) -> None:
+        """Decide on what is held, if it is enough to decide on anything."""
+        for number, topic in enumerate(self._topics):
+            if messages(topic.held) >= FEWEST_MESSAGES:
+                self._decide(number)
+
+    def _by_level(self, topic: _Topic) -> bool:
+        return topic.holding != topic.publisher or topic.elsewhere
+
+    def _run_of(self, topic: _Topic) -> Run:
+        return self._other if topic.elsewhere and self._other is not None else self.run
+
+    def _known(self, number: int) -> Known:
+        return self._run_of(self._topics[number]).lanes[number].known
+
+    def _wants_look(self, number: int, blocks: Sequence[ImuBlock]) -> bool:
+        topic = self._topics[number]
+        if topic.elsewhere and topic.looked_s >= LONGEST_LOOK_S:
+            # Another sensor by its noise alone may be the same one, shaken for a while.
+            return True
+        return self._known(number).looks_other(blocks)
+
+    def _decide(self, number: int) -> None:
+        """Give the messages that are held to the run of their IMU."""
+        topic = self._topics[number]
+        held, publisher, by_level = topic.held, topic.holding, self._by_level(topic)
+        topic.held, topic.holding, topic.looked_s = [], None, 0.0
+        self._facts[number].on_probation = False
+        if messages(held) < FEWEST_MESSAGES:
+            # So few show nothing.
+            self._pass_over(self._facts[number], held)
+            return
+        is_new = publisher != topic.publisher
+        middle_ns = (int(held[0].receive_ns[0]) + int(held[-1].receive_ns[-1])) // 2
+        if is_new and publisher is not None:
+            if topic.publisher is not None and topic.heard_ns > middle_ns:
+                topic.strangers.add(publisher)
+                self._pass_over(self._facts[number], held)
+                return
+            topic.strangers.discard(publisher)
+        was, topic.publisher = topic.publisher, publisher
+        topic.heard_ns = int(held[-1].receive_ns[-1])
+        lane = self.run.lanes[number]
+        why = lane.known.departure(held, by_level=by_level)
+        if why is None:
+            if topic.elsewhere:
+                topic.elsewhere = False
+                self._log.info(f'the messages on {self._facts[number].topic} are of the IMU of '
+                               'the run again: it goes on')
+                lane.power_on()
+            elif is_new and was is not None and lane.fed:
+                self._log.info(f'the driver on {self._facts[number].topic} was started anew: the '
+                               'IMU may have been switched off and on, so its mean is another one '
+                               'from here on')
+                lane.power_on()
+            self._feed(number, held)
+            return
+        self._go_elsewhere(number, why, held, by_level, is_new)
+
+    def _go_elsewhere(self, number: int, why: UnusableState, held: list[ImuBlock], by_level: bool,
+                      is_new: bool) -> None:
+        """Give messages to the run of another IMU, a new one if it is none that is known."""
+        topic = self._topics[number]
+        other, was_elsewhere = self._other, topic.elsewhere
+        if other is None or other.lanes[number].known.departure(
+                held, by_level=by_level) is not None:
+            other = self._other = new_run(self._setup)
+            known = self.run.lanes[number].known.like(held)
+            while len(held) > 1 and known.looks_other(held[:1]):
+                # From before the change.
+                held = held[1:]
+            other.lanes[number].known = known
+            was_elsewhere = False
+        elif is_new:
+            other.lanes[number].power_on()
+        topic.elsewhere, self._why = True, why
+        if not was_elsewhere:
+            self._log.warning(
+                f'the messages on {self._facts[number].topic} are of another IMU, or it has been '
+                f'set otherwise: {why}; if they go on for {duration(self._proof_s())} they begin '
+                'a new run, ~/reset begins one at once', f'another IMU {number}', 0.0)
+        self._feed(number, held)
+
+    def _feed(self, number: int, blocks: Sequence[ImuBlock]) -> None:
+        topic, facts = self._topics[number], self._facts[number]
+        run = self._run_of(topic)
+        lane = run.lanes[number]
+        lane.update(blocks)
+        facts.looping, facts.update_error = lane.looping, lane.error
+        if lane.error:
+            self._log.error(lane.error, f'useless samples {number}')
+        if run is self._other:
+            topic.looked_s += lane.known.lasted_s(blocks)
+            if run.span_s >= self._proof_s():
+                self._replace()
+        elif self._other is not None and any(one.elsewhere for one in self._topics):
+            # If the other sensor of the IMU begins anew, so does this one.
+            self._other.lanes[number].update(blocks)
+
+    def _proof_s(self) -> float:
+        return min(max(PROOF_SHARE * self.run.span_s, SHORTEST_PROOF_S), LONGEST_PROOF_S)
+
+    def _replace(self) -> None:
+        """Let the run of the other IMU take the place of the one before."""
+        before, run = self.run, self._other
+        assert run is not None
+        begins = 'the run of before goes on' if run.over else 'a new run begins'
+        self._log.warning(f'{begins}, the one before cannot go on: {self._why}', 'new run', 0.0)
+        self._replaced(before, self._why)
+        self._other = before
+        self._take_up(run)
+
+    def _take_up(self, run: Run) -> None:
+        self.run.over = True
+        self.run, run.over = run, False
+        for topic, facts in zip(self._topics, self._facts, strict=True):
+            topic.elsewhere = facts.looping = False
+
+    def _pass_over(self, facts: Facts, blocks: Sequence[ImuBlock]) -> None:
+        facts.mixed_samples += messages(blocks)

@@ -1,0 +1,71 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is taken from inside rclpy is there, and does what the node relies on."""
+
+from pathlib import Path
+import re
+
+from imu_allan.node import rclpy_inside
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from ros_harness import Ros
+from sensor_msgs.msg import Imu
+
+PACKAGE = Path(rclpy_inside.__file__).parents[1]
+
+
+def test_the_queue_of_a_subscription_gives_bytes_with_receipt_and_number(ros: Ros) -> None:
+    publisher = ros.node.create_publisher(Imu, ros.name('imu'), 10)
+    subscription = ros.node.create_subscription(Imu, ros.name('imu'), lambda _: None, 10, raw=True,
+                                                callback_group=rclpy_inside.OutOfWaitSet())
+    ros.until(publisher.get_subscription_count)
+    publisher.publish(Imu())
+    publisher.publish(Imu())
+    found = rclpy_inside.Taken([], [])
+
+    def came() -> bool:
+        taken = rclpy_inside.drain(subscription, Imu, 10)
+        found.messages.extend(taken.messages)
+        found.infos.extend(taken.infos)
+        return len(found.messages) == 2
+
+    # The executor spins meanwhile, and takes none.
+    ros.until(came)
+    assert all(isinstance(message, bytes) for message in found.messages), 'take_message(raw)'
+    assert [info['publication_sequence_number'] for info in found.infos] == [1, 2]
+    assert all(info['received_timestamp'] > info['source_timestamp'] > 0 for info in found.infos)
+    assert rclpy_inside.drain(subscription, Imu, 10).messages == [], 'None where nothing waits'
+
+
+def test_the_parameters_that_a_node_was_given_are_known_before_they_are_declared(ros: Ros) -> None:
+    node = Node('given', context=ros.node.context,
+                parameter_overrides=[Parameter('gap_tolerence', value=3)])
+    try:
+        assert rclpy_inside.given_parameters(node)['gap_tolerence'].value == 3, (
+            'Node._parameter_overrides')
+    finally:
+        node.destroy_node()
+
+
+def test_wrong_arguments_and_full_queues_raise_the_errors_that_are_caught(ros: Ros) -> None:
+    for arguments, error in ((['--ros-args', '-p', 'x'], rclpy_inside.RCLError),
+                             (['--ros-args', '--nonsense'], rclpy_inside.UnknownROSArgsError)):
+        with pytest.raises((rclpy_inside.RCLError, rclpy_inside.UnknownROSArgsError)) as raised:
+            rclpy.init(args=arguments, context=Context(),
+                       signal_handler_options=SignalHandlerOptions.NO)
+        assert isinstance(raised.value, error), arguments
+    publisher = ros.node.create_publisher(Imu, ros.name('gone'), QoSProfile(depth=1))
+    with pytest.raises(TypeError):
+        publisher.publish('no message')
+
+
+def test_nothing_else_looks_inside_rclpy() -> None:
+    inside = re.compile(r'rclpy\._|rclpy\.impl\.implementation|_parameter_overrides|'
+                        r'take_message\(|\._rclpy')
+    assert [path.name for path in sorted((PACKAGE / 'node').glob('*.py'))
+            if inside.search(path.read_text())] == ['rclpy_inside.py']

@@ -1,0 +1,129 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A run that ended without saving goes on; one that was ended is finished."""
+
+import json
+import os
+from pathlib import Path
+import signal
+from typing import Any
+
+from imu_allan.characterization import Characterization
+from imu_allan.node.checkpoint import decode_state, StateFile
+import pytest
+from ros_harness import Driver, Process, Ros
+from whole_lines import Varying
+
+
+@pytest.fixture
+def home(ros: Ros) -> Path:
+    return ros.folder / 'home'
+
+
+def start(ros: Ros, home: Path, **parameters: Any) -> Process:
+    node = ros.start('imu_allan_node', {'checkpoint_period': 1.0, **parameters},
+                     env={'ROS_HOME': str(home)})
+    ros.until(lambda: 'characterizing the IMU' in node.log)
+    return node
+
+
+def state_of(ros: Ros, home: Path) -> Path:
+    return home / 'imu_allan' / f'{ros.namespace.strip("/")}.imu_allan.state'
+
+
+def results(ros: Ros) -> list[Any]:
+    return [json.loads(path.read_text()) for path in (ros.folder / 'output').rglob('result.json')]
+
+
+def kept(path: Path) -> int:
+    """Count the samples in a state file."""
+    if not path.exists():
+        return 0
+    state = {key: array for key, array in decode_state(path.read_bytes()).items()
+             if key != 'node'}
+    return int(Characterization.from_state(state).summary().timeline.samples)
+
+
+@pytest.mark.parametrize('number', [signal.SIGHUP, signal.SIGQUIT])
+def test_a_terminal_that_hangs_up_costs_no_run(ros: Ros, home: Path, number: signal.Signals
+                                               ) -> None:
+    node, driver = start(ros, home), Driver(ros)
+    driver.wait_for_node()
+    driver.publish(2000)
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop(number) == 0, node.log
+    [document] = results(ros)
+    assert document['timeline']['samples'] == 2000
+    # It was saved, so the next start begins another run.
+    assert not state_of(ros, home).exists()
+
+
+def test_a_node_whose_hang_up_is_ignored_goes_on(ros: Ros, home: Path) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        node = start(ros, home)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    driver = Driver(ros)
+    driver.wait_for_node()
+    node.popen.send_signal(signal.SIGHUP)
+    driver.publish(2000)
+    assert driver.publisher.wait_for_all_acked()
+    assert node.stop() == 0, node.log
+    assert results(ros)[0]['timeline']['samples'] == 2000
+
+
+def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros, home: Path
+                                                                       ) -> None:
+    node, driver = start(ros, home), Driver(ros, depth=5000)
+    driver.wait_for_node()
+    driver.publish(2000)
+    state = state_of(ros, home)
+    ros.until(lambda: kept(state) == 2000)
+    node.popen.kill()
+    node.popen.wait()
+    driver.dead |= driver.subscriptions()
+    again = start(ros, home)
+    assert again.lines[0] == Varying(
+        f'resumed <words> of data from {state}, of a run that has ended without saving; call '
+        '~/reset to begin anew')
+    driver.wait_for_node()
+    driver.publish(1000)
+    assert driver.publisher.wait_for_all_acked()
+    assert again.stop() == 0, again.log
+    assert max(document['timeline']['samples'] for document in results(ros)) == 3000
+    last = start(ros, home)
+    assert last.lines == [f'characterizing the IMU on {ros.name("imu/data_raw")}']
+
+
+def test_without_a_state_nothing_is_kept(ros: Ros, home: Path) -> None:
+    node, driver = start(ros, home, state_file=''), Driver(ros)
+    driver.wait_for_node()
+    driver.publish(2000)
+    assert node.stop() == 0
+    assert not home.exists()
+
+
+def test_a_home_that_takes_nothing_costs_the_state_alone(ros: Ros, home: Path) -> None:
+    home.write_text('in the way')
+    node = start(ros, home)
+    assert node.lines[0] == (
+        f'nothing is kept over a crash: state_file {state_of(ros, home)}: cannot be written '
+        '(Not a directory); choose a folder that may be written to')
+    assert node.stop() == 0
+
+
+def test_states_kept_aside_are_capped_oldest_first(tmp_path: Path) -> None:
+    file = StateFile(tmp_path / 'state')
+    aside = []
+    for number in range(25):
+        file.path.write_bytes(bytes([number]))
+        aside.append(file.keep_aside('rate' if number % 2 else 'frame_id').name)
+    (tmp_path / 'state.notes').write_text('of the user')
+    assert file.thin_out() == aside[4::-1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        [*aside[5:], 'state.lock', 'state.notes'])
+    for name in aside[-3:]:
+        os.truncate(tmp_path / name, 60_000_000)
+    assert file.thin_out() == aside[-2:4:-1]
+    file.close()

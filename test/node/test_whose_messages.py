@@ -1,0 +1,263 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whose messages come: a driver and its sensor go and return, change, or give way to others."""
+
+from collections.abc import Mapping
+import json
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import encode_imu_rows
+from imu_allan.noise.terms import AXES
+import numpy as np
+import pytest
+from ros_harness import Driver, Process, Ros
+from std_srvs.srv import SetBool, Trigger
+
+NOISE = 0.01
+SECOND = 1_000_000_000
+
+
+class Sensor:
+    """An IMU of white noise whose driver may come and go; time goes on all the while."""
+
+    def __init__(self, ros: Ros, rate_hz: float = 50.0, seed: int = 1) -> None:
+        self.ros = ros
+        self.rate_hz = rate_hz
+        self.now_ns = 1_700_000_000 * SECOND
+        self.random = np.random.default_rng(seed)
+        self.bias = np.array([0, 0, 0, 0, 0, 9.8])
+        self.noise = NOISE
+        self.sent = 0
+        self.driver: Driver | None = None
+
+    def plug_in(self, away_s: float = 3.0) -> None:
+        """Start the driver, anew if it runs."""
+        self.unplug()
+        self.now_ns += round(away_s * SECOND)
+        self.driver = Driver(self.ros)
+        self.driver.wait_for_node()
+
+    def unplug(self) -> None:
+        """End the driver, which has sent everything."""
+        if self.driver is not None:
+            assert self.driver.publisher.wait_for_all_acked()
+            self.ros.node.destroy_publisher(self.driver.publisher)
+            self.driver = None
+
+    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu') -> None:
+        """Publish what it measures meanwhile, each sample so many times."""
+        assert self.driver is not None
+        count = round(seconds * self.rate_hz)
+        samples = self.bias + self.random.normal(0, self.noise, (count, 6))
+        index = np.arange(count * polled)
+        stamps = self.now_ns + np.rint(index * SECOND / self.rate_hz / polled).astype(np.int64)
+        self.now_ns += round(seconds * SECOND)
+        for row in encode_imu_rows(ImuBlock(
+                stamps, stamps, np.repeat(samples, polled, axis=0),
+                np.zeros((len(index), 2), bool), frame_id)):
+            self.driver.send(row.tobytes())
+        self.sent += count
+
+
+def begin(ros: Ros, **parameters: Any) -> Process:
+    return ros.start('imu_allan_node', {'publish_period': 0.5, **parameters})
+
+
+def saved(ros: Ros, sensor: Sensor) -> Any:
+    assert sensor.driver is not None
+    assert sensor.driver.publisher.wait_for_all_acked()
+    assert ros.call(SetBool, 'imu_allan/pause').success
+    response = ros.call(Trigger, 'imu_allan/save')
+    assert response.success, response.message
+    return json.loads(Path(response.message.splitlines()[0]).read_text())
+
+
+def fitted(ros: Ros, node: Process) -> None:
+    """Wait for the first fit, from which on the run is known."""
+    ros.until(lambda: 'observable: noise density' in node.log)
+
+
+def assert_density(document: Mapping[str, Any], rate_hz: float, noise: float = NOISE) -> None:
+    for name in AXES:
+        low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
+        # Three intervals wide, so that chance has no say.
+        assert low - (high - low) < noise / sqrt(rate_hz) < high + (high - low), (name, low, high)
+
+
+def runs(ros: Ros) -> int:
+    return len(list((ros.folder / 'output').rglob('result.json')))
+
+
+@pytest.mark.parametrize('polled', [2, 3])
+def test_a_sensor_polled_faster_than_it_samples_is_one_run(ros: Ros, polled: int) -> None:
+    node, sensor = begin(ros), Sensor(ros, 100.0)
+    sensor.plug_in()
+    for _ in range(6):
+        sensor.measure(10.0, polled)
+        ros.executor.spin_once(timeout_sec=0.6)
+    fitted(ros, node)
+    for _ in range(6):
+        sensor.measure(10.0, polled)
+        ros.executor.spin_once(timeout_sec=0.6)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=10)
+    assert 'a new run' not in node.log
+    assert_density(document, 100.0)
+
+
+@pytest.mark.parametrize('change', [0.025, 0.04, -0.03, 0.1])
+def test_a_change_of_rate_of_whatever_size_that_lasts_begins_a_new_run(
+        ros: Ros, change: float) -> None:
+    node, sensor = begin(ros), Sensor(ros, 200.0)
+    sensor.plug_in()
+    sensor.measure(30.0)
+    fitted(ros, node)
+    ros.executor.spin_once(timeout_sec=1.0)
+    sensor.rate_hz *= 1 + change
+
+    def begun() -> bool:
+        sensor.measure(2.0)
+        return 'a new run begins' in node.log
+
+    ros.until(begun, timeout=60.0)
+    sensor.measure(20.0)
+    document = saved(ros, sensor)
+    assert document['timeline']['sample_rate_hz'] == pytest.approx(200 * (1 + change), rel=1e-3)
+    assert document['timeline']['rejected'] == 0
+    assert_density(document, 200 * (1 + change))
+
+
+@pytest.mark.parametrize('stranger', [{'frame_id': 'other'}, {'rate_hz': 100.0}])
+def test_a_stranger_for_some_seconds_does_not_end_a_long_run(
+        ros: Ros, stranger: dict[str, Any]) -> None:
+    node, sensor = begin(ros), Sensor(ros)
+    sensor.plug_in()
+    for _ in range(20):
+        sensor.measure(60.0)
+    fitted(ros, node)
+    ros.executor.spin_once(timeout_sec=1.0)
+    sensor.unplug()
+    other = Sensor(ros, stranger.get('rate_hz', 50.0), seed=2)
+    other.now_ns = sensor.now_ns
+    other.plug_in()
+    for _ in range(6):
+        other.measure(5.0, frame_id=stranger.get('frame_id', 'imu'))
+        ros.executor.spin_once(timeout_sec=0.6)
+    other.unplug()
+    sensor.plug_in(35.0)
+    for _ in range(6):
+        sensor.measure(5.0)
+        ros.executor.spin_once(timeout_sec=0.6)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
+    assert 'a new run begins' not in node.log
+    assert_density(document, 50.0)
+
+
+def test_a_run_that_a_stranger_has_replaced_goes_on_when_its_imu_returns(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros)
+    sensor.plug_in()
+    sensor.measure(300.0)
+    fitted(ros, node)
+    sensor.unplug()
+    other = Sensor(ros, seed=2)
+    other.now_ns = sensor.now_ns
+    other.plug_in()
+
+    def replaced() -> bool:
+        other.measure(5.0, frame_id='other')
+        return 'a new run begins' in node.log
+
+    ros.until(replaced, timeout=60.0)
+    other.unplug()
+    sensor.now_ns = other.now_ns
+    sensor.plug_in()
+
+    def returned() -> bool:
+        sensor.measure(5.0)
+        return 'goes on' in node.log
+
+    ros.until(returned, timeout=60.0)
+    sensor.measure(20.0)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
+    assert document['source']['frame_id'] == 'imu'
+
+
+def test_replugs_are_power_ons_and_no_random_walk(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros)
+    biases = np.random.default_rng(3).normal(0, 0.1, (6, 3))
+    for bias in biases:
+        sensor.bias[:3] = bias
+        sensor.plug_in()
+        for _ in range(4):
+            sensor.measure(30.0)
+            ros.executor.spin_once(timeout_sec=0.6)
+        fitted(ros, node)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
+    assert_density(document, 50.0)
+    for number, name in enumerate(list(AXES)[:3]):
+        axis = document['axes'][name]
+        for key in ('rate_random_walk', 'bias_instability', 'rate_ramp'):
+            assert not axis['coefficients'][key]['observable'], (name, key)
+        low, high = document['turn_on_bias'][name]['ci95']
+        assert low < np.std(biases[:, number], ddof=1) < high
+    assert node.log.count('may have been switched off and on') == 5
+    assert 'a new run begins' not in node.log
+
+
+def test_another_sensor_of_the_same_name_and_rate_is_another_imu(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros, 100.0)
+    sensor.plug_in()
+    for _ in range(4):
+        sensor.measure(15.0)
+        ros.executor.spin_once(timeout_sec=0.6)
+    fitted(ros, node)
+    sensor.noise *= 1.2
+    sensor.plug_in()
+
+    def begun() -> bool:
+        sensor.measure(5.0)
+        return 'a new run begins' in node.log
+
+    ros.until(begun, timeout=90.0)
+    sensor.measure(30.0)
+    assert_density(saved(ros, sensor), 100.0, sensor.noise)
+
+
+def test_a_second_publisher_costs_no_losses_and_no_samples(ros: Ros) -> None:
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
+    node, sensor = begin(ros), Sensor(ros, 200.0)
+    sensor.plug_in()
+    sensor.measure(20.0)
+    fitted(ros, node)
+    other = Sensor(ros, 200.0, seed=2)
+    other.noise *= 5
+    other.now_ns = sensor.now_ns
+    other.plug_in()
+    for _ in range(400):
+        sensor.measure(0.02)
+        other.measure(0.02)
+    other.unplug()
+    for _ in range(6):
+        sensor.measure(2.0)
+        ros.executor.spin_once(timeout_sec=0.6)
+
+    def reception() -> dict[str, str]:
+        reports.clear()
+        ros.until(lambda: [report for report in reports if any(
+            status.name == f'{ros.name("imu_allan")}: reception' for status in report.status)])
+        return {entry.key: entry.value for report in reports for status in report.status
+                if status.name == f'{ros.name("imu_allan")}: reception'
+                for entry in status.values}
+
+    found = reception()
+    assert int(found['lost']) == 0
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=200)
+    assert_density(document, 200.0)
