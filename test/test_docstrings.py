@@ -26,7 +26,7 @@ def test_examples_give_what_they_say(module):
 EQUATIONS = [int(number) for number in re.findall(
     r'\\tag\{(\d+)\}', (PACKAGE.parent / 'docs' / 'statistics.md').read_text())]
 NO_NUMERICS = {'AxisResult', 'DriftForecast', 'FilterTuning', 'ImuAllanError', 'Result',
-               'StateSpace', 'TimelineOptions', '__version__', 'analyze', 'load_result'}
+               'StateSpace', 'TimelineOptions', '__version__', 'analyze', 'load_result', 'plot'}
 """Public names that hold numbers, read files or state options."""
 NUMERICS = [
     *((name, getattr(imu_allan, name)) for name in sorted({*imu_allan.__all__} - NO_NUMERICS)),

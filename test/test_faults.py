@@ -85,10 +85,11 @@ def test_a_disk_that_fills_up_during_analyze_is_one_line_and_leaves_no_half_file
 @pytest.mark.usefixtures('children_unmeasured')
 def test_a_file_that_may_not_grow_is_one_line_and_leaves_the_file_before(tmp_path, recording):
     target = tmp_path / 'result.json'
-    target.write_text('before')
+    before = '{"schema": "imu_allan.result/1"}'
+    target.write_text(before)
     done = command('analyze', recording, '--json', target, '--no-progress', file_limit=4096)
     assert_one_line(done, f'{target}: cannot be written (File too large); {ADVICE}')
-    assert target.read_text() == 'before'
+    assert target.read_text() == before
     assert files_in(tmp_path) == ['result.json']
 
 

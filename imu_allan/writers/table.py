@@ -11,7 +11,7 @@ as a control sequence.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
-from typing import Literal, TextIO, TYPE_CHECKING
+from typing import TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
@@ -37,14 +37,12 @@ from imu_allan.writers.answer import (
 from imu_allan.writers.means import written_mean
 from imu_allan.writers.outlook import outlook_of
 from imu_allan.writers.terminal import console_of
-from imu_allan.writers.verdict import verdict_lines
+from imu_allan.writers.verdict import Units, verdict_lines
 from imu_allan.writers.words import advice, presented, says, title_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
-
-Units = Literal['datasheet', 'si']
 
 _LONGEST_HEAD = 28
 """Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
@@ -121,7 +119,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.text import Text
 
     parts: list[RenderableType] = [
-        *(line for text in verdict_lines(result) for line in _filled(text, width, 'bold')),
+        *(line for text in verdict_lines(result, units) for line in _filled(text, width, 'bold')),
         Text(), _heading(result)]
     found = answers(result)
     for answer in found:

@@ -3,6 +3,7 @@
 """The verdict on each sensor in a line: what terminal, report and the node's log say first."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.result import AxisResult, Result
@@ -10,8 +11,10 @@ from imu_allan.sensor.units import engineering
 from imu_allan.wording import about, bounded, duration, listed, measured, SENSORS
 from imu_allan.writers.words import presented, title_of, WORDS
 
+Units = Literal['datasheet', 'si']
 
-def verdict_lines(result: Result) -> list[str]:
+
+def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     """
     Return the verdict on each sensor, the worst axis counting.
 
@@ -19,6 +22,8 @@ def verdict_lines(result: Result) -> list[str]:
     ----------
     result : Result
         Of one recording or several.
+    units : 'datasheet' or 'si', optional
+        In which numbers are given.
 
     Returns
     -------
@@ -32,14 +37,14 @@ def verdict_lines(result: Result) -> list[str]:
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
         title = SENSORS.get(sensor, sensor)
         if verdict.verdict == 'good':
-            lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s)}')
+            lines.append(f'{title}: {_numbers(axes, result.timeline.rest_s, units)}')
         else:
             word = 'not usable' if verdict.verdict == 'not_usable' else 'use with care'
             lines.append(f'{title}: {word}: {_reason(result, sensor, verdict.because)}.')
     return lines
 
 
-def _numbers(axes: Mapping[str, AxisResult], rest_s: float) -> str:
+def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str:
     """Say how well N is known, and what B and K are."""
     widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
               if (c := axis.coefficients['noise_density']).value and c.ci95 is not None]
@@ -47,15 +52,15 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float) -> str:
     for key in ('bias_instability', 'rate_random_walk'):
         cells = [axis.coefficients[key] for axis in axes.values()]
         shown = [(c.value, c.ci95) for c in cells if c.value is not None and c.ci95 is not None]
-        symbol, unit = cells[0].symbol, engineering(1.0, cells[0].unit)[1]
+        scale, unit = (1.0, cells[0].unit) if units == 'si' else engineering(1.0, cells[0].unit)
+        symbol = cells[0].symbol
         if shown:
             value, ends = max(shown)
-            text, low, high = measured(*(
-                engineering(number, cells[0].unit)[0] for number in (value, *ends)))
+            text, low, high = measured(*(scale * number for number in (value, *ends)))
             parts.append(f'{symbol}: {text} {unit} ({low} to {high})')
             continue
         bounds = [c.upper95 for c in cells if c.upper95 is not None]
-        below = f', {bounded(engineering(max(bounds), cells[0].unit)[0])} {unit}' if bounds else ''
+        below = f', {bounded(scale * max(bounds))} {unit}' if bounds else ''
         waits = [c.observable_in_s for c in cells if c.observable_in_s]
         longer = f'; record about {about(rest_s + min(waits))}' if waits else ''
         parts.append(f'{symbol}: not visible in {duration(rest_s)}{below}{longer}')

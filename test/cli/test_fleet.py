@@ -73,7 +73,7 @@ def test_a_fleet_gets_a_page_a_table_and_a_document(
     assert main(command) == 1
     shown = capsys.readouterr()
     assert shown.err == f'imu_allan: {command[7]}: {no_axes("no,recording")}\n'
-    assert Varying('sn10: gyro y: angle random walk 0.54<number> deg/sqrt(h): <number> times the '
+    assert Varying('sn10: gyro_y angle random walk 0.54<number> deg/sqrt(h): <number> times the '
                    'median of the others, <number> spreads away') in shown.out.splitlines()
     document = json.loads((output / 'fleet.json').read_text())
     assert document['schema'] == 'imu_allan.fleet/1'

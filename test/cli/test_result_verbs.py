@@ -443,11 +443,8 @@ def test_a_specification_may_be_one_that_is_shipped(result_file, capsys):
     assert 'gyro_x' in capsys.readouterr().out
 
 
-def test_a_printed_result_is_a_line_for_each_axis(recording, result_file):
+def test_a_printed_result_is_the_table(recording, result_file):
     lines = str(imu_allan.load_result(result_file)).splitlines()
-    assert lines[0] == f'{recording} /imu/data_raw: 30,000 samples at 100 Hz, 300 s, remarks: 1'
-    assert [line.partition(':')[0] for line in lines[1:]] == list(AXES)
-    assert lines[1] == Varying(
-        'gyro_x: Q < <number> rad, N 8.<number> [<number>, <number>] rad/s/sqrt(Hz), B <number> '
-        '[<number>, <number>] rad/s, K < <number> rad/s^2/sqrt(Hz), R < <number> rad/s^2')
-    assert max(map(len, lines)) < 300
+    assert lines[0].startswith('Gyroscope: N is good')
+    assert f'{recording} /imu/data_raw frame imu_link' in ' '.join(' '.join(lines).split())
+    assert max(map(len, lines)) <= 80

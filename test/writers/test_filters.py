@@ -1004,8 +1004,9 @@ def test_every_consumer_has_a_family_and_is_called_by_what_people_say():
                          if title.replace('-', '_').casefold() == name)):
         assert consumer_called(said) == name
     for said, meant in (('kalbr', 'kalibr'), ('robot_localisaton', 'robot_localization')):
-        with pytest.raises(KeyError, match=f'did you mean {meant}'):
+        with pytest.raises(KeyError) as error:
             consumer_called(said)
+        assert f'did you mean {meant}?' in error.value.args[0]
     with pytest.raises(KeyError) as error:
         consumer_called('toaster')
     assert error.value.args == ("no consumer is called 'toaster'; imu_allan export --list names "

@@ -5,7 +5,6 @@ from dataclasses import replace
 import json
 from pathlib import Path
 
-from imu_allan.errors import ImuAllanError
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.atomic import (
@@ -98,5 +97,6 @@ def test_a_recording_is_none_of_the_kinds() -> None:
 
 def test_a_picture_is_replaced_by_its_own_kind_alone(tmp_path: Path) -> None:
     (tmp_path / 'drift.png').write_bytes(b'%PDF-1.4')
-    with pytest.raises(ImuAllanError, match='is no PNG picture'):
+    with refused(f'{tmp_path / "drift.png"}: exists and is no PNG picture, so it is not replaced; '
+                 'name another file, or remove this one'):
         write_atomically(tmp_path / 'drift.png', b'\x89PNG\r\n\x1a\n')

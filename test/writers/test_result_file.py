@@ -89,7 +89,7 @@ def changed(document, path, value):
      'axes.gyro_x.power_law.psd_1hz: expected above zero'),
     ('axes.wheel', {}, 'axes.wheel: missing quantity, unit, mean, band_limit_s, tones, '
      'coefficients, goodness_of_fit, curve'),
-    ('source.kind', 'dream', "source.kind: 'dream' is not one of recording, topic"),
+    ('source.kind', 'dream', "source.kind: 'dream' is not one of recording, topic, datasheet"),
     ('timeline.sample_rate_hz', 0.0, 'timeline.sample_rate_hz: expected a number above zero'),
     ('timeline.duration_s', -1.0, 'timeline.duration_s: expected zero or more seconds')])
 def test_a_result_that_contradicts_itself_is_refused(result, tmp_path, path, value, complaint):
