@@ -159,12 +159,14 @@ def test_what_is_worth_telling_has_its_code():
     assert set(remarks_of(lfilter(np.ones(8) / 8, [1.0], WHITE))[1]) == {'band_limited'}
     steps = remarks_of(np.round(WHITE / 0.03) * 0.03)[1]
     assert re.fullmatch(r'the output steps by 0\.03 rad/s, [\d.]+ times the noise of one sample: '
-                        'what lies below the step is hidden', steps['coarse_resolution'])
+                        'what lies below the step is hidden; choose a smaller range of the sensor',
+                        steps['coarse_resolution'])
     assert set(remarks_of(np.cumsum(np.cumsum(WHITE)))[1]) >= {'poor_fit'}
     markov = {'noise_density': 1e-3, 'gauss_markov': {'sigma': 2e-3, 'correlation_time_s': 1.0}}
     assert set(remarks_of(simulate(markov, 300_000, RATE, seed=3))[1]) == {'gauss_markov'}
     axis, remarks = remarks_of(np.full(1000, 2.0))
-    assert remarks == {'constant_axis': 'every sample is 2 rad/s: there is no noise to measure'}
+    assert remarks == {'constant_axis': 'every sample is 2 rad/s: there is no noise to measure; '
+                       'look whether the axis is connected and read out'}
     assert set(axis.curve.adev) == {0.0}
 
 

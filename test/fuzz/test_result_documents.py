@@ -163,7 +163,8 @@ LONG = f'{"a" * 99}…{"a" * 99}'
 
 
 @pytest.mark.parametrize(('place', 'reason'), [
-    (('source', 'kind'), f".source.kind: '{LONG[1:-1]}' is not one of recording, topic"),
+    (('source', 'kind'),
+     f".source.kind: '{LONG[1:-1]}' is not one of recording, topic, datasheet"),
     (('axes', None), f'.axes.{LONG}: unknown axis; known are gyro_x, gyro_y, gyro_z, accel_x, '
                      'accel_y, accel_z')])
 def test_a_very_long_word_does_not_make_a_very_long_line(tmp_path, place, reason):

@@ -155,7 +155,8 @@ def test_a_column_that_is_no_temperature_is_told(tmp_path):
     line = (f'{path}: line 2: 0.0,0,warm lacks a number in a column that is read; a column that '
             'holds none can be left out: --columns names the others, and --rate takes the place '
             'of the time')
-    assert remark == f'the temperature was not read: {line}'
+    assert remark == (f'the temperature was not read: {line}; record the temperature all the time '
+                      'and finely, or leave it out')
     with refused(line):
         analyze(path, reading=RecordingOptions(temperature='temp'))
 

@@ -117,7 +117,7 @@ def test_kept_motion_is_told():
     (remark,) = run(block, motion='keep')[0].remarks
     assert remark.code == 'motion_kept'
     assert re.fullmatch(
-        r'motion or knocks were seen once, \d(\.\d)? s in all, first at \S+ s, and kept as asked: '
+        r'motion or knocks were seen once, \d(\.\d)? s in all, first at \S+ s, and kept as asked; '
         'coefficients and bounds describe them as much as the noise', message_of(remark))
 
 

@@ -49,7 +49,7 @@ def keep(messages: Messages, rows: np.ndarray) -> Messages:
 
 def told(result: Result, code: str) -> str:
     """Give the words of a finding, without the advice."""
-    return next(says(found) for found in result.warnings if found.code == code)
+    return next(says(found) for found in presented(result.warnings) if found.code == code)
 
 
 def late_for(messages: int, *names: str) -> str:
