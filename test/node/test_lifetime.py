@@ -273,9 +273,11 @@ def test_lost_messages_are_counted_by_their_numbers(
         return received + lost >= last - first
 
     ros.until(accounted_for)
-    assert status(reports, ros, 'reception').message == Varying(
+    # Said while it is recent, which on a busy machine it no longer is by now.
+    assert Varying(
         '<number> messages lost in the last 30 s: the queue of 10 messages is too short for what '
-        f'comes between two looks; leave {depth} out, or set it to 2.5 s of messages')
+        f'comes between two looks; leave {depth} out, or set it to 2.5 s of messages') in [
+            one.message for report in reports for one in report.status]
 
 
 def test_nothing_is_drawn_while_nobody_watches(
