@@ -21,9 +21,10 @@ from imu_allan.characterization.exponents import (
     with_own_exponents,
 )
 from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
+from imu_allan.characterization.finished import FinishedGroup, FinishedRecord
 from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.power_ons import turn_on_bias
-from imu_allan.characterization.stream import Characterization, FinishedGroup, FinishedRecord
+from imu_allan.characterization.stream import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square

@@ -10,15 +10,13 @@ must expect at its start.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
+from imu_allan.characterization.finished import FinishedGroup, FinishedRecord
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.noise.saturation import is_cut_off
 from imu_allan.result import AxisResult, TurnOnBias
-
-if TYPE_CHECKING:
-    from imu_allan.characterization.stream import FinishedGroup, FinishedRecord
 
 MOST = 1000
 """Power-ons that are remembered, the latest ones: three years of a robot switched on daily."""
@@ -92,13 +90,13 @@ class PowerOns:
 
     ended: tuple[Mark, ...] = ()
 
-    def one_more(self, record: 'FinishedRecord | None') -> 'PowerOns':
+    def one_more(self, record: FinishedRecord | None) -> 'PowerOns':
         """Return them when another begins behind what the run has so far."""
         if record is None:
             return self
         return PowerOns((*self.ended, self._mark(record))[-MOST:])
 
-    def spread(self, axes: Mapping[str, AxisResult], record: 'FinishedRecord'
+    def spread(self, axes: Mapping[str, AxisResult], record: FinishedRecord
                ) -> dict[str, TurnOnBias]:
         """Return the spread of the means of a run from power-on to power-on, by axis."""
         now = self._mark(record)
@@ -114,7 +112,7 @@ class PowerOns:
                     [mean for mean, _ in means], axis, [duration_s for _, duration_s in means])
         return found
 
-    def _mark(self, record: 'FinishedRecord') -> Mark:
+    def _mark(self, record: FinishedRecord) -> Mark:
         """Return where the run stands at the end of its latest power-on."""
         reference = record.group_of(record.names[0]).estimator.reference
         first = 0.0 if reference is None else float(reference[0])
@@ -200,7 +198,7 @@ def turn_on_bias(means: Sequence[float], axis: AxisResult, lengths_s: Sequence[f
     return TurnOnBias(found.between, (min(low, careful.between_ci95[0]), high))
 
 
-def _ends(group: 'FinishedGroup') -> dict[str, tuple[End, End]]:
+def _ends(group: FinishedGroup) -> dict[str, tuple[End, End]]:
     """Return the lowest and the highest value of every axis, about the first sample."""
     estimator = group.estimator
     return {name: (End(float(estimator.lowest[axis]), int(estimator.at_ends[0, axis])),

@@ -9,8 +9,8 @@ in where blocks come from and where results go, and in nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 import json
 from typing import Literal
 
@@ -25,6 +25,7 @@ from imu_allan.characterization.findings import (
     tone_findings,
     with_start,
 )
+from imu_allan.characterization.finished import FinishedGroup, FinishedRecord
 from imu_allan.characterization.group import Group
 from imu_allan.characterization.power_ons import PowerOns
 from imu_allan.characterization.thermometer import Thermometer
@@ -33,7 +34,6 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise.alike import SAME
 from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Backtest, Result, Signal, Source
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
@@ -44,68 +44,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 State = Mapping[str, NDArray[np.generic]]
-
-
-@dataclass(frozen=True)
-class FinishedGroup:
-    """
-    Axes that were always there together.
-
-    Attributes
-    ----------
-    names : list of str
-    estimator : Estimator
-        Finished, of these axes.
-    temperature : TemperatureCourse or None
-        Over the same samples.
-
-    """
-
-    names: list[str]
-    estimator: Estimator
-    temperature: TemperatureCourse | None = None
-
-    def taken(self, names: Sequence[str]) -> FinishedGroup:
-        """Return it with some of its axes."""
-        if list(names) == self.names:
-            return self
-        places = [self.names.index(name) for name in names]
-        return FinishedGroup(list(names), self.estimator.taken(places), self.temperature)
-
-
-@dataclass(frozen=True)
-class FinishedRecord:
-    """
-    What was taken in, ready to be put together with other records.
-
-    Attributes
-    ----------
-    summary : TimelineSummary
-    rate_hz : float
-        Samples per second.
-    groups : tuple of FinishedGroup
-        All but always one.
-
-    """
-
-    summary: TimelineSummary
-    rate_hz: float
-    groups: tuple[FinishedGroup, ...]
-
-    @property
-    def names(self) -> list[str]:
-        """Of all axes, in the order of `AXES`."""
-        known = {name for group in self.groups for name in group.names}
-        return [name for name in AXES if name in known]
-
-    @property
-    def samples(self) -> int:
-        """How many samples the axes have that have most."""
-        return max(group.estimator.samples for group in self.groups)
-
-    def group_of(self, name: str) -> FinishedGroup:
-        """Return the group that an axis belongs to."""
-        return next(group for group in self.groups if name in group.names)
 
 
 class Characterization:
