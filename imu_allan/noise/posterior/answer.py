@@ -17,6 +17,7 @@ from imu_allan.noise.posterior.likelihood import (
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
 from imu_allan.noise.posterior.shapes import cubic, GENTLE, LOW_PASSES, TERMS
+from imu_allan.noise.terms import TERMS as SYMBOLS
 from imu_allan.noise.trends import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
@@ -159,7 +160,8 @@ def answer(posterior: Posterior, dt: float) -> Answer:
     white = 1
     amplitude[:, white] *= posterior.changes(len(x))
     terms = {shape.key: _estimate(amplitude[:, k], there[:, k], weight, OBSERVABLE,
-                                  float(spectra.unit[of, k])) for k, shape in enumerate(TERMS)}
+                                  float(spectra.unit[of, k]))
+             for k, shape in enumerate(TERMS) if shape.key in SYMBOLS}
     law, process = has[:, PLAIN], has[:, PLAIN + 2]
     alpha, time = x[:, PLAIN + 1], np.exp(x[:, PLAIN + 3]) * dt
 

@@ -16,7 +16,6 @@ from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.posterior.evidence import climb
 from imu_allan.noise.posterior.likelihood import (
     batches,
-    LOW,
     mean,
     Rows,
     Spectra,
@@ -26,12 +25,12 @@ from imu_allan.noise.posterior.prepared import Start
 from imu_allan.noise.posterior.search import (
     B,
     extra_prior,
+    FAST,
     K,
     N as WHITE,
     of_axis,
     PROCESS,
     Proposals,
-    Q,
     TIME,
 )
 from imu_allan.noise.shapes import cycle, legendre, step, warming
@@ -78,6 +77,8 @@ class CourseKind:
         Courses over time, given the nuisance and the duration.
     continuous : bool
         Whether there are values between those of the grid.
+    most : int
+        How many of the kind a mean may have: a die and its housing warm up apart.
 
     """
 
@@ -86,11 +87,12 @@ class CourseKind:
     grid: Callable[[float], Array]
     columns: Callable[[float, float], tuple[Course, ...]]
     continuous: bool = True
+    most: int = 1
 
 
 COURSES = (
     CourseKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 1.0, 15),
-               lambda time, _: (warming(time),)),
+               lambda time, _: (warming(time),), most=2),
     CourseKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
                lambda time, _: (step(time),)),
     CourseKind('slow_cycle', 0.01, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
@@ -279,7 +281,7 @@ class _Search:
         """Courses worth fitting, each with what the integral over its nuisance adds."""
         found = []
         for number, kind in enumerate(self.bank.kinds if self._about else ()):
-            if any(one.kind.key == kind.key for one in self.chosen):
+            if sum(one.kind.key == kind.key for one in self.chosen) >= kind.most:
                 continue
             gains = [float(self.bank.gains(one, number).max()) for one in self._about]
             best = int(np.argmax(gains))
@@ -422,9 +424,9 @@ def _noises(spectra: Spectra, axis: int, start: Start, rows: Rows) -> Rows:
     """
     own, seen = Proposals(spectra, axis), set()
     best = rows.take(np.array([0]))
-    bent = tuple(slot for slot in (Q, LOW) if best.has[0, slot])
+    bent = tuple(slot for slot in FAST if best.has[0, slot])
     slow = tuple(slot for slot in range(len(best.has[0]))
-                 if best.has[0, slot] and slot not in (Q, WHITE, K, LOW))
+                 if best.has[0, slot] and slot not in (WHITE, K, *FAST))
     edge = int(best.edge[0])
     plain: tuple[tuple[int, ...], Array, int, float] = (
         (), start.x, spectra.dof.shape[1], 0.0)

@@ -18,6 +18,7 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.shapes import (
     FEWEST_GROUPS,
     FREE_TERMS,
+    OUTPUT_NOISE,
     Table,
     tables,
     TERMS,
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 
 _KEYS = [shape.key for shape in TERMS]
 _WHITE = _KEYS.index('noise_density')
+_COLUMNS = [_WHITE if key == OUTPUT_NOISE else _KEYS.index(key) for key in _KEYS]
+"""Of a design, by term: noise of the output is white, too."""
 _OCTAVE = 0.5
 """Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
 _LEAK_KNOWN = 2e-3
@@ -85,7 +88,7 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     level = np.stack(levels)
     # Without noise, everything can be seen: of that no square may vanish.
     level = np.maximum(level, _LEAST_LEVEL)
-    design = np.stack([one.design[:, :PLAIN].T for one in groups])
+    design = np.stack([one.design[:, _COLUMNS].T for one in groups])
     whole = np.stack([one.dof for one in groups])
     dof = _known(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
     information = whole / 2 / level**2
@@ -158,7 +161,7 @@ def _start(groups: Groups, unit: Array, level: Array) -> Start:
     slower = maximise(groups.below(below), fixed={0: 0.0}, trend='restricted', tolerance=1e-2)
     x = np.zeros(SLOTS)
     white = level / groups.design[:, _WHITE]
-    theta = slower.theta[:PLAIN].copy()
+    theta = slower.theta[_COLUMNS]
     theta[_WHITE] = max(theta[_WHITE], float(np.quantile(white, 0.05)))
     x[AMPLITUDES[:PLAIN]] = 0.5 * np.log(np.maximum(theta / unit, _LEAST_SEEN))
     x[PLAIN + 1] = 1.0

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-Q, N, B, K = range(PLAIN)
+Q, N, B, K, OUTPUT = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
 _TOP, _PER_HALF_OCTAVE = float(np.log(0.02)), -0.2
 """Logarithm of the prior of a top that no filter explains, and its change per half-octave."""
@@ -37,6 +37,8 @@ _KEPT_FAST, KEPT = 12.0, 9.0
 """Nats below the best at which a model is dropped: e^-9 of the evidence is nothing."""
 _MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
 """Fast ends kept for the slow noise, slow noises crossed with them, and models in all."""
+FAST = (Q, OUTPUT, LOW)
+"""Slots of what bends the fast end."""
 _BESIDE_EDGE = ('recursive_mean', 'butterworth_2')
 """Filters that may fall below an edge already."""
 
@@ -90,6 +92,10 @@ def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     fast = Rows.joined([_fast_ends(spectra, axis, start, dt)
                         for axis, start in enumerate(starts)])
     fast = best_of(spectra, climb(spectra, fast, 25, hopeless=20.0), _KEPT_FAST, 12)
+    behind = _behind_filters(spectra, starts, fast, dt)
+    if len(behind):
+        fast = best_of(spectra, Rows.joined([fast, climb(spectra, behind, 25, hopeless=20.0)]),
+                       _KEPT_FAST, 12)
     ends = [_ends(fast, axis) for axis in range(len(starts))]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
@@ -128,7 +134,7 @@ def _with(x: Array, **values: float) -> Array:
 
 
 _SLOT = {'white': N, 'law': LAW, 'alpha': ALPHA, 'process': PROCESS, 'time': TIME, 'low': LOW,
-         'high': HIGH, 'flicker': B, 'walk': K}
+         'high': HIGH, 'output': OUTPUT, 'flicker': B, 'walk': K}
 
 
 def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
@@ -146,21 +152,11 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
         own.add((*slow, PROCESS, TIME), _with(x, time=time, process=1.5))
 
     unit = float(spectra.unit[axis, N])**2
-
-    def level(at: float) -> float:
-        """White noise as strong as the spectrum is at a frequency per sample."""
-        place = min(int(np.searchsorted(nu, at)), len(nu) - 1)
-        return float(0.5 * np.log(start.white[place] / unit))
-
-    for family in range(len(LOW_PASSES)):
-        first, last = table.first[family], table.last[family]
-        last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
-        for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), 7):
-            own.add((*slow, LOW), _with(x, low=corner,
-                                        white=level(0.25 * min(np.exp(corner), 1.0))), family)
+    _filtered(own, spectra, axis, start, dt, (*slow, LOW))
     for half, edge in _edges(nu):
         prior = _TOP + _PER_HALF_OCTAVE * half
-        below = _with(x, white=level(nu[edge] / 3))
+        below = _with(x, white=0.5 * np.log(
+            start.white[int(np.searchsorted(nu, nu[edge] / 3))] / unit))
         own.add(slow, below, edge=edge, prior=prior)
         for key in _BESIDE_EDGE:
             family = next(k for k, shape in enumerate(LOW_PASSES) if shape.key == key)
@@ -168,6 +164,33 @@ def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
             corner = np.clip(np.log(corner), table.first[family], table.last[family])
             own.add((*slow, LOW), _with(below, low=corner), family, edge, prior)
     return own.rows()
+
+
+def _behind_filters(spectra: Spectra, starts: Sequence[Start], fast: Rows, dt: float) -> Rows:
+    """Propose noise of the output behind filters, for axes whose top nothing else explains."""
+    found = fast.take(np.zeros(0, np.int64))
+    for axis, start in enumerate(starts):
+        if of_axis(fast, axis).edge[0] < spectra.dof.shape[1]:
+            own = Proposals(spectra, axis)
+            last = 0.5 * np.log(spectra.power[axis, -1] / spectra.columns[axis, OUTPUT, -1])
+            _filtered(own, spectra, axis, start, dt, (N, B, K, OUTPUT, LOW), output=last)
+            found = Rows.joined([found, own.rows()])
+    return found
+
+
+def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: float,
+              slots: Sequence[int], **values: float) -> None:
+    """Propose every filter at several corners."""
+    nu, table = np.minimum(spectra.frequency * dt, 0.5), spectra.tables.low_pass
+    unit = float(spectra.unit[axis, N])**2
+    for family in range(len(LOW_PASSES)):
+        first, last = table.first[family], table.last[family]
+        last = min(spectra.gentle[axis], last) if family == GENTLE_FAMILY else last
+        for corner in np.linspace(first + 0.5, max(last - 0.3, first + 0.6), 7):
+            at = int(np.searchsorted(nu, 0.25 * min(np.exp(corner), 1.0)))
+            # White noise as strong as the spectrum is in the pass band.
+            white = 0.5 * np.log(start.white[min(at, len(nu) - 1)] / unit)
+            own.add(slots, _with(start.x, low=corner, white=white, **values), family)
 
 
 def _edges(nu: Array) -> Iterator[tuple[int, int]]:
@@ -189,17 +212,17 @@ def _corner_at(key: str, nu: float) -> float:
 def _ends(fast: Rows, axis: int) -> Rows:
     """Return the best row of each of the best fast ends of an axis."""
     own = of_axis(fast, axis)
-    seen: dict[tuple[int, int, bool, bool], int] = {}
+    seen: dict[tuple[object, ...], int] = {}
     for i in range(len(own)):
         low = bool(own.has[i, LOW])
-        key = (int(own.family[i]) if low else -1, int(own.edge[i]), bool(own.has[i, Q]), low)
+        key = (int(own.family[i]) if low else -1, int(own.edge[i]), *own.has[i, [*FAST]].tolist())
         seen.setdefault(key, i)
     return own.take(np.array(list(seen.values())[:_MOST_FAST]))
 
 
 def _fast_part(row: Rows) -> list[int]:
     """Slots of what bends the fast end in a row."""
-    return [slot for slot in (Q, LOW) if row.has[0, slot]]
+    return [slot for slot in FAST if row.has[0, slot]]
 
 
 def extra_prior(spectra: Spectra, row: Rows) -> float:
@@ -246,12 +269,12 @@ def _crossed(spectra: Spectra, axis: int, ends: Rows, slow: Rows) -> list[Rows]:
         seen = set()
         for i in range(len(slow)):
             has = slow.has[i].copy()
-            has[[Q, LOW]] = False
+            has[[*FAST]] = False
             if has.tobytes() in seen:
                 continue
             seen.add(has.tobytes())
             x = slow.x[i].copy()
-            for slot in (Q, N, LOW):
+            for slot in (N, *FAST):
                 x[slot] = end.x[0, slot]
             own.add((*np.flatnonzero(has).tolist(), *fast), x, int(end.family[0]),
                     int(end.edge[0]), prior)

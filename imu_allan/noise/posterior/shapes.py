@@ -104,6 +104,7 @@ def _high_pass(nu: Array, corner: float) -> Array:
 
 WHITE, FLICKER, WALK, QUANTIZATION = 'noise_density', 'bias_instability', 'rate_random_walk', \
     'quantization_noise'
+OUTPUT_NOISE = 'output_noise'
 PROCESS, POWER_LAW, HIGH_PASS = 'gauss_markov', 'power_law', 'high_pass'
 GENTLE = 'recursive_mean'
 
@@ -112,8 +113,9 @@ TERMS = (
     Shape(WHITE, 1.0, lambda nu, _: spectrum.white(nu, 1.0)),
     Shape(FLICKER, 0.15, lambda nu, _: spectrum.flicker(nu, 1.0)),
     Shape(WALK, 0.15, lambda nu, _: spectrum.random_walk(nu, 1.0)),
+    Shape(OUTPUT_NOISE, 0.02, lambda nu, _: spectrum.white(nu, 1.0), at_output=True),
 )
-"""Terms without a nuisance; white noise is in every model."""
+"""Terms without a nuisance; white noise is in every model, that of the output behind a filter."""
 
 FREE_TERMS = (
     Shape(POWER_LAW, 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
