@@ -113,8 +113,7 @@ def write_state(path: str, rate: float, hours: float) -> None:
     """Write the state file of a node that has run for so long."""
     from imu_allan.characterization import Characterization
     from imu_allan.node.checkpoint import StateFile
-    from imu_allan.node.resuming import pack, Setup
-    from imu_allan.node.run import Lane, Run
+    from imu_allan.node.run import Lane, pack, Run, Setup
     from imu_allan.sensor.noise_model import load_model
     from imu_allan.sensor.simulated_imu import find_model, simulated_blocks
     from imu_allan.timeline import TimelineOptions

@@ -34,17 +34,7 @@ _REJECTING = frozenset({'several_frames', 'several_publishers', 'rate_changed'})
 
 
 class Announcements:
-    """
-    Compares what is with what was, and says the difference.
-
-    Parameters
-    ----------
-    log : Log
-        Where it is said.
-    topic : str
-        Of the IMU.
-
-    """
+    """Compares what is with what was, and says the difference."""
 
     def __init__(self, log: Log, topic: str) -> None:
         self._log = log

@@ -25,15 +25,7 @@ ANSWER_S = 0.01
 
 
 class Callers(ReentrantCallbackGroup):
-    """
-    Those whose requests have been taken and not been answered.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Whose executor calls.
-
-    """
+    """Those whose requests have been taken and not been answered."""
 
     def __init__(self, node: Node) -> None:
         super().__init__()

@@ -24,6 +24,7 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.drained_subscription import DrainedSubscription, in_one_line
 from imu_allan.node.imu_type import decoder, message_class
+from imu_allan.node.interface import SETTINGS
 from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
@@ -31,11 +32,9 @@ from imu_allan.node.publications import Publications
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
-from imu_allan.node.resuming import Setup
-from imu_allan.node.run import Half, Run
+from imu_allan.node.run import Half, Run, Setup
 from imu_allan.node.runs import Runs
 from imu_allan.node.same_imu import LOOK_S
-from imu_allan.node.settings import SETTINGS
 from imu_allan.node.storage import Storage
 from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
 from imu_allan.node.worker import Worker
@@ -148,15 +147,7 @@ class CharacterizationNode(Node):
         self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
 
     def serve(self, stop: StopRequest) -> int:
-        """
-        Work until `stop` is set, then save: cheaper than any executor, for a process of its own.
-
-        Returns
-        -------
-        int
-            Exit status: 0, or 1 if something went wrong or could not be saved.
-
-        """
+        """Work until `stop` is set, then save: cheaper than an executor; return the status."""
         # A timer would wake the executor twice: once more for having been called.
         self.destroy_timer(self._timer)
         executor = SingleThreadedExecutor()

@@ -43,15 +43,7 @@ _PLAIN = getattr(os, 'O_NOFOLLOW', 0) | getattr(os, 'O_NONBLOCK', 0)
 
 
 class UnusableState(Exception):
-    """
-    A state file that cannot be resumed from.
-
-    Attributes
-    ----------
-    reason : str
-        One word for the name under which the file is kept: foreign, newer, damaged.
-
-    """
+    """A state file that cannot be resumed from."""
 
     def __init__(self, reason: str, explanation: str) -> None:
         super().__init__(explanation)
@@ -68,15 +60,7 @@ def _lock(file: IO[bytes]) -> None:
 
 
 def _open_plain(path: Path, flags: int) -> IO[bytes]:
-    """
-    Open a regular file, made for this user alone; no link is followed and no pipe waited for.
-
-    Raises
-    ------
-    OSError
-        If it is something else.
-
-    """
+    """Open a regular file, for this user alone; no link is followed, no pipe waited for."""
     handle = os.open(path, flags | _PLAIN, 0o600)
     file = os.fdopen(handle, 'rb')
     if not stat.S_ISREG(os.fstat(handle).st_mode):
@@ -86,15 +70,7 @@ def _open_plain(path: Path, flags: int) -> IO[bytes]:
 
 
 def encode_state(state: State) -> bytes:
-    """
-    Give the content of a state file.
-
-    Raises
-    ------
-    ValueError
-        If an array holds Python objects, which only a pickle could store.
-
-    """
+    """Give the content of a state file."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, 'w') as archive:
         for name, array in state.items():
@@ -105,15 +81,7 @@ def encode_state(state: State) -> bytes:
 
 
 def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
-    """
-    Read the arrays of a state file.
-
-    Raises
-    ------
-    UnusableState
-        If `data` is not a whole state file of this version.
-
-    """
+    """Read the arrays of a state file."""
     if not data.startswith(_NAME):
         # An interrupted copy may have left the beginning of the name, or nothing.
         reason = 'damaged' if _NAME.startswith(data) else 'foreign'
@@ -144,20 +112,7 @@ def decode_state(data: bytes) -> dict[str, NDArray[Any]]:
 
 
 class StateFile:
-    """
-    One node's state file, locked against every other node while this object is open.
-
-    Parameters
-    ----------
-    path : path-like
-        The folder is made if it is missing.
-
-    Raises
-    ------
-    ImuAllanError
-        If another process holds the file or its folder cannot be written to.
-
-    """
+    """One node's state file, locked against every other node while this object is open."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         try:
@@ -223,15 +178,7 @@ class StateFile:
                     path.unlink()
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """
-        Read the state that was saved last; None if there is no file.
-
-        Raises
-        ------
-        UnusableState
-            If the file is there and cannot be used.
-
-        """
+        """Read the state that was saved last; None if there is no file."""
         try:
             with _open_plain(self.path, os.O_RDONLY) as file:
                 data = file.read(_LARGEST_BYTES + 1)
@@ -244,16 +191,7 @@ class StateFile:
         return decode_state(data)
 
     def save(self, state: State) -> int:
-        """
-        Replace the saved state and return the size of the file in bytes.
-
-        Raises
-        ------
-        ImuAllanError
-            If the file cannot be written; the state before it stays. So if there is a file that
-            was to be kept aside and could not be moved: it is not overwritten.
-
-        """
+        """Replace the saved state and return the size of the file in bytes."""
         if self._in_the_way:
             raise ImuAllanError(self._in_the_way)
         data = encode_state(state)
@@ -264,20 +202,7 @@ class StateFile:
         return len(data)
 
     def keep_aside(self, reason: str) -> Path:
-        """
-        Give the saved state another name, so that a new run cannot overwrite it.
-
-        Parameters
-        ----------
-        reason : str
-            A word that becomes part of the name.
-
-        Raises
-        ------
-        ImuAllanError
-            If the file cannot be renamed.
-
-        """
+        """Give the saved state another name, so that a new run cannot overwrite it."""
         now = datetime.now(timezone.utc).strftime(_TIME)
         aside = self.path.with_name(f'{self.path.name}.{reason}.{now}')
         try:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from imu_allan.node.recent import Recent, RECENT_S
 from imu_allan.node.result_messages import as_text
 from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
@@ -31,6 +30,8 @@ _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'f
                      'rest_within_motion', 'several_frames', 'spikes'})
 """Codes of remarks that tell of what may be over: counts say whether it goes on."""
 
+RECENT_S = 30.0
+"""Somebody who looks twice a minute sees what happened; what is longer ago is a total."""
 SILENT_S = 2.0
 """Without a message for so long nothing comes, and nothing is expected of time."""
 _LATELY = f'in the last {RECENT_S:.0f} s'
@@ -40,144 +41,85 @@ Verdict = tuple[bytes, str]
 _LEVELS = {'ok': OK, 'warn': WARN, 'error': ERROR}
 
 
+class Recent:
+    """Growth of counts within the last `RECENT_S`."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, list[tuple[float, int]]] = {}
+
+    def see(self, now: float, totals: Mapping[str, int], *, known: bool = False) -> None:
+        """Note the totals; those of a resumed run are `known`, one that falls begins anew."""
+        for name, total in totals.items():
+            seen = self._seen.setdefault(name, [(now, total if known else 0)])
+            if total < seen[-1][1]:
+                seen[:] = [(now, 0)]
+            if total > seen[-1][1]:
+                seen.append((now, total))
+            # The first entry is what had been counted when the window began.
+            while len(seen) > 1 and now - seen[1][0] > RECENT_S:
+                seen.pop(0)
+
+    def __getitem__(self, name: str) -> int:
+        """Growth of one count."""
+        seen = self._seen.get(name)
+        return seen[-1][1] - seen[0][1] if seen else 0
+
+
 @dataclass
 class Facts:
     """
     What the node counts and remembers for ``/diagnostics``, of each topic of an IMU.
 
     What concerns the whole node stands in those of the first topic.
-
-    Attributes
-    ----------
-    topic : str
-    half : {'gyro', 'accel'} or None
-        The sensor that comes on the topic, where it is one alone.
-    queue : int
-        Messages the middleware keeps until they are taken.
-    expected_rate : float
-        In Hz; 0 where it is unknown.
-    state_file : str
-        Empty where none is kept.
-    received, lost, malformed, skipped : int
-        Messages taken, numbered but never received, not decodable, and passed over in a pause.
-    malformed_why : str
-        What was wrong with the last of those that are not decodable.
-    overrun : int
-        How often the queue was full when it was emptied.
-    recent : Recent
-        Growth of these and of the counts of the timeline.
-    mixed : bool
-        Whether the messages of two publishers are passed over now.
-    mixed_samples : int
-        Messages passed over for that.
-    looping : bool
-        Whether the messages have come before, as those of a recording in a loop.
-    publishers : int
-    refused : list of str
-        Why publishers of the topic are not matched.
-    namesakes : int
-        Other nodes of the same name.
-    silent_s : float
-        Time since the last message, or since the node has waited for the first.
-    pause_s : float
-        Longest time without a message before one came, since the last report.
-    restarts : int
-        How often the numbers of the messages have begun anew.
-    received_hz : float
-        Messages taken per second, lately.
-    cpu_s : float or None
-        CPU time of the whole process per message, lately, in seconds.
-    longest_hold_s : float
-        Longest time between two takings since the last report.
-    paused : bool
-    on_probation : bool
-        Whether messages are held back until they show the IMU of the state file.
-    fit_s : float or None
-        Time the last fit took.
-    fit_error, update_error, save_error, checkpoint_error, output_error : str
-        What the last attempt failed with; empty where it did not. `update_error` is why the
-        latest samples are of no use, `output_error` what trying the output folder gave.
-    checkpoint_age_s : float or None
-    resumed : str
-        What became of the state file when the node started.
-    moved_s : float
-        Time that was left out as motion.
-    temperature_topic : str
-        Empty where there is none.
-    thermometers : int
-        Publishers of it.
-    temperature_c : float or None
-        Latest reading, in degrees Celsius.
-    temperature_missing : bool
-        Whether nothing has published it for a while.
-    temperature_silent_s : float
-        Time since it, where that is longer than the thermometer has ever taken.
-    findings : list of Finding
-        How the last result stands to datasheet and reference.
-
     """
 
     topic: str
     queue: int
-    expected_rate: float
-    state_file: str
-    half: str | None = None
+    expected_rate: float  # Hz; 0 where it is unknown
+    state_file: str  # empty where none is kept
+    half: str | None = None  # the sensor that comes on the topic, where it is one alone
     received: int = 0
     lost: int = 0
     malformed: int = 0
-    skipped: int = 0
+    skipped: int = 0  # passed over in a pause
     malformed_why: str = ''
-    overrun: int = 0
+    overrun: int = 0  # how often the queue was full when it was emptied
     recent: Recent = field(default_factory=Recent)
-    mixed: bool = False
-    mixed_samples: int = 0
-    looping: bool = False
+    mixed: bool = False  # messages of two publishers are passed over now
+    mixed_samples: int = 0  # passed over for that
+    looping: bool = False  # the messages have come before, as of a recording in a loop
     publishers: int = 0
-    refused: list[str] = field(default_factory=list)
-    namesakes: int = 0
-    silent_s: float = 0.0
-    pause_s: float = 0.0
-    restarts: int = 0
-    received_hz: float = 0.0
-    cpu_s: float | None = None
-    longest_hold_s: float = 0.0
+    refused: list[str] = field(default_factory=list)  # why publishers are not matched
+    namesakes: int = 0  # other nodes of the same name
+    silent_s: float = 0.0  # since the last message, or since the first is waited for
+    pause_s: float = 0.0  # the longest before a message came, since the last report
+    restarts: int = 0  # how often the numbers of the messages have begun anew
+    received_hz: float = 0.0  # lately
+    cpu_s: float | None = None  # of the whole process for each message, lately
+    longest_hold_s: float = 0.0  # between two takings, since the last report
     paused: bool = False
-    on_probation: bool = False
+    on_probation: bool = False  # messages are held until they show whose they are
     fit_s: float | None = None
-    fit_error: str = ''
-    update_error: str = ''
+    fit_error: str = ''  # as all of these: of the last attempt, empty where it did not fail
+    update_error: str = ''  # why the latest samples are of no use
     save_error: str = ''
     checkpoint_error: str = ''
-    output_error: str = ''
+    output_error: str = ''  # of trying the output folder
     checkpoint_age_s: float | None = None
-    resumed: str = ''
-    moved_s: float = 0.0
+    resumed: str = ''  # what became of the state file at the start
+    moved_s: float = 0.0  # left out as motion
     temperature_topic: str = ''
     thermometers: int = 0
     temperature_c: float | None = None
-    temperature_missing: bool = False
-    temperature_silent_s: float = 0.0
+    temperature_missing: bool = False  # nothing has published it for a while
+    temperature_silent_s: float = 0.0  # where longer than the thermometer has ever taken
     findings: list[Finding] = field(default_factory=list)
 
 
 def diagnostics_message(node_name: str, stamp: Time,
                         topics: Sequence[tuple[Facts, TimelineSummary]], result: Result | None
                         ) -> DiagnosticArray:
-    """
-    All statuses of the node.
-
-    Parameters
-    ----------
-    node_name : str
-        Fully qualified, so that two nodes in two namespaces do not share a status.
-    stamp : builtin_interfaces.msg.Time
-        Now.
-    topics : sequence of (Facts, TimelineSummary)
-        What the node counts, and everything received so far, of each topic.
-    result : Result or None
-        The last fit.
-
-    """
+    """All statuses of the node."""
     array = DiagnosticArray()
     array.header.stamp = stamp
     parts: list[tuple[str, str, Verdict, Mapping[str, object]]] = []

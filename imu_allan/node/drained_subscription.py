@@ -30,27 +30,12 @@ from rclpy.subscription import Subscription
 
 @dataclass(frozen=True)
 class Batch:
-    """
-    Messages in the order they came.
+    """Messages in the order they came."""
 
-    Attributes
-    ----------
-    messages : list of bytes
-        Serialized, encapsulation header included.
-    receive_ns : ndarray of int64, shape (n,)
-        When the middleware received each message, nanoseconds since 1970.
-    numbers : ndarray of int64, shape (n,), or None
-        Which of its messages the publisher says each one is; None where the middleware does not
-        tell.
-    full : bool
-        Whether so many had come that the next would have pushed the first out.
-
-    """
-
-    messages: list[bytes]
-    receive_ns: NDArray[np.int64]
-    numbers: NDArray[np.int64] | None = None
-    full: bool = False
+    messages: list[bytes]  # serialized, encapsulation header included
+    receive_ns: NDArray[np.int64]  # by the middleware, since 1970, shape (n,)
+    numbers: NDArray[np.int64] | None = None  # that the publisher gave them, if it is told
+    full: bool = False  # the next would have pushed the first out
 
 
 def in_one_line(error: Exception) -> str:
@@ -59,24 +44,7 @@ def in_one_line(error: Exception) -> str:
 
 
 class DrainedSubscription:
-    """
-    Best-effort subscription that keeps the last `depth` messages until `take` is called.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    msg_type : type
-        Message class.
-    topic : str
-    depth : int
-        Queue of the middleware: it must hold what comes between two calls of `take`. It may be
-        overridden with a parameter.
-    draining : bool
-        Whether to take straight from the middleware's queue. That call is rclpy's own but not
-        documented, so where it is missing or answers otherwise than known, an ordinary callback
-        collects the messages instead, at several times the cost.
-
-    """
+    """Best-effort subscription that keeps the last `depth` messages until `take` is called."""
 
     def __init__(self, node: Node, msg_type: type, topic: str, depth: int, *,
                  draining: bool = True) -> None:

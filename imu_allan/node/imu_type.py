@@ -35,20 +35,7 @@ _SEPARATOR = '=' * 80
 
 
 def message_class(type_name: str) -> Any:
-    """
-    Return the Python class of a message type.
-
-    Parameters
-    ----------
-    type_name : str
-        ``package/msg/Name`` or ``package/Name``.
-
-    Raises
-    ------
-    ImuAllanError
-        If it is no such name, or the package is not there.
-
-    """
+    """Return the Python class of a message type."""
     found = _NAME.fullmatch(type_name)
     shown = printable(shorten(type_name, 80))
     if found is None:
@@ -65,25 +52,7 @@ def message_class(type_name: str) -> Any:
 
 
 def definition_of(type_name: str) -> str:
-    """
-    Write the definition of a message type from its Python class.
-
-    Parameters
-    ----------
-    type_name : str
-        As for `message_class`.
-
-    Returns
-    -------
-    str
-        As recordings carry it: fields, then the types in them.
-
-    Raises
-    ------
-    ImuAllanError
-        As `message_class`.
-
-    """
+    """Write the definition of a message type from its Python class."""
     texts: dict[str, str] = {}
     waiting = [type_name]
     while waiting:
@@ -110,24 +79,7 @@ def definition_of(type_name: str) -> str:
 
 def decoder(type_name: str, gyro: str = '', accel: str = '', stamp: str = '', *,
             gyro_unit: str = '', accel_unit: str = '') -> Decode:
-    """
-    Return what decodes the messages of a type.
-
-    Parameters
-    ----------
-    type_name : str
-        As for `message_class`.
-    gyro, accel, stamp : str, optional
-        Fields that hold the samples and their time, with units.
-    gyro_unit, accel_unit : str, optional
-        Units of the samples where they are not rad/s and m/s^2.
-
-    Raises
-    ------
-    ImuAllanError
-        If the type is not there, holds no IMU, or the fields are none of it.
-
-    """
+    """Return what decodes the messages of a type."""
     if type_name == IMU and not (gyro or accel or stamp or gyro_unit or accel_unit):
         return lambda messages, receive_ns, on_malformed: blocks_from_messages(
             messages, receive_ns, on_malformed=on_malformed)

@@ -1,12 +1,136 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What both nodes offer, as ``--help`` tells it: without ROS, which may be what is missing."""
+"""What both nodes offer, as `--help` tells it: without ROS, which may be what is missing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 from textwrap import wrap
+from typing import Any
 
-from imu_allan.node.settings import Setting, SETTINGS, SIMULATOR_SETTINGS
+from imu_allan.writers.filters import CONSUMERS
+
+Value = str | int | float | bool | Sequence[str]
+
+DEFAULT_OUTPUT_DIR = '~/.ros/imu_allan'
+"""Beside the logs of ROS, which belong to the same user."""
+DEFAULT_STATE_FILE = '$ROS_HOME/imu_allan/<name>.state'
+"""Of the fully qualified name of the node; without ROS_HOME in ~/.ros."""
+_LONGEST_TEXT = 1000
+"""Characters; a path or a topic has fewer, and whoever is on the network may set parameters."""
+_MOST_TEXTS = 100
+"""Far more consumers or topics than anybody names; with `_LONGEST_TEXT`, 100 KB at most."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One parameter."""
+
+    name: str
+    default: Value
+    description: str
+    lowest: float | None = None
+    highest: float | None = None
+    choices: Sequence[str] = ()
+    may_be_empty: bool = True
+    read_only: bool = False
+    below_start: bool = False  # can be changed to folders below that of the start only
+
+    def reason_against(self, value: Any) -> str:
+        """Why `value` is refused beyond type and range; empty if it is not."""
+        if value is None:
+            # Not set: whether that is allowed is a question of its type.
+            return ''
+        if isinstance(value, float) and not math.isfinite(value):
+            return f'{self.name}: {value} is not a finite number'
+        if isinstance(value, str) and not value and not self.may_be_empty:
+            return f'{self.name}: must not be empty'
+        texts = [value] if isinstance(value, str) else value
+        if isinstance(texts, (list, tuple)) and (
+                len(texts) > _MOST_TEXTS
+                or any(isinstance(text, str) and len(text) > _LONGEST_TEXT for text in texts)):
+            return (f'{self.name}: at most {_MOST_TEXTS} texts of {_LONGEST_TEXT} characters each '
+                    'are taken')
+        if self.choices:
+            for text in texts:
+                # A parameter cannot be an empty list: [''] stands for it.
+                if text not in self.choices and (text or isinstance(value, str)):
+                    return f'{self.name}: {text!r} is not one of {", ".join(self.choices)}'
+        return ''
+
+
+SETTINGS = (
+    Setting('publish_period', 10.0, 'Seconds from one fit and publication to the next',
+            0.5, 86_400.0),
+    Setting('output_dir', DEFAULT_OUTPUT_DIR, 'Folder in which ~/save and the end of the node '
+            'write; every run gets a folder of its own in it; while the node runs, it can be '
+            'changed to folders below', may_be_empty=False, below_start=True),
+    Setting('state_file', DEFAULT_STATE_FILE, 'File that keeps what was learnt over every '
+            'restart; by default over a crash alone; empty keeps nothing', read_only=True),
+    Setting('checkpoint_period', 60.0, 'At most so many seconds of samples are lost in a crash',
+            1.0, 86_400.0),
+    Setting('motion', 'exclude', 'What to do with knocks and motion', choices=('exclude', 'keep'),
+            read_only=True),
+    Setting('clock', 'auto', 'Stamps to trust; auto takes the header stamps unless they are '
+            'unusable', choices=('auto', 'header', 'receive'), read_only=True),
+    Setting('expected_rate', 0.0, 'Rate of the IMU in Hz, for the size of the queue and a warning '
+            'where another is measured; 0 is unknown', 0.0, 100_000.0, read_only=True),
+    Setting('gap_tolerance', 5, 'Missing samples in a row that are bridged; more of them begin a '
+            'new stretch', 0, 1000, read_only=True),
+    Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] writes "
+            'none', choices=tuple(CONSUMERS)),
+    Setting('aiding_interval', 0.1, 'Seconds from one correction of the filter to the next, for '
+            '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
+    Setting('coast', 60.0, 'The longest that the filter must do without, in seconds', 0.01,
+            86_400.0),
+    Setting('temperature_topic', '', 'Topic (sensor_msgs/Temperature) of the thermometer '
+            "beside the IMU; empty finds the only one in the IMU's namespace", read_only=True),
+    Setting('imu_type', 'sensor_msgs/msg/Imu', 'Type of the messages: one that holds an Imu, or '
+            'that of a driver, such as px4_msgs/msg/SensorCombined', may_be_empty=False,
+            read_only=True),
+    Setting('gyro_field', '', 'Field of the messages that holds the angular velocity and its '
+            'unit, such as twist.angular or imu.gyro[0:3] deg/s; empty finds it', read_only=True),
+    Setting('accel_field', '', 'Field of the messages that holds the acceleration and its unit; '
+            'empty finds it', read_only=True),
+    Setting('stamp_field', '', 'Field of the messages that holds their time, with a unit if it is '
+            'a number (t us); empty finds it', read_only=True),
+    Setting('gyro_unit', '', 'Unit of the angular velocity, such as deg/s; empty is rad/s',
+            read_only=True),
+    Setting('accel_unit', '', 'Unit of the acceleration: m/s^2 or g; empty takes it as g where '
+            'its magnitude at rest is near 1', read_only=True),
+    Setting('gyro_topic', '', 'Topic of the gyroscope, where the IMU comes on two; empty takes '
+            'both sensors from imu/data_raw', read_only=True),
+    Setting('accel_topic', '', 'Topic of the accelerometer, where the IMU comes on two',
+            read_only=True),
+    Setting('accel_type', '', 'Type of the messages on accel_topic, such as '
+            'px4_msgs/msg/SensorAccel, where it is another than imu_type; empty is imu_type',
+            read_only=True),
+    Setting('spec_file', '', 'Datasheet (YAML) that the IMU is held against all the time; empty '
+            'is none', read_only=True),
+    Setting('reference', '', 'Result file of the same IMU from before; a departure from it is '
+            'told; empty is none', read_only=True),
+)
+
+SIMULATOR_SETTINGS = (
+    Setting('model', 'consumer_mems',
+            'Noise model: a YAML file, or the name of one that the package ships in config/',
+            may_be_empty=False, read_only=True),
+    Setting('rate', 100.0, 'Samples per second of simulated time', 0.1, 100_000.0,
+            read_only=True),
+    Setting('speed', 1.0, 'Simulated seconds per second; 0 publishes as fast as reliable '
+            'subscriptions that keep all take the samples', 0.0, 1e6, read_only=True),
+    Setting('duration', 0.0, 'Simulated seconds, after which the node ends; 0 is without end',
+            0.0, 1e9, read_only=True),
+    Setting('seed', 0, 'Another number gives other noise', 0, 2**31 - 1, read_only=True),
+    Setting('frame_id', 'imu_link', 'header.frame_id of the messages', read_only=True),
+    Setting('start_time', 0.0, 'header.stamp of the first sample in seconds; 0 is the time of '
+            'the start', 0.0, 2**31 - 1.0, read_only=True),
+    Setting('wait_for_subscriptions', 0, 'Publish nothing before as many subscriptions are '
+            'matched', 0, 100, read_only=True),
+    Setting('drop_samples', 20, 'How many samples ~/drop leaves out', 1, 1_000_000),
+    Setting('knock_size', 3.0, 'Peak acceleration of a knock from ~/knock in m/s^2; the angular '
+            'velocity takes a tenth as many rad/s', 0.0, 1e3),
+)
 
 _WIDTH = 80
 """A terminal that nobody has made wider."""
@@ -14,18 +138,7 @@ _WIDTH = 80
 
 @dataclass(frozen=True)
 class Interface:
-    """
-    What a node is for, and the names through which it is used.
-
-    Attributes
-    ----------
-    program : str
-    purpose : str
-    subscribed, published, services : sequence of (str, str, str)
-        Name, type and meaning.
-    settings : sequence of Setting
-
-    """
+    """What a node is for, and the names through which it is used."""
 
     program: str
     purpose: str
@@ -73,17 +186,7 @@ def wants_help(args: Sequence[str]) -> bool:
 
 
 def refused(args: Sequence[str]) -> str:
-    """
-    Say what is wrong with the arguments that are not of ROS, which would change nothing.
-
-    Examples
-    --------
-    >>> refused(['publish_period=5.0'])
-    "'publish_period=5.0' is no argument; give parameters as --ros-args -p publish_period:=5.0"
-    >>> refused(['--ros-args', '-p', 'publish_period:=5.0'])
-    ''
-
-    """
+    """Say what is wrong with the arguments that are not of ROS, which would change nothing."""
     of_ros = False
     for argument in args:
         if of_ros or argument == '--ros-args':

@@ -21,12 +21,6 @@ class Log:
 
     What comes again and again, whatever figures are in it, is said at growing distances: a log of
     days stays readable, whatever comes in. Of a kind is what a reader would answer in one way.
-
-    Parameters
-    ----------
-    logger : rclpy logger
-        Where it ends up.
-
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.interface import Setting, Value
 from imu_allan.node.rclpy_inside import given_parameters
-from imu_allan.node.settings import Setting, Value
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -24,29 +24,7 @@ from rclpy.parameter import Parameter
 
 def declare(node: Node, settings: Sequence[Setting],
             applied: Callable[[str, Any], None] | None = None) -> dict[str, Any]:
-    """
-    Declare `settings` on `node`; later changes are checked, then handed to `applied`.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node that gets them.
-    settings : sequence of Setting
-        What to declare.
-    applied : callable, optional
-        Called with name and value of each parameter after it has changed.
-
-    Returns
-    -------
-    dict
-        Value by name at the start.
-
-    Raises
-    ------
-    ImuAllanError
-        If a value the node was started with is refused.
-
-    """
+    """Declare `settings` on `node`; later changes are checked, then handed to `applied`."""
     known = {setting.name: setting for setting in settings}
 
     def check(parameters: Iterable[Parameter]) -> SetParametersResult:

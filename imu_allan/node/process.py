@@ -62,28 +62,7 @@ def give_back_memory() -> None:
 
 def run_process(program: str, serve: Callable[[StopRequest], int],
                 args: Sequence[str] | None = None, interface: Interface | None = None) -> int:
-    """
-    Run `serve` between the start and the shutdown of rclpy.
-
-    Parameters
-    ----------
-    program : str
-        Name in front of error lines.
-    serve : callable
-        Creates the node and serves it until it is done or the StopRequest is set; returns the
-        exit status. It imports rclpy and the messages itself.
-    args : sequence of str, optional
-        Command line without the name of the program; that of the process by default.
-    interface : Interface, optional
-        What ``--help`` describes.
-
-    Returns
-    -------
-    int
-        Exit status: that of `serve`, 1 after a known error, or 2 after an argument that is none,
-        told in one line on stderr.
-
-    """
+    """Run `serve` between the start and the shutdown of rclpy."""
     if interface is not None and wants_help(sys.argv[1:] if args is None else args):
         return _print(help_text(interface))
     if wrong := refused(sys.argv[1:] if args is None else args):
@@ -110,12 +89,6 @@ def _do_without_shared_memory(program: str) -> None:
 
     Fast DDS can use the network alone. LTTng, which the libraries of ROS are linked with for
     tracing, needs a page of it as soon as it is loaded, and cannot be told otherwise.
-
-    Raises
-    ------
-    ImuAllanError
-        If there is no room even for that.
-
     """
     try:
         shared = os.statvfs('/dev/shm')

@@ -26,20 +26,7 @@ _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 
 
 class Publications:
-    """
-    Every publisher of the node.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node whose they are.
-
-    Attributes
-    ----------
-    plot, diagnostics : Publisher
-        Published while somebody subscribes.
-
-    """
+    """Every publisher of the node."""
 
     def __init__(self, node: Node) -> None:
         def latched(kind: type, topic: str) -> Publisher:

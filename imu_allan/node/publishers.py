@@ -19,8 +19,6 @@ MIXED = -1
 """Stands for two publishers whose numbers are too close to be told apart."""
 _NEAR = 64
 """Numbers so close may be those of another publisher that started in the same second."""
-_FASTEST_HZ = 100_000.0
-"""What a publisher whose rate is not known yet may have sent while nothing was received."""
 _MIXED_NS = 5_000_000_000
 """Numbers that do not rise any more for so long are of one publisher again."""
 _HICCUP_NS = 1_000_000_000
@@ -33,51 +31,22 @@ _MOST = 16
 
 @dataclass
 class _Publisher:
-    """
-    One publisher.
-
-    Attributes
-    ----------
-    key : int
-    number : int
-        Of its last message.
-    began_ns, last_ns : int
-        When its first and its last message were received.
-    first : int
-        Number of its first message that was received.
-    fell_ns : int
-        When numbers last did not rise; more than one publisher as long as that is not long ago.
-
-    """
+    """One publisher; where numbers fell not long ago, more than one."""
 
     key: int
-    number: int
-    began_ns: int
+    number: int  # of its last message
+    began_ns: int  # as the others: when a message was received
     last_ns: int
-    first: int
     fell_ns: int | None = None
-
-    def may_have_sent(self, number: int, now_ns: int) -> bool:
-        """Whether a number can be its next one, the messages between being lost."""
-        elapsed_s = max(now_ns - self.last_ns, 0) * 1e-9
-        lasted_s = (self.last_ns - self.began_ns) * 1e-9
-        rate = (2 * (self.number - self.first) / lasted_s if lasted_s > 1 else _FASTEST_HZ)
-        return 0 < number - self.number <= _NEAR + elapsed_s * rate
 
 
 class Publishers:
-    """
-    The publishers of a topic that have delivered something.
+    """The publishers of a topic that have delivered something; `offers` gives who is there."""
 
-    Attributes
-    ----------
-    begun : int
-        How many there have been.
-
-    """
-
-    def __init__(self) -> None:
+    def __init__(self, offers: Callable[[], set[bytes]] = set) -> None:
+        self._offers = offers
         self._known: list[_Publisher] = []
+        # How many there have been.
         self.begun = 0
         self._gids: set[bytes] = set()
 
@@ -88,34 +57,15 @@ class Publishers:
         return sum(2 if one.fell_ns is not None else 1 for one in lately
                    if one.last_ns >= newest)
 
-    def see_offers(self, offers: Callable[[], set[bytes]]) -> None:
+    def see_offers(self) -> None:
         """Look who offers the topic, where that alone tells one publisher from another."""
-        if not any(one.number < 0 for one in self._known):
-            return
-        gids = offers()
-        if gids and self._gids and not gids & self._gids:
-            self._known = [one for one in self._known if one.number >= 0]
-        self._gids = gids or self._gids
+        if any(one.number < 0 for one in self._known):
+            before = self._gids
+            if self._newcomers() and before and not self._gids & before:
+                self._known = [one for one in self._known if one.number >= 0]
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
-        """
-        Tell whose messages are.
-
-        Parameters
-        ----------
-        numbers : ndarray of int64, shape (n,), or None
-            That their publishers gave them, where the middleware tells.
-        receive_ns : ndarray of int64, shape (n,)
-            When they were received.
-
-        Returns
-        -------
-        keys : ndarray of int64, shape (n,)
-            One for each publisher; `MIXED` where two cannot be told apart.
-        lost : int
-            Messages that a publisher has numbered and that have not come.
-
-        """
+        """Tell whose messages are, `MIXED` where two cannot be told apart, and how many lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
         if numbers is None:
@@ -150,13 +100,14 @@ class Publishers:
                     one = self._begin(number, now_ns)
                 return one, 0
         newest = max((one.began_ns for one in self._known), default=0)
-        fitting = sorted((one for one in self._known if one.may_have_sent(number, now_ns)),
-                         key=lambda one: number - one.number)
-        fitting = [one for one in fitting if number - one.number <= _NEAR] or fitting
+        before = sorted((one for one in self._known if 0 <= one.number < number),
+                        key=lambda one: number - one.number)
+        near = [one for one in before if number - one.number <= _NEAR]
         # Who has been silent since another began speaks again only if nobody else may have spoken.
-        fitting = [one for one in fitting if one.last_ns >= newest
-                   or now_ns - one.last_ns < _HICCUP_NS] or fitting
-        if not fitting:
+        fitting = [one for one in near or before if one.last_ns >= newest
+                   or now_ns - one.last_ns < _HICCUP_NS] or near or before
+        # Any number of messages may be lost, but not where somebody has come meanwhile.
+        if not fitting or (not near and self._newcomers()):
             return self._begin(number, now_ns), 0
         found = fitting[0]
         if len(fitting) > 1 and number - fitting[1].number <= _NEAR:
@@ -166,9 +117,16 @@ class Publishers:
         found.number, found.last_ns = number, now_ns
         return found, 0 if found.fell_ns is not None else missed
 
+    def _newcomers(self) -> bool:
+        """Whether somebody is there who was not at the last look."""
+        gids, before = self._offers(), self._gids
+        self._gids = gids or before
+        return not gids <= before
+
     def _begin(self, number: int, now_ns: int) -> _Publisher:
+        self._newcomers()
         self.begun += 1
-        self._known.append(_Publisher(self.begun, number, now_ns, now_ns, number))
+        self._known.append(_Publisher(self.begun, number, now_ns, now_ns))
         if len(self._known) > _MOST:
             self._known.remove(min(self._known, key=lambda one: one.last_ns))
         return self._known[-1]

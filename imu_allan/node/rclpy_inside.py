@@ -44,15 +44,7 @@ class OutOfWaitSet(CallbackGroup):
 
 
 def drain(subscription: Subscription, msg_type: type, most: int) -> Taken:
-    """
-    Take what waits in the queue of the middleware, at most so many messages.
-
-    Raises
-    ------
-    AttributeError, TypeError, ValueError, KeyError
-        If this rclpy does not hand out messages in the way that is known.
-
-    """
+    """Take what waits in the queue of the middleware, at most so many messages."""
     messages: list[bytes] = []
     infos: list[Info] = []
     handle = subscription.handle

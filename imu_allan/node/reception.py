@@ -21,26 +21,14 @@ MIXED_FOR_S = 5.0
 
 
 class Reception:
-    """
-    Empties the subscription at leisure.
-
-    Parameters
-    ----------
-    subscription : DrainedSubscription
-        Where messages wait.
-    facts : Facts
-        Where they are counted.
-    decode : Decode
-        For the type of the messages.
-
-    """
+    """Empties the subscription at leisure."""
 
     def __init__(self, subscription: DrainedSubscription, facts: Facts, decode: Decode) -> None:
         self.subscription = subscription
         self.facts = facts
         self._decode = decode
         self._waiting: list[Batch] = []
-        self._publishers = Publishers()
+        self._publishers = Publishers(subscription.publisher_gids)
         self._passed_over = 0
         self._mixed_until = 0.0
         self._received_ns = 0
@@ -65,7 +53,7 @@ class Reception:
 
     def publishers(self) -> int:
         """How many publishers deliver, or would: one that was killed is matched for a while."""
-        self._publishers.see_offers(self.subscription.publisher_gids)
+        self._publishers.see_offers()
         return self._publishers.delivering(time.time_ns()) or self.subscription.publishers
 
     def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:

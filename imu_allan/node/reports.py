@@ -24,25 +24,7 @@ LOOK_S = 10.0
 
 
 class Reports:
-    """
-    Gathers what is reported.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Asked who else is there.
-    type_names : sequence of str
-        Of the messages on each topic.
-    remedies : sequence of str
-        How each topic can be chosen.
-    receptions : sequence of Reception
-        Their facts are brought up to date here; those of the whole node are in the first.
-    publications : Publications
-    announcements : sequence of Announcements
-        Told of all that was seen, on each topic.
-    log : Log
-
-    """
+    """Gathers what is reported."""
 
     def __init__(self, node: Node, type_names: Sequence[str], remedies: Sequence[str],
                  receptions: Sequence[Reception], publications: Publications,

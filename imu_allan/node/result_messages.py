@@ -57,21 +57,7 @@ class ResultMessages:
 
 def result_messages(result: Result, node_name: str, stamp: Time,
                     filter_of: Filter = Filter()) -> ResultMessages:
-    """
-    Every message of a result.
-
-    Parameters
-    ----------
-    result : Result
-        What was fitted.
-    node_name : str
-        Fully qualified, in front of the names of the statuses.
-    stamp : builtin_interfaces.msg.Time
-        Time of the last sample.
-    filter_of : Filter, optional
-        What the tuned random walk is for.
-
-    """
+    """Every message of a result."""
     vectors = {f'{sensor}/{term}': vector_message(result, sensor, term, stamp)
                for sensor in SENSORS for term in LASTING_TERMS}
     vectors |= {f'{sensor}/{TUNED_TERM}': tuned_message(result, sensor, filter_of, stamp)

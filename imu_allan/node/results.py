@@ -40,36 +40,7 @@ class _Fitted:
 
 
 class Results:
-    """
-    Fits, publishes and draws.
-
-    Parameters
-    ----------
-    node_name : str
-        Fully qualified.
-    publications : Publications
-    worker : Worker
-        Whose thread fits and draws.
-    facts : Facts
-        Where the fit is reported.
-    announcements : Announcements
-        Told of every result.
-    values : mapping
-        Parameters of the node at its start.
-
-    Attributes
-    ----------
-    latest : Result or None
-        The last fit of the run under way.
-    filter_of : Filter
-        What the tuned random walk is for.
-
-    Raises
-    ------
-    ImuAllanError
-        If a standard that a parameter names cannot be read.
-
-    """
+    """Fits, publishes and draws."""
 
     def __init__(self, node_name: str, publications: Publications, worker: Worker, facts: Facts,
                  announcements: Announcements, values: Mapping[str, Any]) -> None:

@@ -1,27 +1,37 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""One run: what belongs to it, and is left behind when another begins."""
+"""One run: what belongs to it, is left behind when another begins, and goes on after a crash."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+import json
+from pathlib import Path
+from typing import Any, Literal
 
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.halves import HalfResult, united
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding
+from imu_allan.node.checkpoint import State, UnusableState
+from imu_allan.node.imu_type import IMU
 from imu_allan.node.same_imu import Known, Seen
 from imu_allan.node.sequential import SequentialLooks
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.result import Backtest, Result
 from imu_allan.sensor.acceleration_unit import AccelerationUnit
+from imu_allan.timeline import TimelineOptions
 from imu_allan.writers.words import with_words
+import numpy as np
+from numpy.typing import NDArray
 
 BACKTEST_GROWTH = 1.15
 """A backtest is made again when the record is longer by so much: what it says has hardly changed
 before, and each of its filters runs over half of the record."""
+BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
+_KEY = 'node'
+_SEEN = 'seen/'
 
 Half = Literal['gyro', 'accel']
 Backtests = Mapping[str, Backtest | None]
@@ -50,22 +60,7 @@ class Snapshot:
     lanes: tuple[LaneSnapshot, ...]
 
     def fitted(self, tested: Backtests | None = None) -> tuple[list[Result], Fits]:
-        """
-        Fit each lane; without backtests from before they are made.
-
-        Parameters
-        ----------
-        tested : mapping of axis name to Backtest or None, optional
-            Of a shorter record.
-
-        Returns
-        -------
-        results : list of Result
-            Of each lane.
-        fits : dict of str to AxisFit or None
-            Of every axis, what the results were made of.
-
-        """
+        """Fit each lane; without backtests from before they are made."""
         found = [lane.fitted(tested) for lane in self.lanes]
         return ([result for result, _ in found],
                 {name: fit for _, fits in found for name, fit in fits.items()})
@@ -84,35 +79,7 @@ class Snapshot:
 
 
 class Lane:
-    """
-    What a run takes in of one topic, and what the node remembers about its samples.
-
-    Parameters
-    ----------
-    characterization : Characterization
-        New, or resumed.
-    half : {'gyro', 'accel'}, optional
-        The sensor that is taken from the topic; both by default.
-    unit : AccelerationUnit, optional
-        Finds out the unit of the acceleration, where the user has not said it.
-    known : Known, optional
-    seen : Seen, optional
-        Of a resumed one.
-
-    Attributes
-    ----------
-    known : Known
-        By what messages are told to be of this IMU.
-    seen : Seen
-        Keeps out what has come before.
-    fed : int
-        Messages it has been given.
-    stamp_ns : int
-        Of the last message.
-    error : str
-        Why the latest messages are of no use; empty while they are.
-
-    """
+    """What a run takes in of one topic, and what the node remembers about its samples."""
 
     def __init__(self, characterization: Characterization, half: Half | None = None,
                  unit: AccelerationUnit | None = None, known: Known | None = None,
@@ -124,6 +91,7 @@ class Lane:
         self.seen = Seen() if seen is None else seen
         self.fed = 0
         self.stamp_ns = 0
+        # Why the latest messages are of no use.
         self.error = ''
 
     @property
@@ -172,34 +140,16 @@ class Lane:
 
 
 class Run:
-    """
-    One lane, or that of the gyroscope and that of the accelerometer.
-
-    Parameters
-    ----------
-    lanes : Lane
-        The gyroscope first.
-
-    Attributes
-    ----------
-    fitted, checkpointed : int
-        How many of the messages are in the last fit and checkpoint.
-    duration_s : float
-        Time that the last fit spans.
-    over : bool
-        Whether another has begun since.
-    looks : Looks
-        At how it stands to a datasheet, kept by the thread that fits.
-    sequential : SequentialLooks
-        At what its fits show, kept by the same.
-
-    """
+    """One lane, or that of the gyroscope and that of the accelerometer."""
 
     def __init__(self, *lanes: Lane) -> None:
         self.lanes = lanes
+        # Messages that are in the last fit and checkpoint, and the time the fit spans.
         self.fitted = self.checkpointed = 0
         self.duration_s = 0.0
+        # Another has begun since.
         self.over = False
+        # Both are kept by the thread that fits.
         self.looks = Looks()
         self.sequential = SequentialLooks()
         self._backtests: Backtests | None = None
@@ -230,17 +180,7 @@ class Run:
         return Snapshot(tuple(lane.snapshot() for lane in self.lanes))
 
     def learn(self, results: Sequence[Result], tested_at: int | None) -> None:
-        """
-        Remember what a fit has told.
-
-        Parameters
-        ----------
-        results : sequence of Result
-            Of each lane.
-        tested_at : int or None
-            Messages that were in its backtests, if they were made anew.
-
-        """
+        """Remember what a fit has told."""
         self.duration_s = max(result.timeline.duration_s for result in results)
         for lane, result in zip(self.lanes, results, strict=True):
             lane.known.learn(result.source)
@@ -248,3 +188,124 @@ class Run:
             self._tested = tested_at
             self._backtests = {name: axis.backtest for result in results
                                for name, axis in result.axes.items()}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a run depends on besides its samples."""
+
+    topic: str
+    options: TimelineOptions
+    messages: str = IMU
+    """How the messages are read: their type, and fields and units that the user names."""
+    accel_topic: str = ''
+    """Of the accelerometer, where `topic` is that of the gyroscope alone."""
+    finds_unit: bool = True
+    """Whether the unit of the acceleration is for the samples to show."""
+
+    @property
+    def topics(self) -> str:
+        """Both topics in words, or the one."""
+        return ', '.join(filter(None, [self.topic, self.accel_topic]))
+
+    @property
+    def streams(self) -> list[tuple[str, Half | None]]:
+        """Each topic, and the sensor that is taken from it if it is one alone."""
+        if not self.accel_topic:
+            return [(self.topic, None)]
+        return [(self.topic, 'gyro'), (self.accel_topic, 'accel')]
+
+
+def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
+    """Give the arrays to save of a run."""
+    lanes = [{'known': lane.known.to_plain(),
+              'in_g': None if lane.unit is None else lane.unit.decision} for lane in run.lanes]
+    about = json.dumps({'topic': setup.topics, 'options': asdict(setup.options),
+                        'messages': setup.messages, 'boot': boot_id(), 'lanes': lanes})
+    return {**{f'{_prefix(number)}{key}': array for number, lane in enumerate(run.lanes)
+               for key, array in {
+                   **lane.characterization.to_state(),
+                   **{f'{_SEEN}{name}': kept for name, kept in _remembered(lane).items()},
+               }.items()},
+            _KEY: np.array(about)}
+
+
+def unpack(state: State, setup: Setup) -> Run:
+    """Give the run that was saved, ready to go on: the next sample is not related to the last."""
+    try:
+        about = json.loads(str(state[_KEY]))
+        topic, options = about['topic'], TimelineOptions(**about['options'])
+        if topic != setup.topics:
+            raise UnusableState('topic', f'it is of the topic {topic}')
+        if about['messages'] != setup.messages:
+            raise UnusableState('settings', f'its messages were read as {about["messages"]}, now '
+                                f'as {setup.messages}')
+        if options != setup.options:
+            raise UnusableState('settings', 'it was made with other parameters '
+                                f'({_difference(options, setup.options)})')
+        lanes = [_lane(state, number, half, saved, setup) for number, ((_, half), saved)
+                 in enumerate(zip(setup.streams, about['lanes'], strict=True))]
+        boot, before = boot_id(), about['boot']
+    except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
+            AttributeError) as error:
+        why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
+        raise UnusableState('damaged', f'its arrays do not belong together ({why})') from error
+    for number, lane in enumerate(lanes):
+        try:
+            if boot and boot == before:
+                # Whoever starts a node again on the same boot has not switched the IMU off.
+                lane.characterization.break_run()
+            else:
+                lane.characterization.power_on()
+        except ImuAllanError:
+            # All that had come was of no use.
+            lanes[number] = new_run(setup).lanes[number]
+        except (ValueError, TypeError, IndexError, ArithmeticError) as error:
+            raise UnusableState('damaged', f'its arrays do not belong together ({error})'
+                                ) from error
+    return Run(*lanes)
+
+
+def new_run(setup: Setup) -> Run:
+    """Give a run that has nothing yet."""
+    return Run(*(Lane(Characterization(kind='topic', topic=topic, options=setup.options),
+                      half=half, unit=AccelerationUnit() if setup.finds_unit else None)
+                 for topic, half in setup.streams))
+
+
+def _lane(state: State, number: int, half: Half | None, about: Mapping[str, Any], setup: Setup
+          ) -> Lane:
+    prefix = _prefix(number)
+    own = {key[len(prefix):]: array for key, array in state.items()
+           if key != _KEY and key.startswith(prefix)}
+    in_g = about['in_g']
+    return Lane(Characterization.from_state(own), half,
+                AccelerationUnit(None if in_g is None else bool(in_g)) if setup.finds_unit
+                else None, Known.from_plain(about['known']),
+                Seen.from_state({key[len(_SEEN):]: array for key, array in own.items()
+                                 if key.startswith(_SEEN)}))
+
+
+def boot_id() -> str:
+    """Return what tells one boot of this computer from another; empty where nothing does."""
+    try:
+        return BOOT_ID.read_text().strip()
+    except OSError:
+        return ''
+
+
+def _remembered(lane: Lane) -> dict[str, NDArray[Any]]:
+    """Give what the lane knows of messages that have come, if they are in the state."""
+    waits = lane.unit is not None and lane.unit.waiting
+    return {} if waits else lane.seen.to_state()
+
+
+def _prefix(number: int) -> str:
+    """Return what the arrays of a lane begin with: those of the first have no prefix."""
+    return f'lane{number}/' if number else ''
+
+
+def _difference(saved: TimelineOptions, now: TimelineOptions) -> str:
+    before, after = asdict(saved), asdict(now)
+    return ', '.join(f'{key} {before[key]}, now {after[key]}'
+                     for key in before if before[key] != after[key])

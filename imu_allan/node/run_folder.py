@@ -12,7 +12,7 @@ import secrets
 import tempfile
 
 from imu_allan.errors import ImuAllanError
-from imu_allan.node.settings import DEFAULT_OUTPUT_DIR
+from imu_allan.node.interface import DEFAULT_OUTPUT_DIR
 from imu_allan.result import Result
 from imu_allan.writers.output_path import followed, open_folder, open_to_lock
 
@@ -25,15 +25,7 @@ _MOST_OF_ONE_NAME = 100
 
 
 def try_folder(output_dir: str) -> None:
-    """
-    Write a file into the output folder and remove it, as a save will have to.
-
-    Raises
-    ------
-    ImuAllanError
-        If that cannot be done; the message names the parameter.
-
-    """
+    """Write a file into the output folder and remove it, as a save will have to."""
     expanded = _expanded(output_dir)
     try:
         folder = open_folder(followed(expanded))
@@ -48,15 +40,7 @@ def try_folder(output_dir: str) -> None:
 
 
 def other_folders(state_file: Path | None) -> Iterator[str]:
-    """
-    Where a result goes when the output folder takes nothing, the likeliest first.
-
-    Parameters
-    ----------
-    state_file : path or None
-        Its folder is one that the user chose to be written to.
-
-    """
+    """Where a result goes when the output folder takes nothing, the likeliest first."""
     if state_file is not None:
         yield str(state_file.parent)
     yield DEFAULT_OUTPUT_DIR
@@ -66,19 +50,7 @@ def other_folders(state_file: Path | None) -> Iterator[str]:
 
 
 def run_folder(output_dir: str, node_name: str, result: Result) -> Path:
-    """
-    Name the folder of one run: another run or another node has another.
-
-    Parameters
-    ----------
-    output_dir : str
-        Folder of all runs; ~ is the home folder.
-    node_name : str
-        Name of the node with its namespace.
-    result : Result
-        Its start time distinguishes the runs.
-
-    """
+    """Name the folder of one run: another run or another node has another."""
     start = (result.source.start_time or 'unknown').partition('.')[0].removesuffix('Z')
     name = f'{node_name.strip("/")}_{start}'
     return _expanded(output_dir) / re.sub(r'[^A-Za-z0-9_-]+', '-', name.replace('/', '_'))

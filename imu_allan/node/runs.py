@@ -16,8 +16,7 @@ from imu_allan.node.checkpoint import UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.publishers import MIXED
-from imu_allan.node.resuming import new_run, Setup
-from imu_allan.node.run import Run
+from imu_allan.node.run import new_run, Run, Setup
 from imu_allan.node.same_imu import FEWEST_MESSAGES, is_enough, Known, LONGEST_LOOK_S, messages
 from imu_allan.wording import duration
 
@@ -31,60 +30,19 @@ _ALONE_NS = 2_000_000_000
 
 @dataclass
 class _Topic:
-    """
-    Where the messages of a topic go.
+    """Where the messages of a topic go."""
 
-    Attributes
-    ----------
-    publisher : int or None
-        Whose messages they are.
-    heard_ns : int
-        When it was last heard.
-    elsewhere : bool
-        They are of another IMU than that of the run.
-    held : list of ImuBlock
-        Messages of which it is not known yet.
-    holding : int or None
-        Whose messages are held.
-    looked_s : float
-        How much of another IMU has come since it was last looked whether it is another.
-    strangers : set of int
-        Publishers that were heard beside this one.
-
-    """
-
-    publisher: int | None = None
-    heard_ns: int = 0
-    elsewhere: bool = False
-    held: list[ImuBlock] = field(default_factory=list)
-    holding: int | None = None
-    looked_s: float = 0.0
-    strangers: set[int] = field(default_factory=set)
+    publisher: int | None = None  # whose messages they are
+    heard_ns: int = 0  # when it was last heard
+    elsewhere: bool = False  # they are of another IMU than that of the run
+    held: list[ImuBlock] = field(default_factory=list)  # of which it is not known yet
+    holding: int | None = None  # whose messages are held
+    looked_s: float = 0.0  # of another IMU, since it was last looked whether it is another
+    strangers: set[int] = field(default_factory=set)  # heard beside this publisher
 
 
 class Runs:
-    """
-    The run under way, and one of another IMU that may take its place.
-
-    Parameters
-    ----------
-    setup : Setup
-        What new runs are made with.
-    run : Run
-        To begin with, new or resumed.
-    facts : sequence of Facts
-        Of each topic.
-    look_s : callable
-        Gives the time for which messages are held back at least.
-    replaced : callable
-        Called with the run that is left, and why, before another takes its place.
-    log : Log
-
-    Attributes
-    ----------
-    run : Run
-
-    """
+    """The run under way, and one of another IMU that may take its place."""
 
     def __init__(self, setup: Setup, run: Run, facts: Sequence[Facts],
                  look_s: Callable[[], float], replaced: Callable[[Run, UnusableState], None],

@@ -53,21 +53,13 @@ _ARRAYS = ('stamps', 'samples', 'counts')
 
 
 class Known:
-    """
-    What is known of an IMU by its messages.
-
-    Attributes
-    ----------
-    frame_id, clock : str or None
-        The clock is the one by whose stamps the rate is measured.
-    rate_hz : float or None
-        Of messages: of a sensor that is polled they are more than samples.
-
-    """
+    """What is known of an IMU by its messages."""
 
     def __init__(self) -> None:
         self.frame_id: str | None = None
+        # By whose stamps the rate is measured.
         self.clock: str | None = None
+        # Of messages: of a sensor that is polled they are more than samples.
         self.rate_hz: float | None = None
         self._levels = np.empty((0, 6))
         self._recent: list[ImuBlock] = []
@@ -261,15 +253,7 @@ class Seen:
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'Seen':
-        """
-        Go on from `to_state`; from nothing as from the start.
-
-        Raises
-        ------
-        ValueError
-            If the arrays are none of it.
-
-        """
+        """Go on from `to_state`; from nothing as from the start."""
         self = cls()
         if not state:
             return self

@@ -8,10 +8,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
+from imu_allan.node.interface import SIMULATOR_SETTINGS
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.rclpy_inside import RCLError
-from imu_allan.node.settings import SIMULATOR_SETTINGS
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import find_model, SimulatedImu

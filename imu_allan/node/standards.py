@@ -30,17 +30,7 @@ _OTHER_LINE = 2.0
 
 @dataclass(frozen=True)
 class Finding:
-    """
-    How the IMU stands to one standard.
-
-    Attributes
-    ----------
-    standard : str
-        Last part of the name of the status in ``/diagnostics``.
-    level : {'ok', 'warn', 'error'}
-    message : str
-
-    """
+    """How the IMU stands to one standard."""
 
     standard: str
     level: Literal['ok', 'warn', 'error']
@@ -71,20 +61,7 @@ class Looks:
 
 
 class Standards:
-    """
-    The standards that the parameters name.
-
-    Parameters
-    ----------
-    spec_file, reference : str
-        Paths; empty is none.
-
-    Raises
-    ------
-    ImuAllanError
-        If a file cannot be read; the message names the parameter.
-
-    """
+    """The standards that the parameters name."""
 
     def __init__(self, spec_file: str = '', reference: str = '') -> None:
         self._specification: NoiseModel | None = None
@@ -101,26 +78,7 @@ class Standards:
 
     def judge(self, result: Result, stream: Stream, looks: Looks,
               fits: Mapping[str, AxisFit | None] | None = None) -> list[Finding]:
-        """
-        Hold a result against every standard.
-
-        Parameters
-        ----------
-        result : Result
-            Of the run so far.
-        stream : Characterization, or a mapping of str to it
-            That it was made of; of an IMU in halves each, by ``gyro`` and ``accel``.
-        looks : Looks
-            Of the run.
-        fits : mapping of axis name to AxisFit or None, optional
-            What the result was made of, which spares a second fit at every look.
-
-        Raises
-        ------
-        ImuAllanError
-            If the specification limits nothing.
-
-        """
+        """Hold a result against every standard."""
         findings = []
         if not result.axes:
             return [Finding(name, 'warn', 'cannot tell yet: no axis has a result')

@@ -15,11 +15,10 @@ from typing import Any
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import StateFile, UnusableState
 from imu_allan.node.diagnostics import Facts
+from imu_allan.node.interface import DEFAULT_STATE_FILE
 from imu_allan.node.log import Log
-from imu_allan.node.resuming import new_run, pack, Setup, unpack
-from imu_allan.node.run import Run, Snapshot
+from imu_allan.node.run import new_run, pack, Run, Setup, Snapshot, unpack
 from imu_allan.node.run_folder import claimed, other_folders, run_folder, try_folder
-from imu_allan.node.settings import DEFAULT_STATE_FILE
 from imu_allan.node.worker import Worker
 from imu_allan.wording import duration
 from imu_allan.writers.folder import IncompleteSave, save_folder
@@ -39,35 +38,7 @@ class _NextSave:
 
 
 class Storage:
-    """
-    The state file and the output folder.
-
-    Parameters
-    ----------
-    node_name : str
-        Fully qualified.
-    setup : Setup
-        What a run depends on besides its samples.
-    worker : Worker
-        Whose thread writes.
-    facts : Facts
-        Where failures are reported.
-    log : Log
-    values : mapping
-        Parameters of the node at its start.
-
-    Attributes
-    ----------
-    checkpoint_period : float
-    export_for : list of str
-        As the parameters are now.
-
-    Raises
-    ------
-    ImuAllanError
-        If the state file cannot be used.
-
-    """
+    """The state file and the output folder."""
 
     def __init__(self, node_name: str, setup: Setup, worker: Worker, facts: Facts, log: Log,
                  values: Mapping[str, Any]) -> None:
@@ -265,15 +236,7 @@ class Storage:
     # -- the end --------------------------------------------------------------------------------
 
     def save_state_at_end(self, run: Run) -> bool:
-        """
-        Write the state if it is newer than the last checkpoint.
-
-        Raises
-        ------
-        ImuAllanError
-            If it cannot be written.
-
-        """
+        """Write the state if it is newer than the last checkpoint."""
         self._worker.drop_queued(('fit', 'plot', 'try'))
         if self._state_file is not None and run.fed != run.checkpointed:
             if any(map(self._worker.under_way, ('checkpoint', 'aside'))):
@@ -289,7 +252,6 @@ class Storage:
         Write the files, to another folder if the one asked for takes none; tell if all is well.
 
         What fails is told by the worker, as of any save.
-
         """
         if not run.fed and not (self._unasked and self.has_resumed):
             return True

@@ -28,16 +28,7 @@ _NONE = np.empty((0, 2), np.int64), np.empty(0)
 
 
 class ThermometerBeside:
-    """
-    The thermometer that nobody named: the one in the namespace of the IMU, as in a recording.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    topic : str
-        Full name of the IMU's.
-
-    """
+    """The thermometer that nobody named: the one in the namespace of the IMU."""
 
     def __init__(self, node: Node, topic: str) -> None:
         self._node = node
@@ -54,25 +45,7 @@ class ThermometerBeside:
 
 
 class TemperatureTopic:
-    """
-    Takes readings and hands them to a run.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    topic : str
-        Of sensor_msgs/Temperature.
-    facts : Facts
-        Where the latest reading is reported.
-    lanes : int
-        Of a run.
-
-    Raises
-    ------
-    ImuAllanError
-        If the topic has no valid name.
-
-    """
+    """Takes readings and hands them to a run."""
 
     def __init__(self, node: Node, topic: str, facts: Facts, lanes: int) -> None:
         try:

@@ -21,15 +21,7 @@ class _Job:
 
 
 class Worker:
-    """
-    Does the work that takes longer than the executor's thread may be held up.
-
-    Parameters
-    ----------
-    log : Log
-        Where failures are told.
-
-    """
+    """Does the work that takes longer than the executor's thread may be held up."""
 
     def __init__(self, log: Log) -> None:
         self._log = log

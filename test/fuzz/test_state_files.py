@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import pytest
 
 checkpoint = pytest.importorskip('imu_allan.node.checkpoint')
-resuming = pytest.importorskip('imu_allan.node.resuming')
+resuming = pytest.importorskip('imu_allan.node.run')
 Run = pytest.importorskip('imu_allan.node.run').Run
 Lane = pytest.importorskip('imu_allan.node.run').Lane
 

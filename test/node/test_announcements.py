@@ -11,9 +11,8 @@ from typing import Any
 from imu_allan.characterization import Characterization
 from imu_allan.finding import finding
 from imu_allan.node.announcements import Announcements, progress_line
-from imu_allan.node.diagnostics import Facts
+from imu_allan.node.diagnostics import Facts, Recent
 from imu_allan.node.log import Log
-from imu_allan.node.recent import Recent
 from imu_allan.result import Result, Timeline
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks

@@ -9,8 +9,7 @@ from typing import Any
 from imu_allan.analysis import analyze
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
-from imu_allan.node.resuming import new_run, Setup
-from imu_allan.node.run import Run
+from imu_allan.node.run import new_run, Run, Setup
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 from ros_harness import Driver, recorded, Ros

@@ -6,7 +6,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from imu_allan.node.settings import Setting, SETTINGS, SIMULATOR_SETTINGS
+from imu_allan.node.interface import Setting, SETTINGS, SIMULATOR_SETTINGS
 import pytest
 from ros_harness import Driver, Ros
 

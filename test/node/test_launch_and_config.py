@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.node.settings import SETTINGS, SIMULATOR_SETTINGS
+from imu_allan.node.interface import SETTINGS, SIMULATOR_SETTINGS
 import pytest
 from ros_harness import Driver, Ros
 import yaml

@@ -10,10 +10,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.power_ons import PowerOns
-from imu_allan.node import resuming
+from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.resuming import new_run, pack, Setup, unpack
-from imu_allan.node.run import Lane, Run
+from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
 from imu_allan.noise.random_effects import random_effects
 from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
@@ -31,7 +30,7 @@ SAMPLES = 4000
 def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     path = tmp_path / 'boot_id'
     path.write_text('first\n')
-    monkeypatch.setattr(resuming, 'BOOT_ID', path)
+    monkeypatch.setattr(run_module, 'BOOT_ID', path)
     return path
 
 
@@ -160,7 +159,7 @@ def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
     feed(run, 0.2, 1)
     (ros.folder / 'boot_id').write_text('an earlier boot')
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(resuming, 'BOOT_ID', ros.folder / 'boot_id')
+        patch.setattr(run_module, 'BOOT_ID', ros.folder / 'boot_id')
         state.write_bytes(encode_state(pack(run, setup)))
     ros.start('imu_allan_node', {'state_file': str(state), 'checkpoint_period': 1.0,
                                  'publish_period': 0.5})

@@ -26,6 +26,16 @@ def test_losses_are_numbers_that_one_publisher_has_left_out() -> None:
     assert (set(keys), lost) == ({1}, 10)
 
 
+def test_whoever_sends_in_bursts_loses_more_than_its_rate_and_stays_the_same_publisher() -> None:
+    offers = {b'a'}
+    publishers = Publishers(lambda: set(offers))
+    assert told(publishers, stream(1, 1000, 0.0)) == ([1] * 1000, 0)
+    assert told(publishers, stream(3001, 10, 5.01)) == ([1] * 10, 2000)
+    # Where another one has come meanwhile, the numbers may be those of that one.
+    offers |= {b'b'}
+    assert told(publishers, stream(9001, 10, 6.0)) == ([2] * 10, 0)
+
+
 def test_two_publishers_in_turn_are_two_that_have_lost_nothing() -> None:
     publishers = Publishers()
     assert told(publishers, stream(1, 4000, 0.0)) == ([1] * 4000, 0)
@@ -69,10 +79,13 @@ def test_two_that_started_together_are_mixed_until_one_is_left() -> None:
 
 
 def test_without_numbers_another_set_of_offers_is_another_publisher() -> None:
-    publishers, times = Publishers(), np.arange(3)
+    offers: set[bytes] = set()
+    publishers, times = Publishers(lambda: set(offers)), np.arange(3)
     first, lost = publishers.of(None, times)
-    for offers, key in (({b'a'}, 1), ({b'a', b'b'}, 1), ({b'b'}, 1), ({b'c'}, 2)):
-        publishers.see_offers(lambda offers=offers: offers)
+    for there, key in (({b'a'}, 1), ({b'a', b'b'}, 1), ({b'b'}, 1), ({b'c'}, 2)):
+        offers.clear()
+        offers |= there
+        publishers.see_offers()
         keys, lost = publishers.of(None, times)
         assert (set(keys.tolist()), lost) == ({key}, 0)
     assert set(first.tolist()) == {1}

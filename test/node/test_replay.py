@@ -4,7 +4,7 @@
 
 from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.resuming import new_run, pack, Setup, unpack
+from imu_allan.node.run import new_run, pack, Setup, unpack
 from imu_allan.node.same_imu import Seen
 from imu_allan.timeline import TimelineOptions
 import numpy as np

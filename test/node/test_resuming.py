@@ -14,8 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, encode_state
-from imu_allan.node.resuming import pack, Setup, unpack
-from imu_allan.node.run import Lane, Run
+from imu_allan.node.run import Lane, pack, Run, Setup, unpack
 from imu_allan.node.same_imu import is_enough, LOOK_S
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks

@@ -13,8 +13,7 @@ from imu_allan.node import checkpoint
 from imu_allan.node.checkpoint import decode_state, UnusableState
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
-from imu_allan.node.resuming import new_run, Setup, unpack
-from imu_allan.node.run import Run
+from imu_allan.node.run import new_run, Run, Setup, unpack
 from imu_allan.node.storage import Storage
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
