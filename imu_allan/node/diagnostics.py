@@ -16,11 +16,10 @@ from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
+from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, spoken
 from imu_allan.writers.words import message_of
 
-_RATE_TOLERANCE = 0.02
-"""As in the timeline: a stated rate may be rounded, and a clock off."""
 _FIT_TROUBLE = frozenset({'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'not_steady',
                           'poor_fit', 'saturated', 'stood_still'})
 """Codes of remarks of the fit that make its coefficients doubtful."""
@@ -246,7 +245,7 @@ def off_rate(facts: Facts, summary: TimelineSummary) -> str:
     rate = summary.measured_rate_hz or summary.timeline.sample_rate_hz
     if not facts.expected_rate or not rate:
         return ''
-    if abs(rate / facts.expected_rate - 1) <= _RATE_TOLERANCE:
+    if abs(rate / facts.expected_rate - 1) <= RATE_TOLERANCE:
         return ''
     return f'measured {rate:.5g} Hz, expected {facts.expected_rate:g} Hz'
 

@@ -14,14 +14,13 @@ from imu_allan.block import ImuBlock
 from imu_allan.node.checkpoint import UnusableState
 from imu_allan.recordings.same_recording import is_kept
 from imu_allan.result import Source
+from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import measure_pace
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-SAME_RATE = 0.02
-"""Relative difference of rates beyond which the timeline leaves messages out."""
 _OTHER_RATE = 0.3
 """Relative difference that jitter cannot make: one between the two wants a longer look."""
 LOOK_S = 2.0
@@ -113,7 +112,7 @@ class Known:
             span_s = float(stamps[-1] - stamps[0]) * 1e-9
             counted = (len(stamps) - 1) / span_s if span_s > 0 else 0.0
             # Of few messages jitter moves the rate.
-            allowed = SAME_RATE + 4 / len(stamps)
+            allowed = RATE_TOLERANCE + 4 / len(stamps)
             if (abs(counted / self.rate_hz - 1) > allowed
                     and self._rate_difference(some) > allowed):
                 return True
@@ -125,7 +124,7 @@ class Known:
         if self.frame_id is not None and all(b.frame_id != self.frame_id for b in blocks):
             return UnusableState('frame_id', f'it is of frame_id {self.frame_id!r}, '
                                  f'the messages now have {frame_id!r}')
-        if self._rate_difference(blocks) > SAME_RATE:
+        if self._rate_difference(blocks) > RATE_TOLERANCE:
             return UnusableState('rate', f'it is of {self.rate_hz:.4g} Hz, the messages now '
                                  f'come at {self.measured_hz(blocks):.4g} Hz')
         ratio = self._level_ratio(blocks, _SURE) if by_level else None
@@ -136,7 +135,7 @@ class Known:
 
     def wants_longer_look(self, blocks: Sequence[ImuBlock], *, by_level: bool) -> bool:
         """Whether chance may have made a difference, or hidden one."""
-        return (0.4 * SAME_RATE < self._rate_difference(blocks) < _OTHER_RATE
+        return (0.4 * RATE_TOLERANCE < self._rate_difference(blocks) < _OTHER_RATE
                 or (by_level and self._level_ratio(blocks, _SUSPECT) is not None))
 
     def lasted_s(self, blocks: Sequence[ImuBlock]) -> float:

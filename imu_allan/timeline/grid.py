@@ -12,6 +12,7 @@ one place unchanged.
 from math import sqrt
 
 from imu_allan.noise.bridges import NEIGHBOURS
+from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     FIRM_PHASE,
     group_phases,
@@ -237,7 +238,7 @@ def _runs_at_a_rate(places: Floats, counting: bool, other_rate: bool, block: int
                     ) -> list[tuple[int, bool]]:
     starts = list(range(0, max(len(places) - block, 0) + 1, block))
     ends = [*starts[1:], len(places)]
-    off = [not (_on_rate(places[first:last], 0.1 if counting else 0.02)
+    off = [not (_on_rate(places[first:last], 0.1 if counting else RATE_TOLERANCE)
                 or (counting and _on_average(places[first:last])))
            for first, last in zip(starts, ends, strict=True)]
     runs: list[tuple[int, bool]] = []

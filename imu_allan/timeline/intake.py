@@ -36,7 +36,7 @@ from imu_allan.timeline.findings import (
 )
 from imu_allan.timeline.foreign_samples import alternates, LARGEST, takes_turns
 from imu_allan.timeline.late_axes import LateAxes
-from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.options import RATE_TOLERANCE, TimelineOptions
 from imu_allan.timeline.pace import (
     longest_at_one_rate,
     measure_pace,
@@ -54,8 +54,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_RATE_TOLERANCE = 0.02
-"""A stated rate may be rounded, and a clock off; more is another rate."""
 _FEWEST_TIES, _TIED_SHARE = 2, 1e-3
 """Different messages with one stamp: more than a slip of the driver now and then."""
 _EVEN_SPREAD = 0.2
@@ -321,7 +319,7 @@ class Intake:
         if (options.rate_hz is not None and rising >= _FEWEST_FOR_RATE
                 and not options.force_rate):
             measured = SECOND / pace.interval_ns
-            if abs(measured / options.rate_hz - 1) > _RATE_TOLERANCE + 1 / rising:
+            if abs(measured / options.rate_hz - 1) > RATE_TOLERANCE + 1 / rising:
                 clock, decision.clock = decision.clock, None
                 raise ImuAllanError(
                     f'the stated rate is {options.rate_hz:g} Hz, but the {clock} stamps '

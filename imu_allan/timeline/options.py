@@ -5,6 +5,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
+RATE_TOLERANCE = 0.02
+"""A stated rate may be rounded, and a clock off: rates that differ by more are two. Messages at
+another one are left out of the timeline; where they last, the node begins another run."""
+
 
 @dataclass(frozen=True)
 class TimelineOptions:

@@ -131,6 +131,23 @@ def test_a_change_of_rate_of_whatever_size_that_lasts_begins_a_new_run(
     assert_density(document, 200 * (1 + change))
 
 
+@pytest.mark.parametrize('change', [0.01, -0.015])
+def test_a_rate_within_the_tolerance_of_the_timeline_goes_on(ros: Ros, change: float) -> None:
+    node, sensor = begin(ros), Sensor(ros, 200.0)
+    sensor.plug_in()
+    sensor.measure(30.0)
+    fitted(ros, node)
+    ros.executor.spin_once(timeout_sec=1.0)
+    sensor.rate_hz *= 1 + change
+    for _ in range(10):
+        sensor.measure(3.0)
+        ros.executor.spin_once(timeout_sec=0.6)
+    document = saved(ros, sensor)
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, rel=0.02)
+    assert document['timeline']['rejected'] == 0
+    assert 'a new run begins' not in node.log
+
+
 @pytest.mark.parametrize('stranger', [{'frame_id': 'other'}, {'rate_hz': 100.0}])
 def test_a_stranger_for_some_seconds_does_not_end_a_long_run(
         ros: Ros, stranger: dict[str, Any]) -> None:
