@@ -103,7 +103,7 @@ class Results:
             started = time.monotonic()
             of_lanes, fits = snapshot.fitted(tested)
             fitted = snapshot.as_one(of_lanes)
-            result = run.sequential.judged(fitted)
+            result = run.sequential.judged(fitted, more_comes=not to_the_end)
             messages = result_messages(result, name, _time(stamp), filter_of)
             findings = standards.judge(
                 fitted, {lane.half or '': lane.characterization for lane in snapshot.lanes}, looks,

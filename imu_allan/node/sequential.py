@@ -3,15 +3,19 @@
 """
 What may be published of the fits of a growing record, in one place because each is a look at it.
 
-A test that is made sixty times is passed by chance more often than one that is made once. So a
-term is observable once every fit has shown it since the record was `GROWTH` times shorter: however
-many fits there are, a record has few such stretches.
+A test that is made sixty times is passed by chance more often than one that is made once. The
+odds for a term that is not there are a martingale: they ever reach n to 1 with a probability of
+1/n at most, however often one looks (Ville). So where a fit tells how probable a term is, it is
+observable once that is sure enough for all terms of a run together. Where it does not, once every
+fit has shown it since the record was `GROWTH` times shorter: a record has few such stretches.
 """
 
 from dataclasses import replace
 
 from imu_allan.result import Coefficient, Result
 
+FALSE_RUNS = 0.01
+"""Share of runs that may show any term that is not there."""
 GROWTH = 3.0
 """The record grows by this while every fit has to show a term, which costs as much time. Of 44
 runs of 60 fits of drawn records 31 showed a term that is not there or an interval that misses, and
@@ -36,13 +40,17 @@ class SequentialLooks:
         self._record_s = 0.0
         self._first_s = 0.0
         self._growing = True
+        self._doubt = 0.0
         self._hidden_s: dict[_Key, float] = {}
         self._shown: set[_Key] = set()
         self._expected: dict[_Key, list[tuple[float, float]]] = {}
 
-    def judged(self, result: Result) -> Result:
-        """Return the result as it may be published."""
+    def judged(self, result: Result, *, more_comes: bool = True) -> Result:
+        """Return the result as it may be published; nothing is expected where no more comes."""
         self._see_growth(result)
+        self._growing &= more_comes
+        self._doubt = FALSE_RUNS / max(1, sum(
+            term != _AT_ONCE for axis in result.axes.values() for term in axis.coefficients))
         return replace(result, axes={name: replace(axis, coefficients={
             term: self._coefficient((name, term), found)
             for term, found in axis.coefficients.items()})
@@ -66,13 +74,15 @@ class SequentialLooks:
             self._hidden_s[key] = self._record_s
             self._shown.discard(key)
             return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
-        needed_s = GROWTH * self._hidden_s.get(key, self._first_s)
-        if key in self._shown or key[1] == _AT_ONCE or self._record_s >= needed_s:
+        presence: float | None = getattr(found, 'presence', None)
+        wait_s = GROWTH * self._hidden_s.get(key, self._first_s) - self._record_s
+        sure = wait_s <= 0 if presence is None else 1 - presence <= self._doubt
+        if sure or key in self._shown or key[1] == _AT_ONCE:
             self._shown.add(key)
             return found
         bound = None if found.ci95 is None else max(map(abs, found.ci95))
         return replace(found, observable=False, value=None, ci95=None, upper95=bound,
-                       observable_in_s=needed_s - self._record_s if self._growing else None,
+                       observable_in_s=wait_s if self._growing and presence is None else None,
                        ci_halves_in_s=None, between=None)
 
     def _steady_wait(self, key: _Key, wait_s: float | None) -> float | None:

@@ -36,10 +36,10 @@ from whole_lines import Varying
 
 RATE_HZ = 200.0
 DURATION_S = 300.0
-TRUTH = {'gyro': {'noise_density': 1e-3, 'rate_random_walk': 3e-4},
+TRUTH = {'gyro': {'noise_density': 1e-3, 'rate_random_walk': 1e-3},
          'accel': {'noise_density': 2e-3}}
 MODEL = """
-gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), rate_random_walk: 3e-4 rad/s^2/sqrt(Hz)}
+gyro: {noise_density: 1e-3 rad/s/sqrt(Hz), rate_random_walk: 1e-3 rad/s^2/sqrt(Hz)}
 accel: {noise_density: 2e-3 m/s^2/sqrt(Hz)}
 """
 
@@ -110,7 +110,7 @@ def test_an_axis_warns_while_what_filters_need_is_not_observable(live: Ros) -> N
     array = latest(live, DiagnosticArray, 'imu_allan/coefficients')
     walk = 'rate_random_walk/observable'
     seen = {values(array, axis)[walk] for axis in AXES}
-    # The model's gyroscope shows a random walk in five minutes, its accelerometer has none.
+    # The model's gyroscope shows a random walk in seconds, its accelerometer has none.
     assert seen == {'true', 'false'}
     for axis in AXES:
         found = status(array, axis)

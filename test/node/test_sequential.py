@@ -3,7 +3,7 @@
 """A fit every few seconds is a look every few seconds: chance is not published."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import json
 
 from imu_allan.characterization import Characterization
@@ -17,6 +17,13 @@ from ros_harness import Driver, Ros
 from std_msgs.msg import String
 
 WALK = 'rate_random_walk'
+
+
+@dataclass(frozen=True)
+class Probable(Coefficient):
+    """What a fit says that tells how probable a term is."""
+
+    presence: float | None = None
 
 
 @pytest.fixture(scope='module')
@@ -64,6 +71,35 @@ def test_the_first_look_at_a_long_record_is_one_look(fitted: Result) -> None:
     # A short one is the first of many.
     first, *_, last = seen(SequentialLooks(), [at(fitted, time, True) for time in (10., 20., 30.)])
     assert (first.observable, last.observable) == (False, True)
+
+
+def test_a_term_is_published_once_it_is_probable_enough_for_all_terms_and_all_looks(
+        fitted: Result) -> None:
+    def probably(seconds: float, presence: float, observable: bool = True) -> Result:
+        result = at(fitted, seconds, observable)
+        axis = result.axes['gyro_x']
+        walk = axis.coefficients[WALK]
+        return replace(result, axes={'gyro_x': replace(axis, coefficients={
+            **axis.coefficients, WALK: Probable(**vars(walk), presence=presence)})})
+
+    # One run in a hundred, over the four slow terms of one axis.
+    sure = 1 - 0.01 / 4
+    looks = SequentialLooks()
+    found = seen(looks, [probably(10.0 * number, presence) for number, presence in enumerate(
+        (0.97, 0.99, sure - 1e-3, sure + 1e-3, 0.97), 1)])
+    # At once where it is sure, however short the record; what is shown stays while it shows.
+    assert [coefficient.observable for coefficient in found] == [False] * 3 + [True] * 2
+    assert (found[0].value, found[0].upper95, found[0].observable_in_s) == (None, 3.0, None)
+    gone, again = seen(looks, [probably(60.0, 0.3, False), probably(900.0, 0.99)])
+    assert (gone.observable, again.observable) == (False, False)
+
+
+def test_nothing_is_expected_where_no_more_comes(fitted: Result) -> None:
+    looks = SequentialLooks()
+    seen(looks, [at(fitted, time, False, 500 - time) for time in (10.0, 20.0, 30.0)])
+    last = looks.judged(at(fitted, 31.0, False, 469.0), more_comes=False)
+    assert last.axes['gyro_x'].coefficients[WALK].observable_in_s is None
+    assert seen(looks, [at(fitted, 40.0, False, 460.0)])[0].observable_in_s == 460.0
 
 
 def test_noise_density_is_published_at_once(fitted: Result) -> None:
