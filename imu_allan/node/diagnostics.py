@@ -11,18 +11,14 @@ from dataclasses import dataclass, field
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from imu_allan.node.result_messages import as_text
+from imu_allan.node.result_messages import as_text, remark_values
 from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.wording import counted, duration, spoken
-from imu_allan.writers.words import message_of
-
-_FIT_TROUBLE = frozenset({'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'not_steady',
-                          'poor_fit', 'saturated', 'stood_still'})
-"""Codes of remarks of the fit that make its coefficients doubtful."""
+from imu_allan.writers.words import message_of, presented
 
 _PASSED = frozenset({'axis_absent_in_part', 'axis_late_start', 'clock_jumps', 'field_absent',
                      'frozen', 'gaps_not_listed', 'late_start', 'motion', 'motion_not_listed',
@@ -216,7 +212,7 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
     wrong = off_rate(facts, summary)
     if wrong:
         return WARN, wrong
-    lasting = [message_of(remark, live=True) for remark in summary.remarks
+    lasting = [message_of(remark, live=True) for remark in presented(summary.remarks)
                if remark.code not in _PASSED]
     if lasting:
         return WARN, '; '.join(lasting)
@@ -225,7 +221,7 @@ def _timeline_verdict(facts: Facts, summary: TimelineSummary) -> Verdict:
         ('out_of_order', 'message', ' out of order'), ('rejected', 'message', ' rejected'),
         ('clock_jumps', 'jump', ' of the clock')) if (count := facts.recent[key])]
     if faults:
-        why = [message_of(remark, live=True) for remark in summary.remarks]
+        why = [message_of(remark, live=True) for remark in presented(summary.remarks)]
         return WARN, '; '.join([f'{", ".join(faults)} {_LATELY}', *why])
     if not timeline.samples:
         return OK, 'no samples yet'
@@ -277,7 +273,7 @@ def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:
     if result is None or not result.axes:
         return OK, 'no result yet'
     bad = [message_of(remark, live=True) for remark in result.warnings
-           if remark.code in _FIT_TROUBLE]
+           if remark.severity == 'act' and remark.code not in _PASSED]
     if bad:
         return WARN, '; '.join(bad)
     following = waiting_for(result)
@@ -298,8 +294,7 @@ def _estimation_values(facts: Facts, result: Result | None) -> Mapping[str, obje
         for key in TERMS:
             values[f'observable/{key}'] = sum(axis.coefficients[key].observable
                                               for axis in result.axes.values())
-        for remark in result.warnings:
-            values.setdefault(f'remarks/{remark.code}', message_of(remark, live=True))
+        values |= remark_values(result.warnings)
         following = waiting_for(result)
         if following is not None and facts.silent_s <= SILENT_S:
             axis, key, seconds = following

@@ -197,10 +197,20 @@ def _axis_values(axis: AxisResult, remarks: Sequence[Finding],
                     f'weaker_tones/{i}/amplitude': tone.amplitude,
                     f'weaker_tones/{i}/lines': tone.lines}
     entries |= _forecast_values(axis)
-    entries |= {f'remarks/{remark.code}': message_of(remark, live=True)
-                for remark in remarks}
+    entries |= remark_values(remarks)
     return [KeyValue(key=key, value=as_text(value)) for key, value in entries.items()
             if value is not None]
+
+
+def remark_values(remarks: Sequence[Finding]) -> dict[str, str]:
+    """Give what was found in the order of the result, by code; the second of one has a number."""
+    values: dict[str, str] = {}
+    codes = [remark.code for remark in remarks]
+    for number, (code, remark) in enumerate(zip(codes, remarks, strict=True)):
+        again = codes[:number].count(code)
+        values[f'remarks/{code}' + (f'/{again + 1}' if again else '')] = message_of(
+            remark, live=True)
+    return values
 
 
 def _forecast_values(axis: AxisResult) -> dict[str, object]:

@@ -101,6 +101,10 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
         assert nodes[number_].wait() == 0, nodes[number_].log
         assert 'Traceback' not in nodes[number_].log
         assert (ros.folder / name).stat().st_size > 10_000
+        # Who is killed before the end keeps what cannot be made again.
+        [result] = (path for path in saved(ros) if f'_{name}_' in path.parent.name)
+        files = [ros.folder / name, result, result.with_name('allan_deviation.png')]
+        assert files == sorted(files, key=lambda file: file.stat().st_mtime_ns)
     assert [json.loads(path.read_text())['timeline']['samples'] for path in saved(ros)] == [
         2000, 2000]
 

@@ -34,6 +34,7 @@ from imu_allan.result import (
     Tone,
 )
 from imu_allan.timeline import TimelineSummary
+from imu_allan.writers.words import message_of, with_words
 import numpy as np
 import pytest
 
@@ -141,6 +142,33 @@ def test_remarks_of_the_fit_stand_with_their_axis() -> None:
     array = diagnostics_message('/imu_allan', STAMP, [(facts(), summary())], result)
     [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
     assert entries(status)['remarks/deadband'] == f'gyro x: {words}'
+
+
+def test_the_estimation_tells_every_finding_in_the_order_of_the_result() -> None:
+    found = [finding('gaps_not_listed', listed=1000, gaps=2000),
+             *(finding('deadband', (f'gyro_{letter}',), share=0.5, width=0.01, unit='rad/s')
+               for letter in 'xy'),
+             finding('deadband', ('accel_x',), share=0.5, width=0.01, unit='m/s^2'),
+             finding('frozen', messages=20, at_s=3.0)]
+    result = with_words(replace(
+        result_of({name: axis_result(name, ALL) for name in AXES}), warnings=tuple(found)))
+
+    def estimation(shown: Result) -> DiagnosticStatus:
+        array = diagnostics_message('/imu_allan', STAMP, [(facts(), summary())], shown)
+        [status] = [s for s in array.status if s.name == '/imu_allan: estimation']
+        return status
+
+    status = estimation(result)
+    told = [entry.key for entry in status.values if entry.key.startswith('remarks/')]
+    assert [key.split('/')[1] for key in told] == [one.code for one in result.warnings]
+    assert len(set(told)) == len(result.warnings)
+    # Those to act upon come first, and make the message unless they may be over.
+    assert [one.severity for one in result.warnings] == ['act'] * 3 + ['know']
+    assert status.level == WARN
+    assert status.message == '; '.join(
+        message_of(one, live=True) for one in result.warnings if one.code == 'deadband')
+    # What is good to know alone is no warning.
+    assert estimation(replace(result, warnings=result.warnings[3:])).level == OK
 
 
 def test_a_curve_of_more_octaves_keeps_its_longest_averaging_times() -> None:
