@@ -20,10 +20,12 @@ import xml.etree.ElementTree as ElementTree
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import finding
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
+from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
 from imu_allan.writers.consumer_names import consumer_called, CONSUMER_TITLES, FAMILIES
 from imu_allan.writers.filters import CONSUMERS, export as export_as_wished, Wishes
+from imu_allan.writers.filters.from_datasheet import result_of_datasheet
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -262,8 +264,8 @@ def test_every_config_says_where_it_comes_from(easy, consumer):
                                       if name not in (*EACH_AXIS, 'airsim', 'glim', 'rotors')])
 def test_one_value_for_a_sensor_is_the_worst_axis_with_the_others_as_comments(easy, consumer):
     text = export(easy, consumer).text
-    assert 'gyro_x, the worst axis; 95 % interval' in text
-    assert re.search('# other axes: gyro_y .*, gyro_z ', text)
+    assert re.search(r'gyro_x, the worst axis; measured \S+ \(\S+ to \S+\)\n', text)
+    assert re.search(r'gyro_y measured \S+ \(\S+ to \S+\)\n\s*\S+ gyro_z measured ', text)
 
 
 @pytest.mark.parametrize('consumer', [
@@ -768,6 +770,44 @@ def test_the_comment_says_what_was_tuned_for_and_what_is_expected(drifting):
             in export(drifting, 'kalibr').text.splitlines())
 
 
+def test_what_was_measured_stands_above_each_tuned_number(drifting):
+    lines = export_as_wished(drifting, 'kalibr').text.splitlines()
+    for name, letter, measured in (('gyroscope_noise_density', 'N', GYRO_N),
+                                   ('accelerometer_noise_density', 'N', ACCEL_N),
+                                   ('gyroscope_random_walk', 'K', GYRO_K),
+                                   ('accelerometer_random_walk', 'K', ACCEL_K)):
+        place = next(i for i, line in enumerate(lines) if line.startswith(name))
+        what, *axes = lines[place - 4:place]
+        assert what.startswith(f'# filter {letter} [')
+        for line, share in zip(axes, (1, 1 / 2, 1 / 10), strict=True):
+            if letter == 'K' and share == 1 / 10:
+                assert line.endswith('; not observable, below 1e-06')
+                continue
+            found, low, high = map(float, re.search(
+                r'; measured (\S+) \((\S+) to (\S+)\)$', line).groups())
+            assert found == pytest.approx(measured * share, rel=1e-3)
+            assert low < found < high
+
+
+@pytest.mark.parametrize('consumer', [name for name in CONSUMERS if name != 'plain'])
+def test_every_configuration_says_what_was_measured_of_each_axis(drifting, consumer):
+    text = export_as_wished(drifting, consumer).text
+    # N of each axis with its interval, in the unit of the file; three axes, two sensors.
+    assert len(re.findall(r'measured [\d.e+-]+ \([\d.e+-]+ to [\d.e+-]+\)', text)) >= 6
+    known = CONSUMERS[consumer]
+    if (known.aiding.interval_s is not None and consumer != 'fast_livo2'
+            and known.bias == 'random_walk' and known.share != 'both'):
+        assert 'not observable, below' in text
+
+
+def test_of_a_datasheet_nothing_was_measured(tmp_path):
+    (tmp_path / 'imu.yaml').write_text('gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}\n')
+    sheet = load_model(tmp_path / 'imu.yaml')
+    text = export_as_wished(result_of_datasheet(sheet, 'imu.yaml'), 'msckf_vio').text
+    assert 'worst axis; datasheet 0.0005236' in text
+    assert 'measured' not in text.replace('nothing of it was measured', '')
+
+
 def test_slow_noise_that_the_measured_numbers_leave_out_is_named(drifting):
     axis = replace(drifting.axes['gyro_x'], power_law=PowerLaw(0.7, (0.68, 0.72), 1e-9))
     result = replace(drifting, axes={**drifting.axes, 'gyro_x': axis})
@@ -867,13 +907,14 @@ def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
 
 def test_an_outage_beyond_what_the_recording_knows_is_said(drifting):
     text = export_as_wished(drifting, 'kalibr', None, Wishes(coast_s=7200.0)).text
-    assert ('# This recording knows 60 min at most; beyond it the numbers are widened.'
-            in text.splitlines())
+    assert ('# WARNING: this recording knows 60 min at most; beyond it the numbers are widened, '
+            'and K may be' in text.splitlines())
 
 
 def test_what_is_expected_of_measured_numbers_is_widened_only_where_something_is(drifting):
     wishes = Wishes(as_measured=True, coast_s=7200.0)
-    widened = '# This recording knows 60 min at most; beyond it what is expected is widened.'
+    widened = ('# WARNING: this recording knows 60 min at most; beyond it what is expected is '
+               'widened, and K may be')
     text = export_as_wished(drifting, 'kalibr', None, wishes).text
     assert 'expected NIS' in text
     assert widened in text.splitlines()

@@ -10,14 +10,14 @@ asked for. Where the data cannot show a coefficient the 95 % upper bound stands 
 says so: a filter needs some number, and this one is not too small. A dead axis is named.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Literal
 
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import FLICKER_FLOOR
-from imu_allan.result import AxisResult, Result
+from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.tuning.arguments import positive_number, positive_time
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
@@ -28,6 +28,7 @@ from imu_allan.writers.included import included
 Key = Literal['N', 'K', 'sigma', 'time']
 Sensor = Literal['accel', 'gyro']
 Share = Literal['axis', 'sensor', 'both', 'model']
+Scale = Callable[[float], float]
 
 N: Key = 'N'
 K: Key = 'K'
@@ -108,13 +109,25 @@ class Number:
         Where it was measured.
     by_curve : bool
         Whether the bound is that of the measured Allan deviation, below that of the fit.
+    of_flicker : bool
+        Whether it is of the process that stands for flicker, where none was measured.
 
     """
 
     value: float
     bound: bool = False
-    interval: tuple[float, float] | None = None
+    interval: Interval | None = None
     by_curve: bool = False
+    of_flicker: bool = False
+
+    def measured(self, scale: Scale = lambda value: value) -> str:
+        """Say what was measured, scaled as in the file."""
+        if self.bound:
+            return f'not observable, below {scale(self.value):.4g}'
+        ends = '' if self.interval is None else (
+            f' ({scale(max(self.interval[0], 0.0)):.4g} to {scale(self.interval[1]):.4g})')
+        return (f'measured {scale(self.value):.4g}{ends}'
+                f'{", of flicker B" if self.of_flicker else ""}')
 
 
 @dataclass(frozen=True)
@@ -174,8 +187,9 @@ class Numbers:
         self.tunings: dict[str, FilterTuning] = {}
         if not wishes.as_measured and self.aiding_s is not None:
             self._tune()
+        self._as_measured = {name: _measured(axis, bias) for name, axis in result.axes.items()}
         self.of_axis: dict[str, dict[Key, Number]] = {
-            name: self._numbers(name, axis) for name, axis in result.axes.items()}
+            name: self._numbers(name) for name, axis in result.axes.items()}
         if one_time:
             self._agree_on_a_time()
         if not any(self.of_axis.values()):
@@ -209,6 +223,19 @@ class Numbers:
         by = self.known(sensor, SIGMA) if key in (K, TIME) else known
         name = max(known, key=lambda axis: by.get(axis, known[axis]).value)
         return name, known[name]
+
+    def measured(self, name: str, key: Key, scale: Scale = lambda value: value) -> str:
+        """Say what was measured of a number of an axis: value and 95 % interval, or bound."""
+        found = self._as_measured[name].get(key)
+        if found is None:
+            return 'not measured'
+        said = found.measured(scale)
+        return said if not self.of_datasheet else said.replace('measured', 'datasheet')
+
+    @property
+    def of_datasheet(self) -> bool:
+        """Whether nothing was measured."""
+        return self.result.source.kind == 'datasheet'
 
     def given(self, sensor: Sensor, name: str) -> dict[Key, Number]:
         """Return the numbers that an axis gets: its own, or those that it shares with others."""
@@ -269,7 +296,7 @@ class Numbers:
     def provenance(self) -> list[str]:
         """Say where the numbers come from and what they are expected to reach."""
         source, timeline = self.result.source, self.result.timeline
-        if source.kind == 'datasheet':
+        if self.of_datasheet:
             return [f'IMU noise for {self.title}, by imu_allan '
                     f'{printable(self.result.imu_allan_version)} from',
                     f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
@@ -313,16 +340,13 @@ class Numbers:
         return tune(axis, self.aiding_s, self.coast_s, self.bias, self.wishes.conservative,
                     time_s)
 
-    def _numbers(self, name: str, axis: AxisResult) -> dict[Key, Number]:
-        found = self._tuned_numbers(name) or _measured(axis, self.bias)
+    def _numbers(self, name: str) -> dict[Key, Number]:
+        found = self._tuned_numbers(name) or self._as_measured[name]
         if not found:
             return {}
         factors = {N: self.wishes.inflate.get('N', 1.0), K: self.wishes.inflate.get('K', 1.0)}
         factors[SIGMA] = factors[K]
-        return {key: Number(number.value * factors.get(key, 1.0), number.bound,
-                            number.interval and (number.interval[0] * factors.get(key, 1.0),
-                                                 number.interval[1] * factors.get(key, 1.0)),
-                            number.by_curve)
+        return {key: replace(number, value=number.value * factors.get(key, 1.0))
                 for key, number in found.items()}
 
     def _tuned_numbers(self, name: str) -> dict[Key, Number]:
@@ -343,6 +367,9 @@ class Numbers:
         if self.share == 'model':
             lines.append('The whole drift model, as measured: NIS and squared errors without '
                          'correction are expected to be what is claimed.')
+            lines += [f'{name}: ' + ', '.join(
+                f'{key} {self.measured(name, key)}' for key in self._as_measured[name])
+                for name in self.result.axes if self._as_measured[name]]
             lines += included(self.result.axes)
         elif self.aiding_s is None:
             lines.append(f'Noise densities as measured: {self.aiding.reason}.')
@@ -370,7 +397,9 @@ class Numbers:
         """Say that the longest time without correction is beyond what the recording knows."""
         known = known_less_than(self.result.axes, self.coast_s)
         return [] if known is None else [
-            f'This recording knows {duration(known)} at most; beyond it {what} widened.']
+            f'WARNING: this recording knows {duration(known)} at most; beyond it {what} widened, '
+            f'and K may be', 'many times that of a recording that is longer than '
+            f'{duration(self.coast_s)}.']
 
     def _left_out(self) -> list[str]:
         """Say which axes have noise that the coefficients leave out."""
@@ -434,23 +463,27 @@ def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
     if N not in found:
         return {}
     if bias == 'gauss_markov':
-        sigma, time, bound = _process(axis)
-        if sigma:
-            found[SIGMA], found[TIME] = Number(sigma, bound), Number(time)
-            found[K] = Number(sigma * sqrt(2 / time), bound)
+        sigma, time = _process(axis)
+        if sigma.value:
+            found[SIGMA], found[TIME] = sigma, time
+            found[K] = replace(sigma, value=sigma.value * sqrt(2 / time.value), interval=None)
     return found
 
 
-def _process(axis: AxisResult) -> tuple[float, float, bool]:
+def _process(axis: AxisResult) -> tuple[Number, Number]:
     """Sigma and correlation time of the process that was found, or that stands for the flat."""
-    if axis.gauss_markov is not None:
-        return axis.gauss_markov.sigma, axis.gauss_markov.correlation_time_s, False
+    if (process := axis.gauss_markov) is not None:
+        return (Number(process.sigma, interval=process.sigma_ci95),
+                Number(process.correlation_time_s, interval=process.correlation_time_ci95))
     flat = axis.coefficients['bias_instability']
     level = flat.value if flat.observable else upper_bound(axis, 'bias_instability')
     curve = axis.curve
     if not level or not curve.tau_s:
-        return 0.0, _TIME_OF_NOTHING, True
+        return Number(0.0), Number(_TIME_OF_NOTHING)
     above = [tau for tau, adev in zip(curve.tau_s, curve.adev, strict=True)
              if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
     peak = sqrt(above[0] * above[-1]) if above else curve.tau_s[-1]
-    return _SIGMA_OF_FLAT * level, peak / _PEAK, not flat.observable
+    ends = None if flat.ci95 is None else (_SIGMA_OF_FLAT * flat.ci95[0],
+                                           _SIGMA_OF_FLAT * flat.ci95[1])
+    return (Number(_SIGMA_OF_FLAT * level, not flat.observable, ends, of_flicker=True),
+            Number(peak / _PEAK, of_flicker=True))

@@ -9,7 +9,7 @@ There is no bias state behind these but FusionCore's: the noise density as measu
 from collections.abc import Callable, Mapping
 from math import sqrt
 
-from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, Sensor
+from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, Scale, Sensor
 from imu_allan.writers.filters.layout import (
     each,
     heading,
@@ -19,7 +19,6 @@ from imu_allan.writers.filters.layout import (
     pairs,
     real,
     SAMPLE_UNITS,
-    Scale,
     times,
     triples,
 )
@@ -72,8 +71,9 @@ def _matrix(numbers: Numbers, sensor: Sensor, name: str) -> list[str]:
     f = numbers.rate_of(sensor)
     values, remarks = each(numbers, sensor, N, _variance_at(f))
     lines = ['', f'# N^2 f of x, y, z on the diagonal [({SAMPLE_UNITS[sensor, N]})^2]']
+    lines += [f'# {name}: {remark}' for remark in remarks]
     if values is None:
-        return [*lines, *(f'# {name}: {remark}' for remark in remarks)]
+        return lines
     cells = [real(values[i] if i == j else 0.0) for i in range(3) for j in range(3)]
     return [*lines, f'{name}: [{", ".join(cells)}]']
 
@@ -117,6 +117,7 @@ def autoware(numbers: Numbers) -> str:
         own = numbers.of_axis.get(name, {})
         axis = numbers.result.axes.get(name)
         if N in own:
+            body.append(f'# {numbers.measured(name, N, times(root))}')
             body.append(f'angular_velocity_stddev_{letter}{letter}: '
                         f'{real(own[N].value * root)}')
         else:

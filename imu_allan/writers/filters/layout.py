@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines of a configuration: heading, numbers with their remarks, names that cannot add lines."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import json
 
 from imu_allan.errors import printable
 from imu_allan.wording import is_table
-from imu_allan.writers.filters.chosen_numbers import Key, Number, Numbers, Sensor
+from imu_allan.writers.filters.chosen_numbers import Key, Numbers, Scale, Sensor
 
-Scale = Callable[[float], float]
 Pair = tuple[Sensor, Key]
 
 DIGITS = 6
@@ -73,36 +72,34 @@ def pairs(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled, 
 def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale, scaling: str, unit: str
           ) -> Entry:
     """Return the largest of the axes' numbers, scaled, and what to say about it."""
-    what = f'{_letter(key, scaling)} [{unit}], {_TERMS[sensor, key]}'
+    what = f'{_letter(numbers, key, scaling)} [{unit}], {_TERMS[sensor, key]}'
     found = numbers.worst(sensor, key)
     if found is None:
         return Entry(None, (f'{what}: this result has no value for it',))
     name, chosen = found
-    remarks = [what, *_remarks(name, chosen, scale)]
-    others = [f'{axis} {"below " if other.bound else ""}{scale(other.value):.4g}'
-              for axis, other in numbers.known(sensor, key).items() if axis != name]
-    if others:
-        remarks.append('other axes: ' + ', '.join(others))
-    return Entry(scale(chosen.value), tuple(remarks))
-
-
-def _remarks(name: str, chosen: Number, scale: Scale) -> list[str]:
     if chosen.bound:
         bound = ('the most that its Allan deviation allows' if chosen.by_curve
                  else 'its 95 % upper bound')
-        return [f'NOT OBSERVABLE on {name} in this recording: {bound}, the true value is smaller']
-    if chosen.interval is None:
-        return [f'{name}, the worst axis']
-    low, high = chosen.interval
-    return [f'{name}, the worst axis; 95 % interval {scale(max(low, 0.0)):.4g} .. '
-            f'{scale(high):.4g}']
+        first = f'NOT OBSERVABLE on {name} in this recording: {bound}, the true value is smaller'
+    else:
+        first = f'{name}, the worst axis; {numbers.measured(name, key, scale)}'
+    others = [f'{axis} {f"{scale(other.value):.4g}; " if numbers.tunings else ""}'
+              f'{numbers.measured(axis, key, scale)}'
+              for axis, other in numbers.known(sensor, key).items() if axis != name]
+    return Entry(scale(chosen.value), (what, first, *others))
+
+
+def measured(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled) -> str:
+    """Say what was measured of each axis that has a number."""
+    return ', '.join(f'{name[-1]} {numbers.measured(name, key, scale)}'
+                     for name in numbers.known(sensor, key))
 
 
 def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
          ) -> tuple[list[float] | None, list[str]]:
     """Return the numbers of x, y, z, or None where one lacks, and what to say about them."""
     known = numbers.known(sensor, key)
-    remarks = []
+    remarks = [measured(numbers, sensor, key, scale)] if known else []
     bounds = [name[-1] for name, one in known.items() if one.bound]
     if bounds:
         remarks.append(f'not observable on {", ".join(bounds)}, there the 95 % upper bound')
@@ -122,7 +119,7 @@ def triples(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled
     lines = []
     for (sensor, key), name in names.items():
         values, remarks = each(numbers, sensor, key, scale)
-        what = (f'{_letter(key, scaling)} of x, y, z [{units[sensor, key]}], '
+        what = (f'{_letter(numbers, key, scaling)} of x, y, z [{units[sensor, key]}], '
                 f'{_TERMS[sensor, key]}')
         lines += ['', f'{sign} {what}', *(f'{sign} {name}: {remark}' for remark in remarks)]
         lines += [f'{sign} {name}:' if values is None else
@@ -130,8 +127,8 @@ def triples(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled
     return lines
 
 
-def _letter(key: Key, scaling: str) -> str:
-    letter = LETTERS[key]
+def _letter(numbers: Numbers, key: Key, scaling: str) -> str:
+    letter = f'filter {LETTERS[key]}' if numbers.tunings else LETTERS[key]
     return letter + ('' if not scaling else scaling if scaling[0] == '^' else f' {scaling}')
 
 

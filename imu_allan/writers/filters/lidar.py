@@ -13,6 +13,7 @@ from imu_allan.writers.filters.layout import (
     pairs,
     real,
     SAMPLE_UNITS,
+    times,
     topic_of,
     worst,
 )
@@ -143,7 +144,8 @@ def glim(numbers: Numbers) -> str:
     for sensor, (_, unit) in _GLIM.items():
         found = numbers.worst(sensor, K)
         if found is not None:
-            entries.append(f'{found[0]} {real(found[1].value * sqrt(frame))} {unit}')
+            entries.append(f'{found[0]} {real(found[1].value * sqrt(frame))} {unit}, '
+                           f'{numbers.measured(found[0], K, times(sqrt(frame)))}')
     steps = [one[1].value * sqrt(frame) for one in (numbers.worst('accel', K),
                                                     numbers.worst('gyro', K)) if one is not None]
     lines += [f'    // K sqrt(T), T = {frame:g} s between lidar frames; one value for both '

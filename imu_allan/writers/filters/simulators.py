@@ -59,9 +59,12 @@ def gazebo(numbers: Numbers) -> str:
             if N not in own:
                 continue
             lines += [f'    <{name[-1]}><noise type="gaussian">', '      <mean>0</mean>',
+                      f'      <!-- N sqrt(f) {numbers.measured(name, N, times(sqrt(f)))} -->',
                       f'      <stddev>{real(own[N].value * sqrt(f))}</stddev>']
             if TIME in own:
-                lines += [f'      <dynamic_bias_stddev>{real(own[K].value)}'
+                lines += [f'      <!-- K {numbers.measured(name, K)}; Tc '
+                          f'{numbers.measured(name, TIME)} -->',
+                          f'      <dynamic_bias_stddev>{real(own[K].value)}'
                           '</dynamic_bias_stddev>',
                           f'      <dynamic_bias_correlation_time>{real(own[TIME].value)}'
                           '</dynamic_bias_correlation_time>']
@@ -152,6 +155,9 @@ def matlab(numbers: Numbers) -> str:
             lines += triples(numbers, {(sensor, key): f'{sensor}.{field}'},
                              line='{name} = [{value}];', sign='%')
         lines += ['', '% B of x, y, z, bias instability; 0 where it is not observable',
+                  *(f'% {name} {coefficient}' for name, axis in numbers.axes(sensor).items()
+                    if (coefficient := axis.coefficients['bias_instability']).upper95
+                    or coefficient.observable),
                   f'{sensor}.BiasInstability = [{", ".join(real(b) for b in levels[sensor])}];']
         if any(levels[sensor]):
             lines.append(f'{sensor}.BiasInstabilityCoefficients = '
@@ -192,6 +198,7 @@ def airsim(numbers: Numbers) -> str:
             remarks.append(f'{name}: this result has no value for it')
         else:
             settings[name] = float(real(entry.value))
+            remarks += [f'{name}: {remark}' for remark in entry.remarks[1:]]
     settings['GyroBiasStabilityTau'] = _AIRSIM_TIMES['gyro']
     settings['AccelBiasStabilityTau'] = _AIRSIM_TIMES['accel']
     text = json.dumps({'imu_allan': remarks, 'Imu': settings}, indent=2, ensure_ascii=False)
