@@ -9,7 +9,7 @@ Several recordings of one IMU give one result.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import fields, replace
 from heapq import merge
 from itertools import count as naturals
@@ -40,6 +40,7 @@ _WHOLE_PART = 0.99
 """Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
 
 Taken = tuple['Stream', 'Characterization', list[Finding]]
+Opening = Callable[[], AbstractContextManager[Recording]]
 
 
 def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *,
@@ -47,7 +48,7 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
             reading: RecordingOptions = RecordingOptions(),  # noqa: B008
             start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None,
             progress: Callable[[int], None] | None = None,
-            opening: Callable[[], Recording] | None = None) -> Result:
+            opening: Opening | None = None) -> Result:
     """
     Characterize the IMU of a recording, or one IMU from several recordings.
 
@@ -71,8 +72,7 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
     progress : callable, optional
         Called with the bytes read so far, of all recordings together.
     opening : callable, optional
-        Opens the recording, where it is one of which several topics are analyzed
-        (`imu_allan.recordings.many_topics`).
+        Lends the recording, where it is open for several of its topics (`Recording.again`).
 
     Returns
     -------
@@ -110,7 +110,7 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
 
 def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
            reading: RecordingOptions, start_s: float, duration_s: float | None,
-           progress: Callable[[int], None] | None, opening: Callable[[], Recording] | None
+           progress: Callable[[int], None] | None, opening: Opening | None
            ) -> Result:
     """One result for one recording."""
     taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress,
@@ -166,7 +166,7 @@ def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),
 def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
                reading: RecordingOptions, duration_s: float | None,
                progress: Callable[[int], None] | None,
-               opening: Callable[[], Recording] | None) -> Result:
+               opening: Opening | None) -> Result:
     """Analyze, and where the mean of an axis settles, again without the time that takes."""
     cold = analyze(path, topic, options=options, reading=reading, duration_s=duration_s,
                    progress=progress, opening=opening)
@@ -236,7 +236,7 @@ def _counted_on(progress: Callable[[int], None] | None, before: int
 def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
            reading: RecordingOptions, start_s: float, duration_s: float | None,
            progress: Callable[[int], None] | None, fingerprint: Fingerprint | None = None,
-           opening: Callable[[], Recording] | None = None) -> tuple[list[Taken], int]:
+           opening: Opening | None = None) -> tuple[list[Taken], int]:
     """Take in the streams of a recording; return them with what was found, and its size."""
     with (open_recording(path, rate_hz=options.rate_hz, options=reading) if opening is None
           else opening()) as recording:

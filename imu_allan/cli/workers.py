@@ -18,7 +18,7 @@ from concurrent.futures import (
     TimeoutError as FutureTimeout,
     wait,
 )
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
@@ -40,8 +40,8 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import end_in_peace, portable, start_python
 
 if TYPE_CHECKING:
-    from imu_allan.recordings import Recording, RecordingOptions
-    from imu_allan.recordings.many_topics import ManyTopics
+    from imu_allan.analysis import Opening
+    from imu_allan.recordings import RecordingOptions
     from imu_allan.result import Inspection, Result
 
 T = TypeVar('T')
@@ -124,7 +124,7 @@ class Task:
 
 
 def characterize(task: Task, progress: Callable[[int], None] | None = None,
-                 artist: Executor | None = None, opening: 'Callable[[], Recording] | None' = None,
+                 artist: Executor | None = None, opening: 'Opening | None' = None,
                  ) -> 'tuple[Result, ImuAllanError | None]':
     """
     Make the result of a task and write its folder: where the work is done, not one by one.
@@ -309,11 +309,11 @@ def _here(workers: '_ThisProcess', groups: Sequence[Sequence[Task]],
     """Work in this process, so that each result is there at once."""
     done_bytes = 0
     for group in groups:
-        with closing(_topics_of(group)) as topics:
+        with _opened_once(group) as opening:
             for task in group:
                 yield task, workers.submit(
                     characterize, task, lambda done, before=done_bytes: progress(before + done),
-                    workers.artist, _opening(topics, task))
+                    workers.artist, opening)
                 done_bytes += task.size_bytes
 
 
@@ -333,9 +333,8 @@ def characterize_each(tasks: Sequence[Task]
         One of them None.
 
     """
-    with closing(_topics_of(tasks)) as topics:
-        return [_outcome(characterize, (task, None, None, _opening(topics, task)), {})
-                for task in tasks]
+    with _opened_once(tasks) as opening:
+        return [_outcome(characterize, (task, None, None, opening), {}) for task in tasks]
 
 
 def _recording_of(task: Task) -> tuple[object, ...]:
@@ -343,19 +342,21 @@ def _recording_of(task: Task) -> tuple[object, ...]:
     return task.path, task.reading, task.options, id(task) if task.topic is None else 0
 
 
-def _topics_of(tasks: Sequence[Task]) -> 'ManyTopics':
-    """Give what goes through a recording once for all topics of `tasks`."""
+@contextmanager
+def _opened_once(tasks: Sequence[Task]) -> 'Iterator[Opening | None]':
+    """Open a recording once for all its topics in `tasks`; None where each task opens its own."""
     from imu_allan.recordings import open_recording
-    from imu_allan.recordings.many_topics import ManyTopics
 
-    first = tasks[0].arguments()
-    return ManyTopics(partial(open_recording, tasks[0].path, rate_hz=first['options'].rate_hz,
-                              options=first['reading']),
-                      [task.topic for task in tasks if task.topic is not None])
-
-
-def _opening(topics: 'ManyTopics', task: Task) -> 'Callable[[], Recording] | None':
-    return None if len(topics) < 2 or task.topic is None else partial(topics.opening, task.topic)
+    with ExitStack() as stack:
+        opening = None
+        if len(tasks) > 1:
+            first = tasks[0].arguments()
+            # What is wrong with it meanwhile is told of each task.
+            with suppress(ImuAllanError):
+                opening = stack.enter_context(open_recording(
+                    tasks[0].path, rate_hz=first['options'].rate_hz,
+                    options=first['reading'])).again
+        yield opening
 
 
 def _parts(group: Sequence[Task], most: int) -> Iterator[Sequence[Task]]:

@@ -4,7 +4,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -25,7 +26,6 @@ from imu_allan.recordings.messages.imus_in import (
     thermometer_in,
 )
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.topic_readings import TopicReadings
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 """How the names of the files in a rosbag2 directory end."""
@@ -63,8 +63,6 @@ class Recording(ABC):
         Why what looks like the two halves of an IMU is not read as one; empty where nothing does.
     size_bytes : int
         Bytes that `decoded` goes through, for progress.
-    in_memory : bool
-        Whether the messages are in memory, so that nothing is won by reading ahead.
     remarks : list of Finding
         What the user should know about the file; grows while it is read.
 
@@ -87,7 +85,6 @@ class Recording(ABC):
         self.preferred_for = 'with the highest rate'
         self.apart = ''
         self.size_bytes = 0
-        self.in_memory = False
         self.remarks: list[Finding] = []
         self._withheld: dict[str, set[str]] = {}
         self._descriptions = Descriptions()
@@ -96,17 +93,16 @@ class Recording(ABC):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks as the file has them, each with the bytes consumed so far."""
 
-    def read_each(self, readings: TopicReadings) -> None:
-        """
-        Read several topics at once: their messages as `decoded` gives them, and their remarks.
-
-        Where the format offers no such thing, none is read.
-        """
-        readings.drop()
-
     @abstractmethod
     def close(self) -> None:
         """Release files."""
+
+    def again(self) -> 'AbstractContextManager[Recording]':
+        """Lend it, open, for one topic of several, with remarks of its own; nothing is closed."""
+        lent = copy(self)
+        lent.remarks = [*self.remarks]
+        lent._withheld = {code: set(told) for code, told in self._withheld.items()}
+        return nullcontext(lent)
 
     @property
     def by_name(self) -> Mapping[str, ImuTopic]:
@@ -165,16 +161,6 @@ class Recording(ABC):
     def remark(self, code: str, **values: Any) -> None:
         """Add a finding about this recording, once."""
         self.keep_remark(finding(code, recording=printable(self.path), **values))
-
-    @contextmanager
-    def remarks_apart(self) -> Iterator[list[Finding]]:
-        """Keep the remarks that are made meanwhile out of `remarks`."""
-        before = self.remarks, self._withheld
-        self.remarks, self._withheld = [], {}
-        try:
-            yield self.remarks
-        finally:
-            self.remarks, self._withheld = before
 
     def keep_remark(self, remark: Finding) -> None:
         """Add a remark, once; of the same kind ten are kept, and the others counted."""

@@ -22,7 +22,6 @@ from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.imus_in import IMU_TYPES, may_hold_imu, TEMPERATURE_TYPES
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import BAG_SUFFIXES, Recording
-from imu_allan.recordings.topic_readings import TopicReadings
 import yaml
 
 _TOLD_LOSSES = {'damaged_recording', 'malformed_messages', 'missing_file', 'truncated_recording',
@@ -97,27 +96,6 @@ class BagDirectory(Recording):
             before += file.stat().st_size
         if remark := self._loss(self.imu(topic), messages, self.remarks):
             self.keep_remark(remark)
-
-    def read_each(self, readings: TopicReadings) -> None:
-        """Read several topics at once, the files one after the other."""
-        for file in self._files:
-            with self.remarks_apart() as common:
-                part = self._opened(file)
-            readings.begin({} if part is None else {
-                imu.name: imu for imu in (*part.topics, *part.thermometers)})
-            if part is not None:
-                with part:
-                    part.read_each(readings)
-                    common += part.remarks
-            readings.tell(common)
-            if readings.given_up:
-                return
-        for imu in (*self.topics, *self.thermometers):
-            if imu.name in readings.by_name:
-                reading = readings.by_name[imu.name]
-                if remark := self._loss(imu, sum(map(len, reading.blocks)),
-                                        [*self.remarks, *readings.remarks_on(imu.name)]):
-                    readings.tell([remark], reading)
 
     def _loss(self, imu: ImuTopic, messages: int, told: list[Finding]) -> Finding | None:
         """Say of how many messages nothing is known; None where it was told, or of none."""

@@ -18,7 +18,6 @@ from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
-from imu_allan.recordings.topic_readings import TopicReadings
 
 _PIECE = 1 << 22
 """So much is held at a time, and written before a bound is seen to be overrun."""
@@ -68,8 +67,7 @@ class CompressedRecording(Recording):
         self.thermometers = self._inner.thermometers
         self.other_topics = self._inner.other_topics
         self.reasons = self._inner.reasons
-        self._inner.remarks[:0] = self.remarks
-        self.remarks = self._inner.remarks
+        self.remarks += self._inner.remarks
 
     def close(self) -> None:
         """Remove the unpacked file."""
@@ -78,12 +76,13 @@ class CompressedRecording(Recording):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read blocks, each with its share of the compressed bytes."""
         share = self.size_bytes / max(self._inner.size_bytes, 1)
-        for block, position in self._inner.decoded(topic):
-            yield block, int(position * share)
-
-    def read_each(self, readings: TopicReadings) -> None:
-        """Read several topics at once."""
-        self._inner.read_each(readings)
+        with self._inner.again() as inner:
+            try:
+                for block, position in inner.decoded(topic):
+                    yield block, int(position * share)
+            finally:
+                for remark in inner.remarks:
+                    self.keep_remark(remark)
 
     def _unpack(self, stored: Path) -> None:
         room = room_in(self._folder)

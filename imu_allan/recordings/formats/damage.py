@@ -2,18 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The account of what could not be read of a file made of chunks."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from imu_allan.errors import printable
 from imu_allan.recordings.recording import Recording
-from imu_allan.recordings.topic_readings import NO_CHUNK, TopicReading, TopicReadings
 from imu_allan.wording import counted
 
-Carried = Mapping[int, Sequence[TopicReading]]
-"""Those that want the messages of a channel, by its number."""
 _UNWRITTEN = 'what was not yet written is missing'
 
 
@@ -52,22 +47,11 @@ class Damage:
     holes: int = 0
     first_hole: str = ''
     end: str = ''
-    first_place: int = NO_CHUNK[0]
 
     def chunk(self, at: int, reason: str) -> None:
         """Note a whole chunk whose content is damaged."""
         self.broken_chunks += 1
         self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
-
-    def chunk_for(self, carried: Carried, part: Part, reason: str) -> None:
-        """Note it for the topics of which it holds messages; for all where it may be any."""
-        if not part.counts:
-            self.chunk(part.start, reason)
-            self.first_place = min(self.first_place, part.start)
-        for reading in {reading for number in part.counts for reading in carried.get(number, ())}:
-            reading.broken_chunks += 1
-            reading.first_broken = min(reading.first_broken, (
-                part.start, f'at byte {part.start}: {printable(reason)}'))
 
     def hole(self, at: int, length: int) -> None:
         """Note bytes between chunks that are no records."""
@@ -110,22 +94,3 @@ class Damage:
                 **messages)
         elif messages and not self.end:
             recording.remark('damaged_recording', fault='unread', **messages)
-
-    def report_each(self, recording: Recording, readings: TopicReadings, carried: Carried,
-                    counts: Mapping[int, int]) -> None:
-        """Tell each of several topics what its own reading would have; `counts` by channel."""
-        expected: Counter[str] = Counter()
-        for number, found in carried.items():
-            for reading in found:
-                expected[reading.imu.name] += counts.get(number, 0)
-        readings.decode()
-        for reading in readings.present:
-            name = reading.imu.name
-            with recording.remarks_apart() as own:
-                reading.malformed.report(reading.imu, recording.remark)
-                _, first = min((self.first_place, self.first_broken), reading.first_broken)
-                replace(self, broken_chunks=self.broken_chunks + reading.broken_chunks,
-                        first_broken=first).report(
-                    recording, name, expected[name] - reading.messages
-                    - reading.malformed.count, expected[name])
-            readings.tell(own, reading)

@@ -32,11 +32,6 @@ class Effort:
     bytes_per_step : int, optional
         Bytes of a chunk for one more step in it.
 
-    Attributes
-    ----------
-    spent : bool
-        Whether something failed for want of what was used up before it.
-
     """
 
     def __init__(self, path: Path, at_least: int, bytes_per_step: int = 1) -> None:
@@ -45,15 +40,12 @@ class Effort:
         self._bytes_per_step = bytes_per_step
         self._left = 0
         self._steps = _CHUNKS * at_least + size // _BYTES_PER_STEP
-        self._bytes = self._all_bytes = PLAIN_BYTES + MOST_RATIO * size
-        self._short = False
-        self.spent = False
+        self._bytes = PLAIN_BYTES + MOST_RATIO * size
 
     def begin(self, stored: int) -> None:
         """Begin a chunk that takes so many bytes of the file."""
         self._steps += max(self._left, 0)
         most = self._at_least + stored // self._bytes_per_step
-        self._short = self._steps < most
         self._left = min(self._steps, most)
         self._steps -= self._left
 
@@ -69,7 +61,6 @@ class Effort:
         """
         self._left -= 1
         if self._left < 0:
-            self.spent = self.spent or self._short
             raise DamagedData('more records than its bytes can hold')
 
     def expand(self, size: int) -> None:
@@ -83,6 +74,5 @@ class Effort:
 
         """
         if size > self._bytes:
-            self.spent = self.spent or size <= self._all_bytes
             raise DamagedData(f'the file expands to more than {MOST_RATIO} times its size')
         self._bytes -= size

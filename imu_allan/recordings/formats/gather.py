@@ -29,8 +29,6 @@ RECORD_HEAD = 9
 
 _MESSAGE_HEAD = RECORD_HEAD + 22   # channel, sequence, two times: 2 + 4 + 8 + 8 (MCAP, op 0x05)
 _LOG_TIME_AT = RECORD_HEAD + 6     # behind channel and sequence
-CHANNELS = 1 << 16
-"""There are as many numbers for channels."""
 _KEY = RECORD_HEAD + 2
 """Bytes of opcode, length and channel: what equal records have in common."""
 _STEPS_WITHOUT_INDEX = 32
@@ -156,30 +154,6 @@ def in_batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
         raise failure
 
 
-def by_source(pieces: Iterable[Piece], sources: NDArray[np.int64]) -> dict[int, list[Piece]]:
-    """
-    Part messages by where they come from, as copies.
-
-    Parameters
-    ----------
-    pieces : iterable of Piece
-        With `channels`.
-    sources : ndarray of int64, shape (CHANNELS,)
-        By channel.
-
-    """
-    parts: dict[int, list[Piece]] = {}
-    for piece in pieces:
-        assert piece.channels is not None
-        source = sources[piece.channels]
-        order = np.argsort(source, kind='stable')
-        bounds = [0, *(np.flatnonzero(np.diff(source[order])) + 1).tolist(), len(order)]
-        for rows in (order[a:b] for a, b in pairwise(bounds)):
-            parts.setdefault(int(source[rows[0]]), []).append(
-                Piece(piece.rows[rows], piece.receive_ns[rows]))
-    return parts
-
-
 def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:
     """Count the records from `at` on that begin with `key`, each `stride` after the one before."""
     most = (len(buffer) - at) // stride
@@ -265,5 +239,4 @@ def _collected(buffer: bytes, offsets: list[int] | NDArray[np.int64]) -> Iterato
 
 def _piece(records: NDArray[np.uint8]) -> Piece:
     log_time = records[:, _LOG_TIME_AT:_LOG_TIME_AT + 8].view('<i8')[:, 0]
-    channels = records[:, RECORD_HEAD:RECORD_HEAD + 2].view('<u2')[:, 0]
-    return Piece(records[:, _MESSAGE_HEAD:], log_time, channels)
+    return Piece(records[:, _MESSAGE_HEAD:], log_time)

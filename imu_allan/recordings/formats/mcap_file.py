@@ -35,7 +35,7 @@ from imu_allan.recordings.formats.decompress import (
     Readable,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.gather import by_source, CHANNELS, gather, in_batches
+from imu_allan.recordings.formats.gather import gather, in_batches
 from imu_allan.recordings.formats.message_compression import unpacked
 from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS, normal_name
@@ -43,7 +43,6 @@ from imu_allan.recordings.messages.imus_in import IMU_TYPES
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
-from imu_allan.recordings.topic_readings import TopicReading, TopicReadings
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -152,50 +151,6 @@ class McapRecording(FileRecording):
         malformed.report(self.imu(topic), self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
-
-    def read_each(self, readings: TopicReadings) -> None:
-        """Read several topics at once."""
-        effort = Effort(self.path, _STEPS_AT_LEAST)
-        damage = Damage()
-        carried: dict[int, list[TopicReading]] = {}
-        # Publishers of one topic keep their order.
-        sources = np.zeros(CHANNELS, np.int64)
-        first_of: dict[str, int] = {}
-
-        def enter(number: int) -> None:
-            channel = self._channels[number]
-            found = [reading for reading in readings.by_source.get(channel.topic, ())
-                     if channel.is_of(reading.imu)]
-            if found:
-                carried[number] = found
-                sources[number] = first_of.setdefault(channel.topic, number)
-
-        def describe(opcode: int, body: bytes) -> None:
-            number = self._describe(opcode, body)
-            if number is not None:
-                enter(number)
-
-        for number in self._channels:
-            enter(number)
-        with self._stored.open('rb') as file:
-            for part in self._walk(file, damage):
-                if readings.given_up:
-                    return
-                if part.counts and not carried.keys() & part.counts.keys():
-                    continue
-                try:
-                    for parts in decoded_blocks(file, part, carried.keys(), describe,
-                                                lambda pieces: by_source(pieces, sources), effort):
-                        for number, pieces in parts.items():
-                            for reading in carried[number]:
-                                reading.take(in_batches(unpacked(pieces, effort)))
-                except DamagedData as error:
-                    damage.chunk_for(carried, part, str(error))
-        if effort.spent:
-            # Of the same for itself alone each topic may have enough.
-            readings.drop()
-            return
-        damage.report_each(self, readings, carried, self._counts)
 
     # ---------------------------------------------------------------------------- what is there
 

@@ -17,7 +17,7 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Set as AbstractSet
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
@@ -34,7 +34,6 @@ from imu_allan.recordings.messages.definitions import Definition, normal_name
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
-from imu_allan.recordings.topic_readings import TopicReading, TopicReadings
 import numpy as np
 from numpy.typing import NDArray
 
@@ -125,44 +124,6 @@ class Ros1Recording(FileRecording):
         malformed.report(self.imu(topic), self.remark)
         expected = sum(self._counts.get(number, 0) for number in wanted)
         damage.report(self, topic, expected - messages - malformed.count, expected)
-
-    def read_each(self, readings: TopicReadings) -> None:
-        """Read several topics at once."""
-        effort = Effort(self.path, _STEPS_AT_LEAST, _BYTES_PER_STEP)
-        damage = Damage()
-        carried: dict[int, list[TopicReading]] = {}
-
-        def enter(number: int) -> None:
-            connection = self._connections[number]
-            found = [reading for reading in readings.by_source.get(connection.topic, ())
-                     if connection.is_of(reading.imu)]
-            if found:
-                carried[number] = found
-
-        for number in self._connections:
-            enter(number)
-        with self._stored.open('rb') as file:
-            for part in self._walk(file, damage):
-                if readings.given_up:
-                    return
-                if part.counts and not carried.keys() & part.counts.keys():
-                    continue
-                parts: dict[str, list[Piece]] = {}
-                try:
-                    for number, piece in self._gather(
-                            _chunk_data(file, part, effort), carried.keys(), enter, effort):
-                        parts.setdefault(self._connections[number].topic, []).append(
-                            replace(piece, rows=piece.rows.copy()))
-                except DamagedData as error:
-                    damage.chunk_for(carried, part, str(error))
-                for topic, pieces in parts.items():
-                    for reading in readings.by_source[topic]:
-                        reading.take(in_batches(pieces))
-        if effort.spent:
-            # Of the same for itself alone each topic may have enough.
-            readings.drop()
-            return
-        damage.report_each(self, readings, carried, self._counts)
 
     # ---------------------------------------------------------------------------- what is there
 

@@ -8,7 +8,7 @@ left beside the file, that is done in a copy.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import groupby
@@ -37,7 +37,6 @@ from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import Recording
-from imu_allan.recordings.topic_readings import TopicReadings
 import numpy as np
 
 _FETCH = 64
@@ -126,89 +125,6 @@ class SqliteRecording(Recording):
                 for block in decode(pieces, malformed):
                     yield block, position
         malformed.report(self.imu(topic), self.remark)
-
-    def read_each(self, readings: TopicReadings) -> None:
-        """Read several topics at once; of a damaged database none."""
-        source_of: dict[int, str] = {}
-        for source, same in readings.by_source.items():
-            if len(self._numbers[source]) <= _MOST_NUMBERS:
-                source_of |= dict.fromkeys(self._numbers[source], source)
-            else:
-                for reading in same:
-                    reading.drop()
-        numbers = list(source_of)
-        effort = Effort(self.path, 0)
-        try:
-            with self._database() as database:
-                for first in range(0, len(numbers), _MOST_AT_ONCE):
-                    self._read_numbers(database, numbers[first:first + _MOST_AT_ONCE], source_of,
-                                       readings, effort)
-        except sqlite3.Error:
-            # What can be saved of it is another way for each topic.
-            readings.drop()
-            return
-        if effort.spent:
-            # Of the same for itself alone each topic may have enough.
-            readings.drop()
-            return
-        readings.decode()
-        for reading in readings.present:
-            with self.remarks_apart() as own:
-                reading.malformed.report(reading.imu, self.remark)
-            readings.tell(own, reading)
-
-    def _read_numbers(self, database: sqlite3.Connection, numbers: list[int],
-                      source_of: Mapping[int, str], readings: TopicReadings, effort: Effort
-                      ) -> None:
-        """Read the messages of several topic numbers in the order of recording."""
-        fetched: dict[str, list[Row]] = {source_of[number]: [] for number in numbers}
-        held: dict[str, _HeldMessages] = {}
-        held_bytes = 0
-
-        def hand_on(source: str) -> None:
-            pieces = held[source].pieces()
-            for reading in readings.by_source[source]:
-                reading.take([pieces])
-
-        def take(source: str) -> None:
-            some, fetched[source] = fetched[source], []
-            if source not in held:
-                def malformed(count: int, error: MalformedImu) -> None:
-                    for reading in readings.by_source[source]:
-                        reading.malformed(count, error)
-                held[source] = _HeldMessages(effort, malformed)
-            if held[source].full:
-                hand_on(source)
-            held[source].take(some)
-
-        def hand_all_on() -> None:
-            for source, some in fetched.items():
-                if some:
-                    take(source)
-                if source in held:
-                    hand_on(source)
-
-        left = self._room
-        cursor = database.execute(
-            f'SELECT {_COLUMNS}, topic_id FROM messages NOT INDEXED '
-            f'WHERE {_INTEGER.format("topic_id")} IN ({_marks(numbers)}) ORDER BY rowid', numbers)
-        while rows := cursor.fetchmany(_FETCH):
-            if readings.given_up:
-                return
-            size = sum(len(row[1]) for row in rows if row[1])
-            left -= size
-            if left < 0:
-                raise sqlite3.DatabaseError('its messages have more bytes than the file')
-            for *row, number in rows:
-                source = source_of[number]
-                fetched[source].append(tuple(row))
-                if len(fetched[source]) == _FETCH:
-                    take(source)
-            held_bytes += size
-            if held_bytes > _HELD_BYTES_OF_ALL:
-                hand_all_on()
-                held_bytes = 0
-        hand_all_on()
 
     # ---------------------------------------------------------------------------- what is there
 

@@ -19,11 +19,8 @@ class Piece:
         Serialized messages; may be a view of a buffer.
     receive_ns : ndarray of int64, shape (n,)
         Receive stamps of the messages in nanoseconds.
-    channels : ndarray of uint16, shape (n,), or None
-        By what number the file knows where each comes from, if it does.
 
     """
 
     rows: NDArray[np.uint8]
     receive_ns: NDArray[np.int64]
-    channels: NDArray[np.uint16] | None = None

@@ -22,7 +22,7 @@ def read_blocks(
     Read the messages of `topic` in the order in which they were recorded.
 
     Reading, decompression and decoding run some blocks ahead, in a process of their own where
-    the recording is large, else in a thread, unless it is in memory. They begin with this call.
+    the recording is large, else in a thread. They begin with this call.
 
     Parameters
     ----------
@@ -58,8 +58,6 @@ def read_blocks(
 
 
 def _ahead(recording: Recording, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-    if recording.in_memory:
-        return larger_blocks(recording.decoded(topic))
     if pays(recording):
         # Where no further process is allowed, a thread does.
         with suppress(OSError):
