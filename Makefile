@@ -46,7 +46,7 @@ FAST := test/test_floors.py test/test_cdr.py test/noise test/sensor test/timelin
 	--ignore test/writers/test_$(slower).py) --ignore test/timeline/test_nothing_silent.py
 
 LINTED := imu_allan launch test demo bench examples docs/conf.py docs/make_commands.py docs/make_findings.py \
-	docs/make_figures.py setup.py
+	docs/make_figures.py docs/make_first_minutes.py setup.py
 
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.installed

@@ -77,7 +77,7 @@ setup(
             'flake8-import-order',
             'flake8-quotes',
         ],
-        'docs': ['sphinx>=7', 'myst-parser>=3', 'furo'],
+        'docs': ['sphinx>=7', 'myst-parser>=3', 'furo', 'sphinx-mathjax-offline'],
     },
     zip_safe=True,
     author='The imu_allan authors',

@@ -13,8 +13,13 @@ extensions = [
     'myst_parser',
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
+    # Formulas are drawn by a MathJax that lies beside the pages, so that they show offline. The
+    # build farm of ROS lacks it: there the browser fetches one.
+    *(name for name in ('sphinx-mathjax-offline',) if find_spec(name)),
 ]
 myst_enable_extensions = ['dollarmath', 'deflist']
+# Options begin with two hyphens, and stay so.
+smartquotes = False
 myst_heading_anchors = 3
 exclude_patterns = ['_build']
 

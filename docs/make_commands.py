@@ -7,7 +7,7 @@ Write docs/commands.md from the parsers of the command itself.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 
 from imu_allan.cli.main import command_parser
@@ -17,39 +17,63 @@ HEAD = """\
 
 Made from the command's own help by `docs/make_commands.py`.
 
-Results go to stdout, messages to stderr. Exit status: 0 done; 1 a known error, as one line on
-stderr that names the file, topic or option and what to do; 2 wrong usage; 3 `check` found a
-specification that is not met; 4 `check` cannot tell; 130 after Ctrl-C. A traceback
-means a bug.
+Results go to stdout, messages to stderr. A known error is one line that names the file, topic or
+option and what to do. A traceback means a bug.
+
+| exit status | |
+| --- | --- |
+| 0 | done |
+| 1 | a known error |
+| 2 | wrong usage |
+| 3 | `check` found a limit that is not met |
+| 4 | `check` cannot tell |
+| 130 | after Ctrl-C |
 """
+SHARED = """\
+## Options of every verb that reads a recording
+
+"""
+_SHARED = 3
 
 
 def page() -> str:
-    """Return the text of the page."""
+    """Return the text of the page; an option that several verbs have alike is described once."""
     parser = command_parser()
     [verbs] = [action for action in parser._actions
                if isinstance(action, argparse._SubParsersAction)]
-    return '\n'.join([HEAD, *(line for name, verb in verbs.choices.items()
-                              for line in section(name, verb))])
+    rows = {name: described(verb) for name, verb in verbs.choices.items()}
+    count = Counter(row for found in rows.values() for row in found)
+    shared = {row: None for found in rows.values() for row in found
+              if count[row] >= _SHARED}
+    lines = [HEAD]
+    for name, verb in verbs.choices.items():
+        own = [row for row in rows[name] if row not in shared]
+        if len(rows[name]) - len(own) < _SHARED:
+            own = rows[name]
+        names = ' '.join(argument(action) for action in verb._actions
+                         if not action.option_strings)
+        lines += [f'## imu_allan {name} {names}', '', verb.description or '', '', *table(own)]
+        if own != rows[name]:
+            lines += ['And the options of every verb that reads a recording, below.', '']
+    return '\n'.join([*lines, SHARED + '\n'.join(table(list(shared)))])
 
 
-def section(name: str, verb: argparse.ArgumentParser) -> Iterator[str]:
-    """Yield the lines about one verb."""
-    names = ' '.join(argument(action) for action in verb._actions if not action.option_strings)
-    yield f'## imu_allan {name} {names}'
-    yield ''
-    yield verb.description or ''
-    yield ''
-    yield '| | |'
-    yield '| --- | --- |'
+def table(rows: list[str]) -> list[str]:
+    """Return rows as a table without a heading, and an empty line."""
+    return ['| | |', '| --- | --- |', *rows, ''] if rows else []
+
+
+def described(verb: argparse.ArgumentParser) -> list[str]:
+    """Return a row of each argument of a verb that its help shows."""
+    rows = []
     for action in verb._actions:
         if action.help in (None, argparse.SUPPRESS) or {'--help', '--help-all'} & {
                 *action.option_strings}:
             continue
         text = action.help % {**vars(action), 'prog': verb.prog}
-        yield '| {} | {} |'.format(*(cell.replace('|', '\\|')
-                                     for cell in (f'`{argument(action)}`', text)))
-    yield ''
+        rows.append('| {} | {} |'.format(*(cell.replace('|', '\\|')
+                                           for cell in (f'`{argument(action)}`', text))))
+    return rows
 
 
 def argument(action: argparse.Action) -> str:

@@ -6,9 +6,11 @@ Write docs/findings.md from the table of words.
     .venv/bin/python docs/make_findings.py
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
-from imu_allan.writers.words import explained, WORDS
+from imu_allan.finding import ACT
+from imu_allan.writers.words import WORDS, Words
 
 HEAD = """\
 # Findings
@@ -16,30 +18,39 @@ HEAD = """\
 Made from `imu_allan/writers/words.py` by `docs/make_findings.py`.
 `imu_allan explain CODE` prints one of them.
 
-A result lists what was found as `warnings`, those to act upon first:
+A result lists what was found as `warnings`:
 
 ```json
 {"code": "band_limited", "severity": "know", "axes": ["gyro_x", "gyro_y"],
  "values": {"window_s": [0.0148, 0.0152]}, "message": "..."}
 ```
 
-`severity` is `act` where the numbers are not what you want until you do something,
-and `know` where they are.
-`values` are figures in SI units.
-Of several axes, a value that differs is a list with one number for each axis.
-Scripts may rely on `code`, `severity`, `axes` and `values`.
-`message` is made from them, and nothing reads it.
+`severity` is `act` where the numbers are not what you want until you do something, and `know`
+where they are. `values` are in SI units, a list where axes differ. Scripts may rely on all but
+`message`, which is made from the others.
 """
 
 
 def page() -> str:
-    """Return the text of the page."""
+    """Return the text of the page: severe findings first, in the order in which they are shown."""
     parts = [HEAD]
-    for code in WORDS:
-        title, *lines = explained(code)
-        parts += [f'## {code}', '', f'**{title.partition(": ")[2]}**', '',
-                  *(f'- {line}' for line in lines), '']
+    for severity, title in (('act', 'To act upon'), ('know', 'Good to know')):
+        parts += [f'## {title}', '']
+        for code, words in WORDS.items():
+            if (code in ACT) == (severity == 'act'):
+                parts += [f'### {code}', '', ' '.join(sentences(code, words)), '']
     return '\n'.join(parts)
+
+
+def sentences(code: str, words: Words) -> Iterator[str]:
+    """Yield what a finding means, how it is found, and the advice that is the same for all."""
+    if words.title != code.replace('_', ' '):
+        yield f'**{words.title}.**'
+    yield words.means
+    yield f'*Found:* {words.found}'
+    for name, advice in (('Do', words.do), ('Live', words.live)):
+        if isinstance(advice, str) and advice:
+            yield f'*{name}:* {advice}.'
 
 
 if __name__ == '__main__':

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Every command that README and the recipes print is executed here.
+Every command that README and the pages by task print is executed here.
 
 The commands run in one folder, in the order in which they are printed, as a reader would run
 them with files of their own. What only a ROS installation or the network can do is listed with
@@ -47,6 +47,11 @@ NEEDS_NETWORK = {
 }
 
 MAKE = {'make demo', 'make demo RECORDING=path/to/bag', 'make test', 'make test-fast', 'make lint'}
+
+
+PAGES = ('README.md', 'docs/recipes.md', *(
+    f'docs/{path.name}' for path in sorted(ROOT.glob('docs/task_*.md'))))
+"""Pages whose commands a reader types one after the other."""
 
 
 def commands(page: str) -> list[str]:
@@ -101,8 +106,7 @@ def shortened(command: str) -> str:
 
 
 @pytest.mark.parametrize('command', [
-    line for page in ('README.md', 'docs/recipes.md') for line in commands(page)
-    if line.startswith('imu_allan ')])
+    line for page in PAGES for line in commands(page) if line.startswith('imu_allan ')])
 def test_command_of_the_tool_runs_as_printed(command: str, workplace: Path) -> None:
     output = re.search(r'simulate .*--output (\w+)', command)
     if output:
@@ -117,8 +121,7 @@ def test_command_of_the_tool_runs_as_printed(command: str, workplace: Path) -> N
 
 
 @pytest.mark.parametrize('block', [
-    block for page in ('README.md', 'docs/recipes.md', 'docs/how_it_works.md')
-    for block in python_blocks(page)])
+    block for page in (*PAGES, 'docs/how_it_works.md') for block in python_blocks(page)])
 def test_python_of_the_pages_runs(block: str, workplace: Path,
                                   monkeypatch: pytest.MonkeyPatch) -> None:
     import imu_allan
@@ -128,11 +131,11 @@ def test_python_of_the_pages_runs(block: str, workplace: Path,
 
 
 @pytest.mark.parametrize('command', [
-    line for line in commands('README.md') if line.startswith('ros2 run ')])
+    line for line in commands('README.md')
+    if line.startswith(('ros2 run ', 'imu_allan_node', 'imu_simulator'))])
 def test_node_starts_as_printed_and_ends_with_ctrl_c(command: str, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    _, _, package, program, *arguments = shlex.split(command)
-    assert package == 'imu_allan'
+    program, *arguments = shlex.split(command.removeprefix('ros2 run imu_allan '))
     # Where `ros2 run` looks: pip installs beside the interpreter, colcon below its prefix.
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     [found, *_] = [str(path) for path in (Path(sys.executable).parent / program, *(
@@ -181,15 +184,15 @@ def test_workspace_is_built_as_printed_and_its_node_starts(tmp_path: Path) -> No
     assert (tmp_path / 'ws' / node).is_file()
 
 
-@pytest.mark.parametrize('page', ['README.md', 'docs/recipes.md', 'CONTRIBUTING.md'])
+@pytest.mark.parametrize('page', [*PAGES, 'CONTRIBUTING.md'])
 def test_every_other_command_is_one_whose_test_is_known(page: str) -> None:
     for command in commands(page):
-        assert (command.startswith(('imu_allan ', 'ros2 run '))
+        assert (command.startswith(('imu_allan ', 'ros2 run ', 'imu_allan_node ', 'imu_simulator'))
                 or command in {*NEEDS_ROS, *NEEDS_NETWORK, *MAKE}), command
 
 
 def test_every_make_command_is_a_target() -> None:
-    printed = {command.split()[1] for page in ('README.md', 'CONTRIBUTING.md', 'docs/recipes.md')
+    printed = {command.split()[1] for page in (*PAGES, 'CONTRIBUTING.md')
                for command in re.findall(r'make [a-z-]+', ' '.join(
                    [*commands(page), *re.findall(r'`(make [^`]*)`', (ROOT / page).read_text())]))}
     targets = set(re.findall(r'^([a-z-]+):', (ROOT / 'Makefile').read_text(), re.MULTILINE))
@@ -228,10 +231,29 @@ def test_commands_page_is_what_the_parsers_say() -> None:
     assert (ROOT / 'docs' / 'commands.md').read_text() == shown
 
 
+def test_the_first_minutes_show_the_commands_of_their_script(
+        workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(workplace)
+    steps = subprocess.run(
+        [sys.executable, '-c', 'import make_first_minutes as made\n'
+         'for _, *commands in made.STEPS: print(*commands, sep="\\n")'],
+        check=True, capture_output=True, text=True, cwd=ROOT / 'docs').stdout.splitlines()
+    page = (ROOT / 'docs' / 'first_minutes.md').read_text()
+    assert re.findall(r'^\$ (.*)$', page, re.MULTILINE) == steps
+    # Not 2: a page that was made before an option was renamed shows one that is gone.
+    for command in steps:
+        if command.startswith('imu_allan ') and 'simulate' not in command:
+            assert main(shlex.split(command.partition(' | ')[0])[1:]) in (0, 1, 4), command
+
+
 def test_documentation_builds_without_warnings(tmp_path: Path) -> None:
-    for module in ('sphinx', 'myst_parser', 'furo'):
+    for module in ('sphinx', 'myst_parser', 'furo', 'sphinx-mathjax-offline'):
         pytest.importorskip(module)
     subprocess.run([sys.executable, '-m', 'sphinx', '--fail-on-warning', '--keep-going', '-n',
                     '-q', '-d', str(tmp_path / 'doctrees'), str(ROOT / 'docs'),
                     str(tmp_path / 'html')], check=True)
-    assert (tmp_path / 'html' / 'faq.html').is_file()
+    page = (tmp_path / 'html' / 'statistics.html').read_text()
+    # What draws the formulas lies beside the pages, and nothing is fetched from elsewhere.
+    [drawn_by] = re.findall(r'src="(_static/mathjax/[\w-]+\.js)"', page)
+    assert (tmp_path / 'html' / drawn_by).is_file()
+    assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:', page)

@@ -4,7 +4,8 @@
 
 from collections.abc import Iterator, Mapping
 import math
-from statistics import median
+import re
+from statistics import fmean, median
 from typing import Any
 
 OURS = 'ours'
@@ -15,9 +16,9 @@ _AS_GOOD = 1.1
 """An error up to so many times ours is called equal: some dozens of axes tell no better."""
 _HEAD = """# Allan tools compared
 
-Which tool's numbers are right, of sensors whose truth is known? And what does each say of
-recordings that anybody can fetch? `make bench-peers` wrote this page, in an environment of its own
-with pinned versions (`bench/peers/requirements.txt`); no figure here was entered by hand.
+Which tool's numbers are right, for sensors whose truth is known? And what does each say about
+recordings that anybody can fetch? `make bench-peers` wrote this page, with pinned versions
+(`bench/peers/requirements.txt`). No figure was entered by hand.
 """
 
 
@@ -55,7 +56,8 @@ def names(figures: Mapping[str, Any]) -> Mapping[str, str]:
 
 def better(figures: Mapping[str, Any]) -> Iterator[str]:
     """Say first where another tool is better than ours, or as good."""
-    called, told = names(figures), []
+    called = names(figures)
+    rows: dict[str, dict[str, list[str]]] = {}
     for case in figures.get('accuracy', {}).values():
         ours = case['tools'][OURS]['coefficients']
         for key, symbol in SYMBOLS.items():
@@ -63,39 +65,44 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
                 continue
             mine = ours[key].get('over_bound')
             for tool, name in called.items():
-                other = case['tools'][tool]['coefficients'][key]
-                if tool == OURS or 'over_bound' not in other:
+                theirs = case['tools'][tool]['coefficients'][key]
+                error = theirs.get('over_bound')
+                if tool == OURS or error is None:
                     continue
-                share = (f'reported of {other["reported"]:.0%} of axes, ours '
-                         f'{ours[key]["reported"]:.0%}')
-                if mine is None or other['over_bound'] < mine / _AS_GOOD:
-                    told.append((0, f'- **{name} is nearer** to {symbol} of *{case["title"]}*: '
-                                 f'{short(other["over_bound"])} of the bound, ours {short(mine)} '
-                                 f'({share}).'))
-                elif other['over_bound'] <= mine * _AS_GOOD:
-                    told.append((1, f'- {name} is as near to {symbol} of *{case["title"]}*: '
-                                 f'{short(other["over_bound"])} of the bound, ours {short(mine)} '
-                                 f'({share}).'))
-    for messages, rows in figures.get('speed', {}).items():
-        mine = rows['imu_allan analyze']
-        for tool, row in rows.items():
+                how = ('nearer' if mine is None or error < mine / _AS_GOOD
+                       else 'as near' if error <= mine * _AS_GOOD else '')
+                if how:
+                    shares = (f' (reported of {theirs["reported"]:.0%} of axes, ours '
+                              f'{ours[key]["reported"]:.0%})'
+                              if theirs['reported'] != ours[key]['reported'] else '')
+                    rows.setdefault(name, {}).setdefault(how, []).append(
+                        f'{symbol} of *{case["title"]}*: {short(error)}, ours '
+                        f'{short(mine)}{shares}')
+    for messages, found in figures.get('speed', {}).items():
+        mine = found['imu_allan analyze']
+        for tool, row in found.items():
             for key, word in (('wall_s', 's'), ('memory_mb', 'MB')):
                 if row['status'] == 0 and row[key] < mine[key]:
-                    told.append((0, f'- **{tool} takes less** for {int(messages):,} messages: '
-                                 f'{row[key]:.1f} {word}, ours {mine[key]:.1f}.'))
+                    rows.setdefault(tool, {}).setdefault('less time or memory', []).append(
+                        f'{int(messages):,} messages: {row[key]:.1f} {word}, ours {mine[key]:.1f}')
     yield '## Where another tool is better, or as good\n'
-    yield '\n'.join(line for _, line in sorted(told, key=lambda item: item[0])) + '\n' if told \
-        else 'Nowhere in what was measured.\n'
+    if rows:
+        yield 'Errors are over the bound, as below.\n'
+        yield table(['tool', 'is', 'where'], [
+            [name, how, '; '.join(where)] for name, found in rows.items()
+            for how, where in sorted(found.items(), reverse=True)])
+    else:
+        yield 'Nowhere in what was measured.\n'
     ratios = [case['tools']['wavelets']['coefficients'][key]['over_bound'] / mine
               for name in IDEAL if name in figures.get('accuracy', {})
               for case in [figures['accuracy'][name]] for key in case['bound']
               for mine in [case['tools'][OURS]['coefficients'][key].get('over_bound')]
               if mine and 'over_bound' in case['tools']['wavelets']['coefficients'][key]]
     if ratios:
-        yield ('On ideal sensors with N, B and K the errors of weighted least squares on the '
-               f'wavelet variance, ten lines of code, are {min(ratios):.2f} to '
-               f'{max(ratios):.2f} times ours, in the median {median(ratios):.2f}. What it '
-               'lacks are intervals, and a word where the sensor is not ideal.\n')
+        yield ('On ideal sensors with N, B and K, weighted least squares on the wavelet variance '
+               f'has errors of {min(ratios):.2f} to {max(ratios):.2f} times ours, median '
+               f'{median(ratios):.2f}. It is ten lines of code. It gives no intervals, and no '
+               'warning where the sensor is not ideal.\n')
 
 
 def tools(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -104,10 +111,7 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     rows = [[tool['name'], tool['origin']] for tool in figures['tools'].values()]
     yield table(['tool', 'what it is'], rows)
     yield ('Each is asked through an adapter of our own (`bench/peers/adapters/`), with its '
-           'defaults. A recipe that is not a '
-           'Python package was written anew from what its authors publish. A tool that gives '
-           'one number a sensor is held '
-           'against each of its axes.\n')
+           'defaults. A tool that gives one number a sensor is compared with each of its axes.\n')
 
 
 def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -115,93 +119,83 @@ def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
     called = names(figures)
     some = next(iter(figures['accuracy'].values()))
     yield '## Accuracy\n'
-    yield (f'{some["records"]} records of six axes each a case. Error: root mean square over '
-           f'the axes of which a tool reports '
-           'the coefficient, over the Cramér-Rao bound, which no unbiased estimate that knows '
-           'the terms can beat; in '
-           'brackets the share reported where it is not all. The generator draws all terms at '
-           'once by circulant embedding; '
-           'record *r* of the case number *c* has the seed `[20261123, c, r]` '
-           '(`bench/peers/simulated.py`). An axis that a '
-           'tool refuses counts as not reported. Who reports only what is clear has the easier '
-           f'axes. With {6 * some["records"]} axes an error is itself known to about '
-           f'{100 / math.sqrt(12 * some["records"]):.0f} %. Behind a low-pass the bound is '
-           'that of one who knows the filter.\n')
-    for case in figures['accuracy'].values():
-        keys = list(case['bound'])
-        yield f'**{case["title"][0].upper()}{case["title"][1:]}**\n'
-        rows = [['*bound*', *(f'{100 * case["bound"][key]:.2g} %' for key in keys)]]
-        for tool, name in called.items():
-            found = case['tools'][tool]['coefficients']
-            rows.append([name, *(
-                short(found[key].get('over_bound')) + ('' if found[key]['reported'] == 1
-                                                       else f' ({found[key]["reported"]:.0%})')
-                for key in keys)])
-        yield table(['tool', *(SYMBOLS[key] for key in keys)], rows)
+    yield (f'{some["records"]} records of six axes each a case. A cell is the root mean square '
+           'error over the Cramér-Rao bound, of the axes of which a tool reports the '
+           'coefficient. Brackets give that share where it is not all; an axis that is refused '
+           f'is not reported. With {6 * some["records"]} axes an error is known to about '
+           f'{100 / math.sqrt(12 * some["records"]):.0f} %. Behind a low-pass the bound is that '
+           'of a tool that knows the filter. The generator draws all terms at once by circulant '
+           'embedding; record *r* of case *c* has the seed `[20261123, c, r]` '
+           '(`bench/peers/simulated.py`).\n')
+    rows = [['' if place else case['title'], SYMBOLS[key], f'{100 * case["bound"][key]:.2g} %', *(
+        short(found[key].get('over_bound')) + ('' if found[key]['reported'] == 1
+                                               else f' ({found[key]["reported"]:.0%})')
+        for tool in called for found in [case['tools'][tool]['coefficients']])]
+        for case in figures['accuracy'].values() for place, key in enumerate(case['bound'])]
+    yield table(['case', 'term', '*bound*', *called.values()], rows)
 
 
 def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show how often a term is reported that is not there."""
     called = names(figures)
     yield '## Terms that are not there\n'
-    yield ('Share of axes of which a tool reports a coefficient whose term the sensor does not '
-           'have. Reading lines off a '
-           'curve always gives all of its numbers.\n')
+    yield ('Share of axes of which a tool reports a term that the sensor does not have, over all '
+           'cases without it. Reading lines off a curve always gives all of its numbers.\n')
     rows = []
-    for case in figures['accuracy'].values():
-        absent = [key for key in SYMBOLS if 'false' in case['tools'][OURS]['coefficients'][key]]
-        rows += [[case['title'], SYMBOLS[key], *(
-            f'{case["tools"][tool]["coefficients"][key]["false"]:.0%}' for tool in called)]
-            for key in absent if any(case['tools'][tool]['coefficients'][key]['false']
-                                     for tool in called)]
-    yield table(['case', 'term', *called.values()], rows)
+    for key, symbol in SYMBOLS.items():
+        cases = [case for case in figures['accuracy'].values()
+                 if 'false' in case['tools'][OURS]['coefficients'][key]]
+        if cases:
+            shares = [fmean(case['tools'][tool]['coefficients'][key]['false'] for case in cases)
+                      for tool in called]
+            rows.append([symbol, str(len(cases)), *(f'{share:.0%}' for share in shares)])
+    yield table(['term', 'cases', *called.values()], rows)
 
 
 def intervals(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show coverage and interval score of the tools that have intervals."""
     called = names(figures)
     yield '## Intervals\n'
-    yield ('Share of 95 % intervals that hold the truth, and the mean interval score (width '
-           'plus 40 times the miss, over the '
-           'truth; less is better) in units of 3.92 bounds, the width of the best interval. '
-           'Bounds of what is not observable '
-           'count as intervals from zero. Tools without a row give no interval of a '
-           'coefficient.\n')
+    yield ('Share of 95 % intervals that contain the truth, and the mean interval score: width '
+           'plus 40 times the miss. Its unit is 3.92 bounds, the width of the best interval; less '
+           'is better. An upper bound counts as an interval from zero. Tools without a row give '
+           'no intervals.\n')
     rows = []
     for case in figures['accuracy'].values():
         for tool, name in called.items():
             found = case['tools'][tool]['coefficients']
-            rows += [[case['title'], name, SYMBOLS[key], f'{found[key]["coverage"]:.0%}',
-                      short(found[key]['score'] / (3.92 * case['bound'][key]))]
+            cells = [f'{SYMBOLS[key]} {found[key]["coverage"]:.0%}, '
+                     f'{short(found[key]["score"] / (3.92 * case["bound"][key]))}'
                      for key in case['bound'] if 'coverage' in found[key]]
-    yield table(['case', 'tool', 'term', 'holds', 'score'], rows)
+            if cells:
+                rows.append([case['title'], name, '; '.join(cells)])
+    yield table(['case', 'tool', 'contains, score'], rows)
 
 
 def refusals(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show who refuses what, in the words of the tool."""
-    called = names(figures)
-    rows = [[case['title'], name, f'{case["tools"][tool]["refused"]:.0%}',
-             str(case['tools'][tool]['reason']).replace('|', '\\|')]
-            for case in figures['accuracy'].values() for tool, name in called.items()
-            if case['tools'][tool]['refused']]
+    rows = []
+    for tool, name in names(figures).items():
+        refused = [case['tools'][tool] for case in figures['accuracy'].values()
+                   if case['tools'][tool]['refused']]
+        if refused:
+            rows.append([name, f'{len(refused)} of {len(figures["accuracy"])}',
+                         str(refused[0]['reason']).replace('|', '\\|')])
     if rows:
         yield '## Refusals\n'
-        yield table(['case', 'tool', 'records', 'the first reason'], rows)
+        yield table(['tool', 'cases with a refusal', 'the first reason'], rows)
 
 
 def published(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show what the tools say of the telephone and the tag."""
     found, called = figures['published'], names(figures)
     yield '## Two recordings that anybody can fetch\n'
-    yield ('The wheel of scikit-diveMove 0.4.0 on PyPI holds six hours of a Galaxy S5 at 10 Hz, '
-           'used in a published Allan '
-           'demonstration, and 74.5 hours of a whale tag at 1 Hz with its temperature. Its '
-           'licence is the GNU Affero General '
-           'Public License: the benchmark fetches it when it runs, and nothing of it is passed '
-           'on here. Nobody knows the truth '
-           'of these sensors. What can be seen is whether two halves agree, and whether a '
-           'filter fed with the numbers of one '
-           'half believes the other. The temperature is given to no tool.\n')
+    yield ('The wheel of scikit-diveMove 0.4.0 on PyPI holds two recordings: six hours of a '
+           'Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz with its temperature. Its '
+           'licence is the GNU Affero General Public License: the benchmark fetches it when it '
+           'runs, and nothing of it is here. Nobody knows the truth of these sensors. What can be '
+           'seen is whether two halves agree, and whether a filter with the numbers of one half '
+           'predicts the other. No tool is given the temperature.\n')
     yield '**Telephone, x axes**: rad/s and m/s² based SI units, 95 % intervals in brackets.\n'
     rows = []
     for tool, name in called.items():
@@ -209,11 +203,9 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
         rows.append([name, *cells(answer, ('gyro_x', 'accel_x'))])
     yield table(['tool', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'], rows)
     yield ('**Halves of the telephone**: median over the axes of the ratio of both halves, the '
-           'larger over the smaller; and mean '
-           'normalised innovation squared, least to greatest of six axes both ways, of a filter '
-           'that is corrected every ten '
-           'seconds (1 is right, above 1 it trusts itself too much; unreported coefficients at '
-           'their bound).\n')
+           'larger over the smaller. Then the mean normalized innovation squared of a filter that '
+           'is corrected every ten seconds, of six axes both ways: 1 is right, above 1 '
+           'overconfident.\n')
     rows = []
     for tool, name in called.items():
         of = found['tools'][tool]['filter']
@@ -234,10 +226,10 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
             for number in range(1, len(found['rests']) + 1) for tool, name in called.items()]
     yield table(['rest', 'tool', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'],
                 rows)
-    yield 'What `imu_allan` says beside its numbers:\n'
-    for part, lines in found['findings'].items():
-        yield f'*{part}*\n'
-        yield '\n'.join(f'- {line}' for line in lines) + '\n' if lines else '- nothing\n'
+    yield ('Findings of `imu_allan` beside its numbers ([what they mean](findings.md)):\n')
+    yield '\n'.join(f'- *{part}*: ' + (', '.join(dict.fromkeys(
+        code for line in lines for code in re.findall('^`(.*?)`', line))) or 'none')
+        for part, lines in found['findings'].items()) + '\n'
 
 
 def cells(answer: Mapping[str, Any], axes: tuple[str, ...]) -> list[str]:
@@ -259,9 +251,8 @@ def written(numbers: list[float | None]) -> str:
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
-    yield ('Every tool that reads recordings, on an MCAP with zstd chunks at 1 kHz; the whole '
-           'process, medians. Processor time is '
-           'that of all threads and processes, and says more on a machine that is shared.\n')
+    yield ('Every tool that reads recordings, on an MCAP with zstd chunks at 1 kHz: the whole '
+           'process, medians. Processor time is that of all threads and processes.\n')
     yield table(['messages', 'tool', 'wall', 'processor', 'memory'], [
         [f'{int(messages):,}', tool,
          *((f'{row["wall_s"]:.1f} s', f'{row["cpu_s"]:.1f} s', f'{row["memory_mb"]:.0f} MB')
@@ -274,13 +265,10 @@ def speed(rows: Mapping[str, Any]) -> Iterator[str]:
 def missing() -> Iterator[str]:
     """Say what is not here."""
     yield '## What is not here\n'
-    yield ('GMWM itself, which needs R: where this page was made there was none, and its idea '
-           'stands in as weighted least '
-           'squares on the wavelet variance. MATLAB, whose example is written anew. Tools that '
-           'need a ROS 1 installation.\n')
+    yield ('GMWM itself, which needs R; its idea is here as least squares on wavelets. MATLAB, '
+           'whose example is written anew. Tools that need ROS 1.\n')
     yield '## Repeating it\n'
-    yield ('`make bench-peers` makes everything anew, an hour or two of a processor. One row, '
-           'which comes out the same to the '
+    yield ('`make bench-peers` makes everything anew, in an hour or two. One row, the same to the '
            'digit wherever the same versions run:\n')
     yield ('```text\nmake .venv-peers/.installed\n.venv-peers/bin/python bench/peers/run.py '
            '--row b wavelets --records 1\n```\n')

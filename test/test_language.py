@@ -1,0 +1,106 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pages are in plain English: short sentences, the field's terms, and a glossary of them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import re
+
+from imu_allan.finding import Finding
+from imu_allan.writers.words import explained, title_of, WORDS
+import pytest
+
+ROOT = Path(__file__).parents[1]
+OLD = {'statistics.md', 'benchmarks.md', 'ros_interface.md', 'commands.md'}
+"""Pages that are still to be shortened."""
+PAGES = [ROOT / name for name in ('README.md', 'CONTRIBUTING.md', 'CHANGELOG.rst')] + [
+    path for path in sorted(ROOT.glob('docs/*.md')) if path.name not in OLD]
+LONGEST = 25
+"""Words of a sentence."""
+MOST_TERMS = 40
+MOST_WORDS = 38_000
+"""Of README and docs, tables and code included."""
+PRIVATE = re.compile(
+    r'\b(told|doubt\w*|borne out|stick(s|ing)? out|stand(s|ing)? in for|bridg\w+|stretch(es)?|'
+    r'coast\w*|claim\w*|band-limited|courses? of the mean|a word of|laid to|'
+    r'(?<!random )(?<!Random )walks?)\b', re.IGNORECASE)
+"""English of our own, for which the field has terms."""
+TERMS_OF_ART = (
+    'Allan deviation', 'bias instability', 'flicker', 'Gauss-Markov', 'high-pass', 'interval',
+    'knock', 'low-pass', 'noise density', 'outlier', 'posterior', 'prior', 'quantization noise',
+    'random walk', 'ramp', 'receive stamp', 'segment', 'spectrum', 'tone', 'turn-on bias',
+    'unaided', 'upper bound', 'warm-up', 'white noise', 'NIS', 'NEES', 'Cramér-Rao', 'likelihood',
+    'deterministic drift', 'in-run bias stability', 'evidence', 'coverage')
+
+
+def paragraphs(text: str) -> Iterator[str]:
+    """Yield the prose of a page: no code, no tables, no formulas in lines of their own."""
+    for pattern in (r'^(`{3,}).*?^\1\s*$', r'^\$\$.*?^\$\$[^\n]*$'):
+        text = re.sub(pattern, '\n', text, flags=re.MULTILINE | re.DOTALL)
+    lines: list[str] = []
+    for line in [*text.splitlines(), '']:
+        item = re.match(r'\s*([-*]|\d+\.) (.*)', line)
+        if item or line.startswith(('|', '#')) or not line.strip():
+            yield ' '.join(lines)
+            lines = [item[2]] if item else []
+            if line.startswith('#'):
+                yield line.lstrip('# ')
+        else:
+            lines.append(line.strip())
+
+
+def sentences(text: str) -> Iterator[str]:
+    """Yield sentences without the code and the targets of links in them."""
+    for paragraph in paragraphs(text):
+        prose = re.sub(r'`[^`]*`', 'CODE', paragraph)
+        prose = re.sub(r'\]\([^)]*\)', ']', re.sub(r'\$[^$]*\$', 'X', prose))
+        yield from filter(None, re.split(r'(?<=[.:!?])\s+', prose))
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_sentences_of_a_page_are_short(page: Path) -> None:
+    long = [sentence for sentence in sentences(page.read_text())
+            if sum(bool(re.search(r'\w', word)) for word in sentence.split()) > LONGEST]
+    assert not long
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_a_page_has_no_english_of_its_own(page: Path) -> None:
+    prose = list(sentences(page.read_text()))
+    prose += [re.sub(r'`[^`]*`', '', line) for line in page.read_text().splitlines()
+              if line.startswith('|')]
+    assert not [text for text in prose if PRIVATE.search(text)]
+
+
+def test_a_long_sentence_is_found_wherever_it_stands() -> None:
+    long = 'one two three four five ' * 6
+    for text in (long, f'- {long}', f'1. {long}', f'Short.\n{long}', f'`code` {long}'):
+        assert max(len(sentence.split()) for sentence in sentences(text)) > LONGEST
+    for text in (f'```text\n{long}\n```', f'| {long} |', f'$$\n{long}\n$$'):
+        assert not list(sentences(text))
+
+
+def glossary() -> list[str]:
+    return re.findall(r'^- \*\*(.*?)\*\*', (ROOT / 'docs' / 'glossary.md').read_text(),
+                      re.MULTILINE)
+
+
+def test_the_glossary_is_short_sorted_and_in_plain_words() -> None:
+    terms = glossary()
+    assert 30 <= len(terms) <= MOST_TERMS
+    assert terms == sorted(terms, key=str.lower)
+
+
+def test_every_term_of_art_that_is_shown_is_in_the_glossary() -> None:
+    page = (ROOT / 'docs' / 'glossary.md').read_text()
+    shown = ' '.join([*(line for code in WORDS for line in explained(code)),
+                      *(title_of(Finding(code)) for code in WORDS),
+                      *(path.read_text() for path in PAGES if path.name != 'glossary.md')])
+    used = {term for term in TERMS_OF_ART if re.search(rf'\b{term}', shown, re.IGNORECASE)}
+    assert len(used) > 20
+    assert not {term for term in used if not re.search(rf'\b{term}', page, re.IGNORECASE)}
+
+
+def test_readme_and_docs_are_no_longer_than_they_were_made() -> None:
+    pages = [ROOT / 'README.md', *ROOT.glob('docs/*.md')]
+    assert sum(len(page.read_text().split()) for page in pages) <= MOST_WORDS
