@@ -54,9 +54,9 @@ def register(verbs: Any) -> None:
     parser = verbs.add_parser(
         'analyze', help='characterize recordings', short=_SHORT, examples=_EXAMPLES,
         description='Allan deviation and noise coefficients of every axis, from recordings of '
-                    'an IMU at rest: a rosbag2 folder (sqlite3 or MCAP), a bare .mcap or .db3, '
-                    'a ROS 1 .bag, a PX4 .ulg, an ArduPilot .bin, a CSV, a folder with one '
-                    'for each sensor of a phone, or a folder of several.')
+                    'an IMU at rest. It reads rosbag2 folders (sqlite3 or MCAP), bare .mcap and '
+                    '.db3, ROS 1 .bag, PX4 .ulg, ArduPilot .bin and CSV. A folder holds several, '
+                    'or a CSV for each sensor of a phone.')
     parser.add_argument('recordings', metavar='RECORDING', nargs='+')
     topics = parser.add_mutually_exclusive_group()
     topics.add_argument('--topic', metavar='NAME',

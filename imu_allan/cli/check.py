@@ -50,7 +50,7 @@ def register(verbs: Any) -> None:
         description='Compare each quantity with the limit of a datasheet: pass where the '
                     'measured 95 % interval (or upper bound) lies below it, fail where it lies '
                     'above, cannot tell where it reaches across. A constant, missing or dead axis '
-                    'fails. Exit status 3 if any fails, else 4 if any cannot be told.')
+                    'fails. Exit status 3 if any fails, else 4 if any is undecided.')
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',
                         help='result file (.json), or anything that analyze takes')
     parser.add_argument('--spec', metavar='FILE', required=True,
@@ -58,8 +58,8 @@ def register(verbs: Any) -> None:
                              'of one that is shipped (consumer_mems, tactical_mems)')
     undecided = parser.add_mutually_exclusive_group()
     undecided.add_argument('--allow-undecided', action='store_true',
-                           help='exit status 0, not 4, where nothing fails but something cannot '
-                                'be told')
+                           help='exit status 0, not 4, where nothing fails but something is '
+                                'undecided')
     # What is the rule now had to be asked for before.
     undecided.add_argument('--strict', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--min-duration', metavar='TIME', type=duration, default=0.0,

@@ -32,9 +32,9 @@ def register(verbs: Any) -> None:
         'tune', short=_SHORT, examples=_EXAMPLES,
         help='what a filter needs, and how far it can trust that',
         description='Choose noise density and bias numbers for a filter by how often something '
-                    'corrects it and how long it must do without, and show beside them what the '
-                    'measured coefficients, ten times K, and the full drift model would reach. '
-                    'Then the drift without any correction.')
+                    'corrects it and how long it must do without. Beside them stands what the '
+                    'measured coefficients, ten times K and the full drift model would reach, '
+                    'then the unaided drift.')
     parser.add_argument('result', metavar='RESULT',
                         help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
                              'or the folder that --output wrote')

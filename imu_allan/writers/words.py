@@ -537,10 +537,10 @@ WORDS: Mapping[str, Words] = {
         'record with a deeper queue or with reliable delivery',
         'ask for a deeper queue or for reliable delivery with qos_overrides'),
     'spikes': Words(
-        'wild values', 'Single wild values are left out; they point to errors on the bus.',
+        'outliers', 'Single outliers are left out; they point to errors on the bus.',
         'Single samples lie ten times the noise and more from their neighbours.',
-        lambda v: f'{counted(v["messages"], "single message holds", "single messages hold")} wild '
-                  'values, ten times the noise and more, and '
+        lambda v: f'{counted(v["messages"], "single message holds", "single messages hold")} '
+                  'outliers, ten times the noise and more, and '
                   f'{"is" if v["messages"] == 1 else "are"} left out',
         'look for errors on the bus of the sensor'),
     'field_absent': Words(
@@ -593,7 +593,7 @@ WORDS: Mapping[str, Words] = {
         'The spectrum or the curve leaves the model by more than chance.', _poor_fit,
         'the intervals are widened; look for vibration, or a filter in the sensor or driver'),
     'recordings_disagree': Words(
-        'recordings disagree', 'The recordings are not of one noise: one of them stands out.',
+        'recordings disagree', 'The recordings are not of one noise: one of them is an outlier.',
         'A coefficient differs between recordings by more than its errors.', _disagree,
         'the interval is widened; look at what was different in that recording'),
     'thermometer': Words(
@@ -613,7 +613,7 @@ WORDS: Mapping[str, Words] = {
     'band_limited': Words(
         'low-pass', 'The sensor or driver filters the fast noise; the coefficients are those '
         'below the filter.', 'The spectrum falls towards the highest frequencies.',
-        lambda v: f'the spectrum is bent above {v.number("edge_hz")} Hz (a low-pass in sensor or '
+        lambda v: f'the spectrum falls above {v.number("edge_hz")} Hz (a low-pass in sensor or '
                   'driver, or noise that no term describes); the coefficients are fitted below'
         if 'edge_hz' in v else
         'the noise rolls off towards the highest frequencies (a low-pass in sensor or driver): '
@@ -653,9 +653,9 @@ WORDS: Mapping[str, Words] = {
                   'the fit'),
     'turn_on_bias': Words(
         'turn-on bias', 'The bias differs from one power-on to the next by so much.',
-        'Means of the recordings differ by more than they wander in one.',
+        'Means of the recordings differ by more than they drift in one.',
         lambda v: f'the mean differs from recording to recording by {v.in_unit("sigma")} beyond '
-                  f'what it wanders in one ({v.in_unit("sigma_low")} to '
+                  f'what it drifts in one ({v.in_unit("sigma_low")} to '
                   f'{v.in_unit("sigma_high")})'),
     # ------------------------------------------------------------------- what was done about it
     'start_auto': Words(

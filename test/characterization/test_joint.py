@@ -100,7 +100,7 @@ def test_the_means_spread_from_one_power_on_to_the_next(joint):
     told = [message_of(remark) for remark in joint.warnings if remark.code == 'turn_on_bias']
     assert told == [Varying(
         f'gyro {letter}: the mean differs from recording to recording by <number> deg/h beyond '
-        'what it wanders in one (<number> deg/h to <number> deg/h)') for letter in 'xyz']
+        'what it drifts in one (<number> deg/h to <number> deg/h)') for letter in 'xyz']
 
 
 def test_the_order_of_the_recordings_does_not_matter(nights, joint):

@@ -367,7 +367,7 @@ def test_strictly_periodic_signal_is_named_as_a_tone(period):
 
 
 def bent_above(edge):
-    return (f'the spectrum is bent above {edge:.3g} Hz (a low-pass in sensor or driver, or noise '
+    return (f'the spectrum falls above {edge:.3g} Hz (a low-pass in sensor or driver, or noise '
             'that no term describes); the coefficients are fitted below')
 
 

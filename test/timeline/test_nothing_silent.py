@@ -972,7 +972,7 @@ def test_one_axis_that_becomes_twice_as_loud_is_taken_for_motion_for_a_while_onl
 
 def wild(count: int | str) -> str:
     what, they = (('message holds', 'is') if count == 1 else ('messages hold', 'are'))
-    return (f'{count} single {what} wild values, ten times the noise and more, and {they} left '
+    return (f'{count} single {what} outliers, ten times the noise and more, and {they} left '
             'out')
 
 
