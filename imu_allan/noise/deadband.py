@@ -9,14 +9,12 @@ add up and the step of the output need not be known.
 """
 
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.near_zero import BINS_PER_OCTAVE, lower_edge
+from imu_allan.noise.near_zero import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.result import Deadband
 import numpy as np
 
 _LEAST_SHARE = 0.01
 """A deadband of a fiftieth of sigma holds that many, and takes next to nothing off the noise."""
-_FEWEST = 20
-"""Samples beyond the hole, and fewer than that in it: so many are no chance, nor strays."""
 _LEAST_FILL = 0.6
 """
 Zeros for each sample in the octave beyond the hole, which is as wide: a deadband has about 1,
@@ -60,14 +58,13 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     if (finished.reference is None or zeros < max(1, _LEAST_SHARE * finished.measured)
             or not finished.lowest[axis] < -finished.reference[axis] < finished.highest[axis]):
         return None
-    beyond = np.flatnonzero(np.cumsum(sizes) > _FEWEST)
-    if not len(beyond):
+    first = end_of_hole(sizes)
+    if first is None:
         return None
-    first = int(beyond[0])
     # Of an output that steps, the second value lies an octave above the first; either may lie
     # next to the border of a bin.
     octave = sizes[first:first + BINS_PER_OCTAVE]
-    if (int(octave[2:-1].sum()) <= _FEWEST or zeros < _LEAST_FILL * octave.sum()
+    if (int(octave[2:-1].sum()) <= FEWEST or zeros < _LEAST_FILL * octave.sum()
             or lower_edge(first) < _LEAST_STEPS * finished.step[axis]):
         return None
     # Mixed axes of few values each leave lines, far apart.

@@ -13,13 +13,19 @@ BINS_PER_OCTAVE = 8
 _LOWEST_OCTAVE, _OCTAVES = -40, 64
 """From 1e-12 to 1e7, in any unit that a sample has."""
 BINS = BINS_PER_OCTAVE * _OCTAVES
+FEWEST = 20
+"""Samples beyond a hole about zero, and fewer in it: so many are no chance, nor strays."""
 _MANY = 0.01
 """Share of zeros in a chunk from which on magnitudes are looked at, which takes its time."""
+_REACH = BINS_PER_OCTAVE + 2
+"""Bins from the end of the hole on that are looked at, an octave, and one more for rounding."""
 
 
 def count_near_zero(rows: Array, reference: Array, zeros: Counts, sizes: Counts) -> None:
     """
     Count the samples that are zero, and where these are many the magnitudes of the others.
+
+    The hole can only become narrower: what lies far beyond it is not counted any more.
 
     Parameters
     ----------
@@ -30,15 +36,35 @@ def count_near_zero(rows: Array, reference: Array, zeros: Counts, sizes: Counts)
     zeros : ndarray of int64, shape (axes,)
         How many samples are zero, which is changed.
     sizes : ndarray of int64, shape (axes, BINS)
-        How many are of each magnitude, see `lower_edge`; changed, too.
+        How many are of each magnitude, see `lower_edge`, up to an octave beyond the end of the
+        hole; changed, too.
 
     """
-    here = np.count_nonzero(rows == -reference[:, None], axis=1)
-    zeros += here
-    for axis in np.flatnonzero(here >= _MANY * rows.shape[1]):
-        magnitude = np.abs(rows[axis] + reference[axis])
-        places = np.floor(BINS_PER_OCTAVE * (np.log2(magnitude[magnitude > 0]) - _LOWEST_OCTAVE))
+    for axis, (row, zero) in enumerate(zip(rows, -reference, strict=True)):
+        here = np.count_nonzero(row == zero)
+        zeros[axis] += here
+        if here < _MANY * len(row):
+            continue
+        ends = end_of_hole(sizes[axis])
+        farthest = np.inf if ends is None else lower_edge(ends + _REACH)
+        magnitude = np.abs(row - zero)
+        some = magnitude[(magnitude > 0) & (magnitude < farthest)]
+        places = np.floor(BINS_PER_OCTAVE * (np.log2(some) - _LOWEST_OCTAVE))
         sizes[axis] += np.bincount(np.clip(places, 0, BINS - 1).astype(np.intp), minlength=BINS)
+
+
+def end_of_hole(sizes: Counts) -> int | None:
+    """
+    Return the first bin up to which there are more than `FEWEST` samples, else None.
+
+    Examples
+    --------
+    >>> end_of_hole(np.array([0, 3, 0, 18, 50]))
+    3
+
+    """
+    beyond = np.cumsum(sizes) > FEWEST
+    return int(np.argmax(beyond)) if beyond[-1] else None
 
 
 def lower_edge(place: int) -> float:

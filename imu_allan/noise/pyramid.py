@@ -4,10 +4,10 @@
 Sums of squared second differences of phase at octave cluster sizes, in constant memory.
 
 A second difference of phase over clusters of m samples is the difference of two neighbouring sums
-of m samples, and a sum over 2 m is that of two sums over m. Stage 0 slides such sums over every
-sample and takes the cluster sizes 1, 2, 4 and 8 at full overlap; stage L sees sums of 2^L samples
-side by side and takes the cluster size 8 2^L with eight-fold overlap, which keeps 98 to 100 % of
-the equivalent degrees of freedom.
+of m samples, and a sum over 2 m is that of two sums over m. Sums that slide over every sample give
+the cluster sizes 1, 2, 4 and 8 at full overlap. From there on sums of 8 2^L samples, each 2^L
+samples further on, give the cluster size 8 2^L with eight-fold overlap, which keeps 98 to 100 % of
+the equivalent degrees of freedom, and by every other pair of neighbours those of the next stage.
 
 References
 ----------
@@ -25,7 +25,7 @@ OVERLAP_OCTAVE = 3
 """8-fold overlap keeps 98 % of the degrees of freedom of white noise, 4-fold 93, 16-fold 99.5."""
 OVERLAP = 2**OVERLAP_OCTAVE    # places of a cluster within its length
 _TAIL = 2 * OVERLAP - 1
-"""Values of a stage that the next differences reach back to."""
+"""Samples that the next differences reach back to."""
 _ONE_THREAD = 8192
 """Longest product that no BLAS shares out among threads: sums then do not depend on how many."""
 _MAX_STAGES = 48
@@ -54,16 +54,17 @@ class Pyramid:
     def __init__(self, axes: int) -> None:
         self.sums: Array = np.zeros((OVERLAP_OCTAVE + 1, axes))
         self.counts: NDArray[np.int64] = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
-        # By stage: the last values it saw, and whether the very last waits for its partner.
-        self._tails: list[Array] = [np.zeros((axes, 0))]
+        self._newest: Array = np.zeros((axes, 0))   # the last samples
+        # Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd,
+        # and of those behind the last ones.
         self._odd: list[int] = [0]
+        self._tails: list[Array] = []
         self._work: Array = np.empty((5, axes, 0))
 
     def start_stretch(self) -> None:
         """Forget the last samples: no difference is taken across this point."""
-        nothing = np.zeros((self.sums.shape[1], 0))
-        self._tails = [nothing] * len(self._tails)
-        self._odd = [0] * len(self._odd)
+        self._newest = np.zeros((self.sums.shape[1], 0))
+        self._tails, self._odd = [self._newest] * len(self._tails), [0] * len(self._odd)
 
     def absorb(self, rows: Array) -> None:
         """
@@ -75,37 +76,46 @@ class Pyramid:
             In the unit of a sample.
 
         """
-        values, stage = rows, 0
-        while values.shape[1] and stage < _MAX_STAGES:
+        known, n = self._newest.shape[1], rows.shape[1]
+        room = self._room(known + n)
+        window = room[0][:, :known + n]
+        window[:, :known], window[:, known:] = self._newest, rows
+        self._newest = window[:, -_TAIL:].copy()
+        for octave in range(OVERLAP_OCTAVE):
+            m = 2**octave
+            # Differences that end at a sample already seen have been counted.
+            self._add(octave, window, m, n)
+            left = max(window.shape[1] - m, 0)
+            window = np.add(window[:, m:], window[:, :left], out=room[2 + octave][:, :left])
+        track, new = window, min(n, window.shape[1])
+        for stage in range(_MAX_STAGES):
+            known, end = track.shape[1] - new, max(track.shape[1] - OVERLAP, 0)
+            first = end - self._add(OVERLAP_OCTAVE + stage, track, OVERLAP, new)
+            # Every other pair, counted from the beginning of the stretch.
+            every = slice(first + (self._odd[stage] + known + first) % 2, end, 2)
+            low, high = track[:, every], track[:, OVERLAP:][:, every]
+            self._odd[stage] = (self._odd[stage] + new) % 2
+            new = low.shape[1]
+            if not new:
+                break
             if stage == len(self._tails):
                 self._grow(stage + 1)
-            known, n = self._tails[stage].shape[1], values.shape[1]
-            room = self._room(known + n)
-            track = room[0][:, :known + n]
-            track[:, :known], track[:, known:] = self._tails[stage], values
-            window = track
-            for octave in range(OVERLAP_OCTAVE + 1):
-                m = 2**octave
-                left = window.shape[1] - m
-                if left <= 0:
-                    break
-                if octave == OVERLAP_OCTAVE or stage == 0:
-                    # Differences that end at a value already seen have been counted.
-                    new = min(n, left)
-                    d = np.subtract(window[:, left + m - new:], window[:, left - new:left],
-                                    out=room[1][:, :new])
-                    self.sums[octave + stage] += _square_sums(d)
-                    self.counts[octave + stage] += new
-                if octave < OVERLAP_OCTAVE:
-                    window = np.add(window[:, m:], window[:, :left],
-                                    out=room[2 + octave][:, :left])
-            self._tails[stage] = track[:, -_TAIL:].copy()
-            # Every other sum of two, from the one that takes in the value left over.
-            pairs, left_over = divmod(self._odd[stage] + n, 2)
-            first = known - self._odd[stage]
-            values = room[2][:, first:first + 2 * pairs:2]
-            self._odd[stage] = left_over
-            stage += 1
+            known = self._tails[stage].shape[1]
+            track = room[2 + stage % 2][:, :known + new]
+            track[:, :known] = self._tails[stage]
+            np.add(low, high, out=track[:, known:])
+            self._tails[stage] = track[:, -OVERLAP:].copy()
+
+    def _add(self, octave: int, track: Array, apart: int, new: int) -> int:
+        """Add the differences of values `apart` that end at one of the `new` last; count them."""
+        left = max(track.shape[1] - apart, 0)
+        new = min(new, left)
+        if new:
+            d = np.subtract(track[:, left + apart - new:], track[:, left - new:left],
+                            out=self._work[1][:, :new])
+            self.sums[octave] += _square_sums(d)
+            self.counts[octave] += new
+        return new
 
     def _room(self, length: int) -> Array:
         """Return working memory for five arrays of `length` columns."""
@@ -124,14 +134,14 @@ class Pyramid:
     def copy(self) -> 'Pyramid':
         """Return an independent copy."""
         twin = Pyramid.__new__(Pyramid)
-        twin.sums, twin.counts = self.sums.copy(), self.counts.copy()
+        twin.sums, twin.counts, twin._newest = self.sums.copy(), self.counts.copy(), self._newest
         twin._tails, twin._odd = list(self._tails), list(self._odd)
         twin._work = self._work[:, :, :0]
         return twin
 
     def keep(self, axes: list[int]) -> None:
         """Let go of all other axes."""
-        self.sums = self.sums[:, axes]
+        self.sums, self._newest = self.sums[:, axes], self._newest[axes]
         self._tails = [tail[axes] for tail in self._tails]
         self._work = np.empty((5, len(axes), 0))
 
@@ -145,14 +155,13 @@ class Pyramid:
 
     def to_state(self) -> dict[str, NDArray[np.generic]]:
         """Return the state as plain arrays."""
-        stages, axes = len(self._tails), self.sums.shape[1]
-        tails = np.zeros((stages, axes, _TAIL))
+        tails = np.zeros((len(self._tails), self.sums.shape[1], OVERLAP))
         for padded, tail in zip(tails, self._tails, strict=True):
             padded[:, :tail.shape[1]] = tail
         return {
-            'sums': self.sums, 'counts': self.counts, 'tails': tails,
-            'lengths': np.array([(tail.shape[1], odd)
-                                 for tail, odd in zip(self._tails, self._odd, strict=True)]),
+            'sums': self.sums, 'counts': self.counts, 'newest': self._newest, 'odd':
+            np.array(self._odd), 'clusters': tails,
+            'lengths': np.array([tail.shape[1] for tail in self._tails], dtype=np.int64),
         }
 
     @classmethod
@@ -169,18 +178,21 @@ class Pyramid:
         self = cls.__new__(cls)
         self.sums = np.array(state['sums'], dtype=np.float64)
         self.counts = np.array(state['counts'], dtype=np.int64)
-        tails = np.array(state['tails'], dtype=np.float64)
+        self._newest = np.array(state['newest'], dtype=np.float64)
+        tails = np.array(state['clusters'], dtype=np.float64)
         lengths = np.array(state['lengths'], dtype=np.int64)
-        stages = len(lengths)
-        if (self.sums.ndim != 2 or tails.shape != (stages, self.sums.shape[1], _TAIL)
-                or lengths.shape != (stages, 2) or np.any((lengths < 0) | (lengths > (_TAIL, 1)))
-                or np.any(lengths[:, 1] > lengths[:, 0])
-                or self.counts.shape != (stages + OVERLAP_OCTAVE,)
-                or len(self.sums) != len(self.counts)):
+        odd = np.array(state['odd'], dtype=np.int64)
+        stages, axes = len(lengths), self.sums.shape[-1]
+        if (self.sums.shape != (OVERLAP_OCTAVE + 1 + stages, axes) or stages >= _MAX_STAGES
+                or self.counts.shape != self.sums.shape[:1]
+                or self._newest.ndim != 2 or len(self._newest) != axes
+                or self._newest.shape[1] > _TAIL or tails.shape != (stages, axes, OVERLAP)
+                or lengths.shape != (stages,) or np.any((lengths < 0) | (lengths > OVERLAP))
+                or odd.shape != (stages + 1,) or np.any((odd < 0) | (odd > 1))):
             raise ValueError('arrays of the pyramid do not fit together')
-        self._tails = [tail[:, :n].copy() for tail, n in zip(tails, lengths[:, 0], strict=True)]
-        self._odd = lengths[:, 1].tolist()
-        self._work = np.empty((5, self.sums.shape[1], 0))
+        self._tails = [tail[:, :n].copy() for tail, n in zip(tails, lengths, strict=True)]
+        self._odd = odd.tolist()
+        self._work = np.empty((5, axes, 0))
         return self
 
 
