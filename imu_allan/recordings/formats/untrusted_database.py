@@ -1,21 +1,28 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-SQLite on a file that anybody may have made.
+SQLite on a file that anybody may have made, and that is never written to.
 
 A database holds programs beside data: views, generated columns and virtual tables compute without
 end. An overflow page that follows itself is a gigabyte, and a tree whose branches share leaves has
 more rows than the disk. So only plain tables are read, every statement has a budget of steps that
 no honest file of its size uses up, and values are bounded. After https://sqlite.org/security.html,
 as far as Python reaches.
+
+A journal may name another file, the super-journal of a transaction over several databases, which
+SQLite removes once the journal is undone: whichever file that is. rosbag2 writes to one database,
+so a journal that names another file is not used at all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+import os
 from pathlib import Path
+import shutil
 import sqlite3
+import stat
 
 from imu_allan.errors import printable, shorten
 
@@ -40,26 +47,15 @@ _STEPS_AT_LEAST, _STEPS_PER_BYTE = 20_000_000, 2
 _STEPS_AT_A_TIME = 1000
 """Between two calls into Python, which cost nothing beside so many; the budget ends as exactly."""
 _MAY_STAND = ('create table ', 'create index ', 'create unique index ')
+_JOURNAL_MAGIC = bytes.fromhex('d9d505f920a163d7')
+"""At the very end of a journal: the name of a super-journal stands before it."""
 
 
 class Budget:
-    """
-    What may still be done with a database.
-
-    Parameters
-    ----------
-    steps : int
-        Of SQLite's machine, for all statements together.
-
-    """
+    """Steps of SQLite's machine that all statements on a database may take together."""
 
     def __init__(self, steps: int) -> None:
         self._steps = steps
-
-    @classmethod
-    def of_size(cls, size_bytes: int) -> Budget:
-        """Give the budget of a file: more than an honest one of its size takes."""
-        return cls(_STEPS_AT_LEAST + _STEPS_PER_BYTE * size_bytes)
 
     @property
     def exhausted(self) -> bool:
@@ -73,52 +69,36 @@ class Budget:
 
 
 @contextmanager
-def untrusted_database(path: Path, mode: str, budget: Budget, *, tolerant: bool = False,
-                       ) -> Iterator[sqlite3.Connection]:
+def untrusted_database(path: Path, size_bytes: int, mode: str = 'immutable=1', *,
+                       tolerant: bool = False) -> Iterator[tuple[sqlite3.Connection, Budget]]:
     """
-    Open a database for reading.
+    Open a database with the budget of its size; raises sqlite3.Error.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    mode : str
-        ``immutable=1``: nothing but the file is looked at, and no lock is taken. ``mode=ro``: a
-        write-ahead log beside it is used. ``mode=rw``: a journal beside it is rolled back.
-    budget : Budget
-        Of all statements together.
-    tolerant : bool, optional
-        Whether a file shorter than its header says is read as far as it goes.
-
-    Raises
-    ------
-    sqlite3.Error
-        If it is no database, or its schema has anything but tables and indexes.
-
+    As immutable, nothing but the file is looked at, no file created and no lock taken that a
+    recorder could meet. `tolerant` reads a file that is shorter than it says as far as it goes.
     """
     database = sqlite3.connect(f'{path.absolute().as_uri()}?{mode}', uri=True)
     try:
-        database.text_factory = _text
-        _limit(database)
+        database.text_factory = lambda data: data.decode('utf-8', 'replace')
+        database.execute('PRAGMA trusted_schema = OFF')
+        database.execute('PRAGMA cell_size_check = ON')
+        if hasattr(database, 'setlimit'):
+            for name, limit in _LIMITS.items():
+                database.setlimit(getattr(sqlite3, name), limit)
+        else:
+            database.execute(f'PRAGMA hard_heap_limit = {_HEAP_BYTES}')
         if tolerant:
             database.execute('PRAGMA writable_schema = ON')
         _require_plain_schema(database)
+        budget = Budget(_STEPS_AT_LEAST + _STEPS_PER_BYTE * size_bytes)
         database.set_progress_handler(budget.spend, _STEPS_AT_A_TIME)
-        yield database
+        yield database, budget
     finally:
         database.close()
 
 
 def require_plain_tables(database: sqlite3.Connection, names: Sequence[str]) -> None:
-    """
-    Make sure that whatever is read of these tables stands in the file as it is.
-
-    Raises
-    ------
-    sqlite3.DatabaseError
-        If one of them has columns that are computed, or rows without numbers.
-
-    """
+    """Make sure that whatever is read of these tables stands in the file as it is."""
     for name in names:
         for column, hidden in database.execute(
                 'SELECT name, hidden FROM pragma_table_xinfo(?)', (name,)):
@@ -146,15 +126,41 @@ def _require_plain_schema(database: sqlite3.Connection) -> None:
         raise
 
 
-def _limit(database: sqlite3.Connection) -> None:
-    database.execute('PRAGMA trusted_schema = OFF')
-    database.execute('PRAGMA cell_size_check = ON')
-    if hasattr(database, 'setlimit'):
-        for name, limit in _LIMITS.items():
-            database.setlimit(getattr(sqlite3, name), limit)
-    else:
-        database.execute(f'PRAGMA hard_heap_limit = {_HEAP_BYTES}')
+# ---------------------------------------------------------------- what a killed recorder left
+
+def left_beside(file: Path) -> tuple[list[Path], list[Path]]:
+    """Find log and journal that are not empty, and what has such a name but is no file."""
+    usable, strange = [], []
+    for path in (file.with_name(f'{file.name}-{kind}') for kind in ('wal', 'journal')):
+        with suppress(OSError):
+            status = path.lstat()
+            if not stat.S_ISREG(status.st_mode):
+                strange.append(path)
+            elif status.st_size:
+                usable.append(path)
+    return usable, strange
 
 
-def _text(data: bytes) -> str:
-    return data.decode('utf-8', 'replace')
+def copy_plain(file: Path, folder: Path) -> Path:
+    """Copy a regular file; what became a link or a pipe in the meantime raises OSError."""
+    copy = folder / file.name
+    handle = os.open(file, os.O_RDONLY | getattr(os, 'O_NOFOLLOW', 0)
+                     | getattr(os, 'O_NONBLOCK', 0))
+    with os.fdopen(handle, 'rb') as source, copy.open('xb') as target:
+        if not stat.S_ISREG(os.fstat(source.fileno()).st_mode):
+            raise OSError(None, 'not a regular file', os.fspath(file))
+        shutil.copyfileobj(source, target, 1 << 20)
+    return copy
+
+
+def use_what_is_beside(copy: Path) -> None:
+    """Let SQLite take in the log, or undo by the journal, copied with a database."""
+    journal = copy.with_name(f'{copy.name}-journal')
+    if journal.exists():
+        with journal.open('rb') as file:
+            file.seek(max(journal.stat().st_size - len(_JOURNAL_MAGIC), 0))
+            if file.read() == _JOURNAL_MAGIC:
+                raise sqlite3.DatabaseError('it names another file, which rosbag2 never does')
+    with untrusted_database(copy, 0, 'mode=rw'):
+        # The first look into the file has done it.
+        pass
