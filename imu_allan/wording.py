@@ -252,8 +252,9 @@ def names_of(result: Result) -> list[str]:
 def amount_of(timeline: Timeline) -> str:
     """Return how much was recorded: ``2,160,000 samples at 200 Hz, 3 h, 2 h 55 min at rest``."""
     rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:.6g} Hz'
-    rest = f', {duration(timeline.rest_s)} at rest' if timeline.motion else ''
-    return f'{counted(timeline.samples, "sample")}{rate}, {duration(timeline.duration_s)}{rest}'
+    whole, still = duration(timeline.duration_s), duration(timeline.rest_s)
+    rest = f', {still} at rest' if timeline.motion and still != whole else ''
+    return f'{counted(timeline.samples, "sample")}{rate}, {whole}{rest}'
 
 
 def origin_of(result: Result) -> list[str]:

@@ -179,6 +179,8 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
             if (nothing := without_coefficient(result, source)) is not None:
                 complaints.append(nothing)
     gathering.finish()
+    if len(complaints) < len(tasks) and args.output is args.json is None and not args.consumers:
+        print('Nothing is saved: --output DIR keeps result, report, plot and curve.')
     for complaint in complaints[:min(_MOST_COMPLAINTS, len(complaints) - 1)]:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if (more := len(complaints) - 1 - _MOST_COMPLAINTS) > 0:

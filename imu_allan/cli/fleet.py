@@ -103,7 +103,8 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
 def line(unit: str, result: 'Result') -> str:
     """Return a result in one line."""
     from imu_allan.sensor.units import engineering
-    from imu_allan.wording import counted, duration, number, SENSORS
+    from imu_allan.wording import duration, number, SENSORS
+    from imu_allan.writers.verdict import findings_line
 
     parts = [duration(result.timeline.duration_s)]
     for sensor in SENSORS:
@@ -113,8 +114,8 @@ def line(unit: str, result: 'Result') -> str:
         if values:
             worst, shown_unit = engineering(max(values), found[0].unit)
             parts.append(f'{sensor} N {number(worst)} {shown_unit}')
-    if result.warnings:
-        parts.append(counted(len(result.warnings), 'remark'))
+    if findings := findings_line(result):
+        parts.append(findings)
     return f'{printable(unit)}: {", ".join(parts)}'
 
 

@@ -61,7 +61,7 @@ from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.means import written_mean
 from imu_allan.writers.outlook import outlook_of
-from imu_allan.writers.verdict import verdict_lines
+from imu_allan.writers.verdict import findings_line, verdict_lines
 from imu_allan.writers.words import message_of, presented, title_of
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def report_html(result: Result) -> str:
         verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
         cards=[_card(answer) for answer in found], remarks=remarks,
-        remark_count=_count_of(result) if remarks else '',
+        remark_count=findings_line(result),
         charts=[chart for answer in found for chart in _charts(result, answer)],
         constant=named(constant) if constant else '',
         tables=[_table(result, sensor) for sensor in sensors_of(result)],
@@ -108,13 +108,6 @@ def report_html(result: Result) -> str:
         aiding=f'{AIDING_S:g} s', coast=duration(COAST_S), calibration=duration(CALIBRATION_S),
         uncertain=UNCERTAIN, gaps=_spans(result.timeline.gaps),
         motion=_spans(result.timeline.motion), configs=_configs(result), fits=_fits(result))
-
-
-def _count_of(result: Result) -> str:
-    """Return ``6 findings: low-pass, poor fit, ...``."""
-    found = presented(result.warnings)
-    titles = dict.fromkeys(map(title_of, found))
-    return f'{counted(len(found), "finding")}: {", ".join(titles)}'
 
 
 def comparison_html(results: Mapping[str, Result]) -> str:

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The result on a terminal, in one module because all of it has to fit one screen.
+The result on a terminal: one screen of 24 lines and 80 columns, or more where it is asked for.
 
 Units are spelled as model and datasheet files spell them, so that a value can be copied from the
 screen into such a file. Text that comes from a recording never reaches the terminal as markup or
@@ -14,6 +14,7 @@ from io import StringIO
 from typing import TextIO, TYPE_CHECKING
 
 from imu_allan.errors import printable
+from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
@@ -22,8 +23,11 @@ from imu_allan.wording import (
     bounded,
     duration,
     faults_of,
+    listed,
     measured,
+    named,
     names_of,
+    number,
 )
 from imu_allan.writers.answer import (
     AIDING_S,
@@ -31,7 +35,6 @@ from imu_allan.writers.answer import (
     answers,
     COAST_S,
     CONSTANT,
-    GOOD,
     UNCERTAIN,
 )
 from imu_allan.writers.means import written_mean
@@ -44,15 +47,19 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-_LONGEST_HEAD = 28
-"""Longest label with its unit beside it: three intervals have room beside it at 80 columns."""
+SCREEN = 23
+"""Lines of a result: of 24, the last says how to save."""
+_ONE_LINE = 80
+"""Up to this width, what was analyzed is one line."""
+_NARROW = 0.1
+"""Up to this share of the value, an interval is said as one."""
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
                  to: TextIO | None = None, units: Units = 'datasheet', verbose: bool = False
                  ) -> None:
     """
-    Print the answer, the coefficients with their intervals, and the remarks.
+    Print the verdict, the coefficients with their intervals, and the findings.
 
     Parameters
     ----------
@@ -65,7 +72,7 @@ def print_result(result: Result, console: 'Console | None' = None, *,
     units : 'datasheet' or 'si', optional
         Of the table; the numbers for a filter are SI in any case.
     verbose : bool, optional
-        Remarks in full however many lines they take, and terms that no axis shows.
+        More than one screen: every finding in full, and terms that no axis shows.
 
     """
     if console is None:
@@ -96,7 +103,7 @@ def result_text(result: Result, width: int = 80) -> str:
 def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
                  verbose: bool = False) -> 'RenderableType':
     """
-    Lay the result out for a terminal.
+    Lay the result out for a terminal: verdict, table, numbers for a filter, findings.
 
     Parameters
     ----------
@@ -107,7 +114,7 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     units : 'datasheet' or 'si', optional
         Of the numbers in the rows.
     verbose : bool, optional
-        Remarks in full, and terms that no axis shows.
+        More than one screen: every finding in full, and terms that no axis shows.
 
     Returns
     -------
@@ -118,103 +125,69 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.console import Group
     from rich.text import Text
 
-    parts: list[RenderableType] = [
-        *(line for text in verdict_lines(result, units) for line in _filled(text, width, 'bold')),
-        Text(), _heading(result)]
     found = answers(result)
-    for answer in found:
-        axes = {name: result.axes[name] for name in AXES
-                if name.startswith(answer.sensor) and name in result.axes}
-        rows = list(_rows(axes, units, result.timeline.rest_s, verbose=verbose))
-        columns = _column_widths(rows)
-        parts += [Text(), *answer_lines(answer, width)]
-        parts += _columns(rows, columns) if sum(columns) <= width else _stacked(rows)
-    parts += [Text(), *_notes(result, found),
-              *_findings(result, width, verbose=verbose)]
-    return Group(*parts)
+    acts, known = _to_show(result, verbose=verbose)
+    blocks = [list(_filled(verdict_lines(result, units), width, 'bold')), _heading(result, width)]
+    rows = [list(_rows({name: result.axes[name] for name in AXES
+                        if name.startswith(answer.sensor) and name in result.axes},
+                       units, result.timeline.rest_s, verbose=verbose)) for answer in found]
+    blocks += _tables(found, rows, width, tuned=units != 'si', named=verbose)
+    blocks += [_for_a_filter(result, found, width),
+               list(_filled(_notes(result), width, 'dim')) if verbose else []]
+    last = list(_filled(known, width, 'dim'))
+    room = SCREEN - sum(map(len, blocks)) - len(last)
+    blocks.append([*_in_full(acts, width, None if verbose else room), *last])
+    blocks = [block for block in blocks if block]
+    spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
+    return Group(*(line for place, block in enumerate(blocks) for line in (
+        [Text()] if place > 0 and len(blocks) - place <= spare else []) + block))
 
 
-def answer_lines(answer: Answer, width: int = 80) -> 'list[RenderableType]':
-    """
-    Return the answer for one sensor: its word, the numbers for a filter, the drift.
-
-    Parameters
-    ----------
-    answer : Answer
-        From `imu_allan.writers.answer.answers`.
-    width : int, optional
-        Columns of the terminal.
-
-    """
-    from rich.text import Text
-
-    head = Text(answer.title, style='bold')
-    head.append(': ', style='not bold')
-    head.append(answer.word, style='green' if answer.word in GOOD else 'yellow')
-    lines: list[str] = []
-    if answer.tuned is not None:
-        tuned = answer.tuned
-        pair = [f'filter N {tuned.noise_density} {tuned.units[0]}',
-                f'filter K {tuned.random_walk} {tuned.units[1]}']
-        beside = '   '.join(pair)
-        lines += [beside] if 2 + len(beside) <= width else pair
-        if answer.drift is not None and not answer.drift.si_interval:
-            lines.append(f'measured K: not visible, {answer.drift.si_value}')
-    elif answer.word != CONSTANT and answer.noise is not None:
-        lines += [f'worst axis {figure.axis}: {figure.symbol} {figure.si_value} {figure.si_unit}'
-                  for figure in (answer.noise, answer.drift) if figure is not None]
-    if answer.forecast:
-        drift = f'unaided drift after {duration(COAST_S)}:'
-        if answer.forecast_interval:
-            low, high = answer.forecast_interval.split(' .. ')
-            lines.append(f'{drift} {answer.forecast} rms ({low} to {high})')
-        elif answer.extrapolated:
-            lines.append(f'{drift} not known from this recording')
-        else:
-            lines.append(f'{drift} {answer.forecast} rms, {UNCERTAIN}')
-        if answer.extrapolated and answer.forecast_interval:
-            lines.append('beyond what this recording knows')
-    return [head, *(Text(f'  {line}') for line in lines)]
+def _heading(result: Result, width: int) -> 'list[Text]':
+    """Say what was analyzed: names, then how much, and what is wrong with its times."""
+    frame = [f'frame {printable(result.source.frame_id)}'] if result.source.frame_id else []
+    amount, faults = amount_of(result.timeline), ', '.join(faults_of(result.timeline))
+    names = '  '.join([*names_of(result), *frame])
+    amount = '; '.join(filter(None, (amount, faults)))
+    style = 'yellow' if faults else 'default'
+    if len(names) + 2 + len(amount) <= min(width, _ONE_LINE):
+        return list(_filled([f'{names}  {amount}'], width, style))
+    return [*_filled([names], width), *_filled([amount], width, style)]
 
 
-def _heading(result: Result) -> 'Text':
-    from rich.text import Text
+@dataclass(frozen=True)
+class _Cell:
+    """What an axis has of a term: the value, and the interval as it stands beside it."""
 
-    name, *rest = names_of(result)
-    text = Text()
-    text.append(name, style='bold')
-    if rest:
-        text.append(f'  {rest[0]}')
-    if result.source.frame_id:
-        text.append(f'  frame {printable(result.source.frame_id)}')
-    text.append(f'\n{amount_of(result.timeline)}')
-    if faults := faults_of(result.timeline):
-        text.append('; ' + ', '.join(faults), style='yellow')
-    return text
+    value: str
+    interval: str = ''
+
+    def text(self, *, tall: bool) -> 'Text':
+        """Return it in one line, or the interval below the value."""
+        from rich.text import Text
+
+        style = 'bold' if self.interval else 'dim'
+        beside = (self.interval if tall or '%' in self.interval or not self.interval else
+                  f'({self.interval.replace(" .. ", "..")})')
+        return Text.assemble((self.value, style), *(
+            ['\n' if tall else ' ', (beside, 'dim')] if beside else []))
 
 
 @dataclass(frozen=True)
 class _Row:
     """One line of the table: a term or the mean, and what each axis has."""
 
-    label: str
+    symbol: str
+    name: str
     unit: str
-    cells: 'dict[str, Text]'
+    cells: Mapping[str, _Cell]
+    scale: float
     dim: bool
-
-    @property
-    def head(self) -> str:
-        """Label and unit, under one another where the axes have two lines, too."""
-        tall = any('\n' in cell.plain for cell in self.cells.values())
-        beside = f'{self.label}  {self.unit}'
-        return f'{self.label}\n  {self.unit}' if tall or len(beside) > _LONGEST_HEAD else beside
 
 
 def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verbose: bool
           ) -> Iterator[_Row]:
-    from rich.text import Text
-
-    quantity = AXES[next(iter(axes))]
+    quantity, empty = AXES[next(iter(axes))], True
     for term in TERMS.values():
         cells = {name: axis.coefficients[term.key] for name, axis in axes.items()}
         if all(c.value is None and c.upper95 is None for c in cells.values()):
@@ -223,126 +196,198 @@ def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verb
         if not (shown or verbose or term.key in LASTING_TERMS):
             continue
         unit = term.unit(quantity)
-        yield _Row(f'{term.symbol} {term.name(quantity)}',
-                   unit if units == 'si' else engineering(1.0, unit)[1],
-                   {name: _cell(cell, units) for name, cell in cells.items()},
-                   not shown)
-    if any(axis.mean is not None for axis in axes.values()):
+        scale, shown_unit = (1.0, unit) if units == 'si' else engineering(1.0, unit)
+        empty = False
+        yield _Row(term.symbol, term.name(quantity), shown_unit,
+                   {name: _cell(cell, scale, in_full=verbose) for name, cell in cells.items()},
+                   scale, not shown)
+    if (verbose or empty) and any(axis.mean is not None for axis in axes.values()):
         unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
-        yield _Row('mean', unit, {
-            name: Text('' if axis.mean is None else
-                       written_mean(axis, axis.mean, recorded, unit)[0], style='dim')
-            for name, axis in axes.items()}, dim=True)
+        yield _Row('mean', '', unit, {
+            name: _Cell('' if axis.mean is None else
+                        written_mean(axis, axis.mean, recorded, unit)[0])
+            for name, axis in axes.items()}, 1.0, dim=True)
 
 
-def _column_widths(rows: Sequence[_Row]) -> list[int]:
-    """Columns that the head and each axis need beside one another."""
-    def longest(texts: Iterable[str]) -> int:
-        return max((len(line) for text in texts for line in text.split('\n')), default=0)
+def _cell(coefficient: Coefficient, scale: float, *, in_full: bool) -> _Cell:
+    if coefficient.value is not None and coefficient.ci95 is not None:
+        ends = coefficient.ci95
+        value, low, high = measured(*(scale * one for one in (coefficient.value, *ends)))
+        half = (ends[1] - ends[0]) / 2 / abs(coefficient.value or 1.0)
+        return _Cell(value, f'{low} .. {high}' if in_full or half > _NARROW
+                     else f'+-{100 * half:.2g} %')
+    if coefficient.upper95 is None:
+        return _Cell('-')
+    return _Cell(bounded(scale * coefficient.upper95, coefficient.symbol))
 
-    return [longest(row.head for row in rows),
-            *(2 + longest(row.cells[name].plain for row in rows)
-              for name in (rows[0].cells if rows else ()))]
+
+def _tables(found: Sequence[Answer], rows: Sequence[Sequence[_Row]], width: int, *,
+            tuned: bool, named: bool) -> 'list[list[Text]]':
+    """Lay out the axes side by side in the widest way that there is room for, or stacked."""
+    for layout in (_Layout(named=True, tuned=tuned), _Layout(tuned=tuned), _Layout(),
+                   _Layout(named=True, tall=True)):
+        if named and not layout.named:
+            continue
+        tables = [_columns(answer, own, layout) if own else []
+                  for answer, own in zip(found, rows, strict=True)]
+        if all(len(line) <= width for table in tables for line in table):
+            return tables
+    return [_stacked(answer.title, own, width) for answer, own in zip(found, rows, strict=True)]
 
 
-def _columns(rows: Sequence[_Row], widths: Sequence[int]) -> 'list[Text]':
-    """Lay the axes out side by side, value above interval."""
+@dataclass(frozen=True)
+class _Layout:
+    """Whether terms have their name, the filter a column, and intervals a line of their own."""
+
+    named: bool = False
+    tuned: bool = False
+    tall: bool = False
+
+    def head(self, row: _Row) -> str:
+        """Return what a term is called."""
+        if not self.named or not row.name:
+            return f'{row.symbol} {row.unit}'
+        return f'{row.symbol} {row.name}' + ('\n  ' if self.tall else '  ') + row.unit
+
+
+def _columns(answer: Answer, rows: Sequence[_Row], layout: _Layout) -> 'list[Text]':
     from rich.text import Text
 
-    lines = []
-    if rows:
-        lines.append(Text(' ' * widths[0] + ''.join(
-            f'{name[-1]:>{width}}'
-            for name, width in zip(rows[0].cells, widths[1:], strict=True)), style='bold'))
-    for row in rows:
-        head = row.head.split('\n')
-        cells = [cell.split('\n') for cell in row.cells.values()]
-        for place in range(max(len(head), *map(len, cells))):
-            line = Text(f'{head[place] if place < len(head) else "":<{widths[0]}}',
-                        style='dim' if row.dim or place else '')
-            for cell, width in zip(cells, widths[1:], strict=True):
-                text = cell[place].copy() if place < len(cell) else Text()
-                text.align('right', width)
-                line.append_text(text)
-            line.rstrip()
-            lines.append(line)
+    columns = [[Text(answer.title, 'bold'), *(Text(layout.head(row), 'dim' if row.dim else '')
+                                              for row in rows)]]
+    columns += [[Text(name[-1], 'bold'),
+                 *(row.cells[name].text(tall=layout.tall) for row in rows)]
+                for name in rows[0].cells]
+    if layout.tuned and answer.tuned is not None:
+        tunings = answer.tuned.tunings.values()
+        filters = {'N': max(tuning.noise_density for tuning in tunings),
+                   'K': max(tuning.random_walk or 0.0 for tuning in tunings)}
+        columns.append([Text('filter', 'bold'), *(
+            Text(number(float(f'{row.scale * filters[row.symbol]:.3g}'))
+                 if row.symbol in filters else '') for row in rows)])
+    lines = [Text() for _ in range(sum(_height(cells) for cells in zip(*columns, strict=True)))]
+    for place, column in enumerate(columns):
+        parts = [part for cell, height in zip(
+            column, map(_height, zip(*columns, strict=True)), strict=True)
+            for part in [*cell.split('\n'), *[Text()] * height][:height]]
+        across = max(map(len, parts)) + (2 if place else 0)
+        for line, part in zip(lines, parts, strict=True):
+            cut = part.copy()
+            cut.align('right' if place else 'left', across)
+            line.append_text(cut)
+    for line in lines:
+        line.rstrip()
     return lines
 
 
-def _stacked(rows: Sequence[_Row]) -> 'list[Text]':
+def _height(cells: 'Iterable[Text]') -> int:
+    return max(cell.plain.count('\n') + 1 for cell in cells)
+
+
+def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
     """Lay the axes out under one another, for a narrow terminal."""
     from rich.text import Text
 
-    lines = []
+    lines = list(_filled([title] if rows else [], width, 'bold'))
     for row in rows:
-        lines.append(Text(f'{row.label}  {row.unit}', style='dim' if row.dim else ''))
-        for name, cell in row.cells.items():
-            line = Text(f'  {name[-1]}  ')
-            for place, part in enumerate(cell.split('\n')):
-                line.append_text(Text(f'{"  " if place else ""}')).append_text(part)
-            lines.append(line)
+        lines.append(Text(' '.join(filter(None, (row.symbol, row.name, '', row.unit))),
+                          'dim' if row.dim else ''))
+        lines += [Text(f'  {name[-1]}  ').append_text(cell.text(tall=False))
+                  for name, cell in row.cells.items()]
     return lines
 
 
-def _cell(coefficient: Coefficient, units: Units) -> 'Text':
-    from rich.text import Text
+def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[Text]':
+    """Say what to give a filter, in SI, and how far off the sensor is without corrections."""
+    lines = []
+    if any(answer.tuned is not None for answer in found):
+        lines.append(f'For a filter corrected every {AIDING_S:g} s, up to {duration(COAST_S)} '
+                     'unaided (else: imu_allan tune)')
+    for answer in found:
+        if (tuned := answer.tuned) is not None:
+            pair = (f'  {answer.sensor:<5}  filter N {tuned.noise_density} {tuned.units[0]}',
+                    f'filter K {tuned.random_walk} {tuned.units[1]}')
+            beside = '  '.join(pair)
+            lines += [beside] if len(beside) <= width else [pair[0], f'{"":9}{pair[1]}']
+        elif answer.word != CONSTANT and answer.noise is not None:
+            lines += [f'  {answer.sensor:<5}  worst axis {figure.axis}: {figure.symbol} '
+                      f'{figure.si_value} {figure.si_unit}'
+                      for figure in (answer.noise, answer.drift) if figure is not None]
+    drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
+              if answer.forecast}
+    if len(set(drifts.values())) == 1:
+        drifts = {'': next(iter(drifts.values()))}
+    head = f'Unaided drift after {duration(COAST_S)}:'
+    for place, (sensor, text) in enumerate(drifts.items()):
+        lines.append(f'{"" if place else head:<{len(head)}} '
+                     f'{f"{sensor:<5} " if sensor else ""}{text}')
+    return list(_filled(lines, width))
 
-    def shown(value: float) -> float:
-        return value if units == 'si' else engineering(value, coefficient.unit)[0]
 
-    if coefficient.value is not None and coefficient.ci95 is not None:
-        value, low, high = measured(*map(shown, (coefficient.value, *coefficient.ci95)))
-        text = Text(value, style='bold')
-        text.append(f'\n{low} .. {high}', style='dim not bold')
-        return text
-    if coefficient.upper95 is None:
-        return Text('-', style='dim')
-    return Text(bounded(shown(coefficient.upper95), coefficient.symbol), style='dim')
+def _unaided(answer: Answer, rest_s: float) -> str:
+    if answer.forecast_interval:
+        low, _, high, _ = answer.forecast_interval.split()
+        beyond = ', extrapolated' if answer.extrapolated else ''
+        return f'{answer.forecast} rms ({low} to {high}){beyond}'
+    if answer.extrapolated:
+        return f'not known from {duration(rest_s)}'
+    return f'{answer.forecast} rms, {UNCERTAIN}'
 
 
-def _notes(result: Result, found: Sequence[Answer]) -> 'Iterator[Text]':
-    from rich.text import Text
-
+def _notes(result: Result) -> list[str]:
     cells = [c for axis in result.axes.values() for c in axis.coefficients.values()]
     words = []
-    if any(answer.tuned for answer in found):
-        words.append(f'"filter": tuned for corrections every {AIDING_S:g} s and up to '
-                     f'{duration(COAST_S)} unaided; else: imu_allan tune.')
     if any(not c.observable and c.upper95 is not None for c in cells):
         words.append('"<": below it with 95 % confidence.')
     if longer := outlook_of(result):
         words.append(longer)
-    if words:
-        yield Text(' '.join(words), style='dim')
+    return [' '.join(words)]
 
 
-def _findings(result: Result, width: int, *, verbose: bool) -> 'Iterator[Text]':
-    """Yield what to act upon in full, and the names of what is good to know."""
-    known = []
-    for found in presented(result.warnings):
-        # The segments of motion stand in the heading.
-        if found.code == 'motion' and result.timeline.motion and not verbose:
-            continue
-        if found.severity == 'know' and not verbose:
-            known.append(title_of(found))
-            continue
-        style = 'yellow' if found.severity == 'act' else 'default'
-        said = says(found)
-        yield from _filled(
-            f'{title_of(found)}: {said}{"" if said.endswith((".", "?")) else "."}', width, style)
-        if do := advice(found):
-            yield from _filled(f'  -> {do}', width, 'default')
-    if known:
-        yield from _filled(f'Good to know: {", ".join(dict.fromkeys(known))} '
-                           '(imu_allan explain NAME, or --verbose).', width, 'dim')
+def _to_show(result: Result, *, verbose: bool) -> tuple[list[Finding], list[str]]:
+    """Return what is said in full, and the names of what is good to know in a sentence."""
+    found = presented(result.warnings)
+    if verbose:
+        return list(found), []
+    # The segments of motion stand in the heading.
+    names = dict.fromkeys(title_of(one) for one in found if one.severity == 'know' and
+                          not (one.code == 'motion' and result.timeline.motion))
+    return ([one for one in found if one.severity == 'act'],
+            [f'Good to know: {", ".join(names)} (imu_allan explain NAME, or --verbose).']
+            if names else [])
 
 
-def _filled(text: str, width: int, style: str) -> 'Iterator[Text]':
+def _in_full(found: Sequence[Finding], width: int, room: int | None) -> 'list[Text]':
+    """Say what was found and what to do; the first at least, the others by name without room."""
+    lines: list[Text] = []
+    for place, one in enumerate(found):
+        said = says(one)
+        do = advice(one)
+        shown = list(_filled([f'{title_of(one)}: {said}{"" if said.endswith((".", "?")) else "."}'
+                              f'{f" -> {do}" if do else ""}'], width,
+                             'yellow' if one.severity == 'act' else 'default'))
+        left = [] if room is None else list(_filled(_by_name(found[place + 1:]), width, 'yellow'))
+        if room is not None and place and len(lines) + len(shown) + len(left) > room:
+            return lines + list(_filled(_by_name(found[place:]), width, 'yellow'))
+        lines += shown
+    return lines
+
+
+def _by_name(found: Sequence[Finding]) -> list[str]:
+    axes: dict[str, list[str]] = {}
+    for one in found:
+        axes.setdefault(title_of(one), []).extend(one.axes)
+    names = [f'{title} ({named(concerned)})' if concerned else title
+             for title, concerned in axes.items()]
+    return [f'Act upon {listed(names)}, too (--verbose).'] if names else []
+
+
+def _filled(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
     """Yield lines that are whole words, those after the first set in."""
     from textwrap import wrap
 
     from rich.text import Text
 
-    inside = ' ' * (5 if text.startswith('  ->') else 2)
-    for line in wrap(text, width, subsequent_indent=inside, break_on_hyphens=False):
-        yield Text(line, style=style)
+    for text in texts:
+        for line in wrap(text, width, subsequent_indent='  ', break_on_hyphens=False):
+            yield Text(line, style=style)

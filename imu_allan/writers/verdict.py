@@ -8,7 +8,7 @@ from typing import Literal
 from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S, verdicts
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import about, bounded, duration, listed, measured, SENSORS
+from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
 from imu_allan.writers.words import presented, title_of, WORDS
 
 Units = Literal['datasheet', 'si']
@@ -44,6 +44,13 @@ def verdict_lines(result: Result, units: Units = 'datasheet') -> list[str]:
     return lines
 
 
+def findings_line(result: Result) -> str:
+    """Return ``6 findings: low-pass, poor fit, ...`` in the order of every front end, or ''."""
+    found = presented(result.warnings)
+    titles = dict.fromkeys(map(title_of, found))
+    return f'{counted(len(found), "finding")}: {", ".join(titles)}' if found else ''
+
+
 def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str:
     """Say how well N is known, and what B and K are."""
     widths = [(c.ci95[1] - c.ci95[0]) / 2 / c.value for axis in axes.values()
@@ -59,11 +66,9 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
             text, low, high = measured(*(scale * number for number in (value, *ends)))
             parts.append(f'{symbol}: {text} {unit} ({low} to {high})')
             continue
-        bounds = [c.upper95 for c in cells if c.upper95 is not None]
-        below = f', {bounded(scale * max(bounds))} {unit}' if bounds else ''
         waits = [c.observable_in_s for c in cells if c.observable_in_s]
         longer = f'; record about {about(rest_s + min(waits))}' if waits else ''
-        parts.append(f'{symbol}: not visible in {duration(rest_s)}{below}{longer}')
+        parts.append(f'{symbol}: not visible in {duration(rest_s)}{longer}')
     return '. '.join(parts) + '.'
 
 

@@ -46,6 +46,16 @@ def test_table_goes_to_stdout_and_nothing_to_stderr(
     assert '30,000 samples at 100 Hz, 5 min' in shown.out.splitlines()
     assert 'angle random walk' in shown.out
     assert 'velocity random walk' in shown.out
+    assert shown.out.splitlines()[-1] == (
+        'Nothing is saved: --output DIR keeps result, report, plot and curve.')
+
+
+def test_what_is_saved_is_not_said_to_be_lost(
+        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for options in (['--json', str(tmp_path / 'r.json')], ['--for', 'kalibr'],
+                    ['--output', str(tmp_path / 'out')]):
+        assert main(['analyze', str(recording), *options]) == 0
+        assert 'Nothing is saved' not in capsys.readouterr().out
 
 
 def test_json_holds_exactly_what_python_returns(

@@ -15,6 +15,7 @@ from imu_allan.version import __version__
 from imu_allan.wording import duration
 from imu_allan.writers.datasheet.table import figures
 from imu_allan.writers.datasheet.verdicts import Outcome, overall, reasons, Verdict
+from imu_allan.writers.verdict import findings_line
 
 _TITLES = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 _MARKS: dict[Outcome, tuple[str, str]] = {
@@ -58,6 +59,7 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
         title=_title(result, specification), facts=_facts(result, specification),
         tables=[_table(numbered, sensor) for sensor in _TITLES
                 if any(verdict.axis.startswith(sensor) for verdict in verdicts)],
+        findings=findings_line(result),
         sentences=[shorten(typeset(sentence)) for sentence in sentences[:_MOST_SENTENCES]],
         more=len(sentences) - _MOST_SENTENCES if len(sentences) > _MOST_SENTENCES else 0)
 

@@ -13,6 +13,7 @@ from imu_allan.fleet.population import TOLERANCE_CONFIDENCE, TOLERANCE_SHARE
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.version import __version__
 from imu_allan.writers.fleet.findings import Fleet
+from imu_allan.writers.words import presented
 
 SCHEMA = 'imu_allan.fleet/1'
 _FORMULA = ('=', '+', '-', '@', '\t', '\r')
@@ -33,7 +34,9 @@ def fleet_json(fleet: Fleet) -> str:
             'name': unit, 'serial': fleet.serial(unit),
             'path': fleet.results[unit].source.path, 'folder': fleet.folders.get(unit),
             'duration_s': fleet.results[unit].timeline.duration_s, 'odd': unit in odd,
-            'reasons': fleet.reasons(unit)} for unit in population.units],
+            'reasons': fleet.reasons(unit),
+            'findings': [found.code for found in presented(
+                fleet.results[unit].warnings)]} for unit in population.units],
         'traits': [{**asdict(trait), 'percentiles': {
             str(percent): value for percent, value in trait.percentiles.items()}}
             for trait in population.traits],

@@ -17,6 +17,7 @@ from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
 from imu_allan.writers.plot import render
+from imu_allan.writers.verdict import findings_line
 
 _COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
             ('accel', 'bias_instability'))
@@ -106,7 +107,7 @@ def _unit_row(fleet: Fleet, unit: str) -> dict[str, Any]:
             'serial': printable(fleet.serial(unit) or ''),
             'odd': bool(fleet.reasons(unit)), 'duration': duration(result.timeline.duration_s),
             'values': [_worst(result, sensor, key) for sensor, key in _COLUMNS],
-            'notes': '; '.join(_reasons(fleet, unit))}
+            'notes': '; '.join(_reasons(fleet, unit)), 'findings': findings_line(result)}
 
 
 def _worst(result: Result, sensor: str, key: str) -> str:
