@@ -5,6 +5,7 @@
 from collections.abc import Callable, Mapping, Sequence
 import contextlib
 import json
+from math import sqrt
 import os
 from pathlib import Path
 import re
@@ -17,6 +18,7 @@ from typing import Any, TypeVar
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu, encode_imu_rows
 from imu_allan.node.drained_subscription import DrainedSubscription
+from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from rclpy._rclpy_pybind11 import RCLError
@@ -47,6 +49,9 @@ STARVED_S = 2.0
 """A node alone with a busy core waits for tenths of a second in all."""
 
 RATE_HZ = 200.0
+NOISE = 0.01
+"""Of a sample of a `Driver` and of a `Sensor`."""
+SECOND = 1_000_000_000
 
 _NO_SERVICES: dict[str, Any] = {
     'enable_rosout': False, 'start_parameter_services': False}
@@ -65,6 +70,10 @@ class Process:
         self.polite = polite
         self.awaited = False
         start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
+        if not wrapper:
+            # A shell that runs the tests in the background has them ignore these.
+            start = ('import signal; [signal.signal(number, signal.SIG_DFL) for number in '
+                     f'(signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)]; {start}')
         with log.open('wb') as output:
             self.popen = subprocess.Popen([*wrapper, sys.executable, '-c', start, *args],
                                           stdout=output, stderr=subprocess.STDOUT,
@@ -317,6 +326,55 @@ class Driver:
                     raise
             else:
                 return
+
+
+class Sensor:
+    """An IMU of white noise whose driver may come and go; time goes on all the while."""
+
+    def __init__(self, ros: Ros, rate_hz: float = 50.0, seed: int = 1) -> None:
+        self.ros = ros
+        self.rate_hz = rate_hz
+        self.now_ns = 1_700_000_000 * SECOND
+        self.random = np.random.default_rng(seed)
+        self.bias = np.array([0, 0, 0, 0, 0, 9.8])
+        self.noise = NOISE
+        self.sent = 0
+        self.driver: Driver | None = None
+
+    def plug_in(self, away_s: float = 3.0) -> None:
+        """Start the driver, anew if it runs."""
+        self.unplug()
+        self.now_ns += round(away_s * SECOND)
+        self.driver = Driver(self.ros)
+        self.driver.wait_for_node()
+
+    def unplug(self, in_peace: bool = True) -> None:
+        """End the driver, which has sent everything."""
+        if self.driver is not None:
+            assert not in_peace or self.driver.publisher.wait_for_all_acked()
+            self.ros.node.destroy_publisher(self.driver.publisher)
+            self.driver = None
+
+    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu') -> None:
+        """Publish what it measures meanwhile, each sample so many times."""
+        assert self.driver is not None
+        count = round(seconds * self.rate_hz)
+        samples = self.bias + self.random.normal(0, self.noise, (count, 6))
+        index = np.arange(count * polled)
+        stamps = self.now_ns + np.rint(index * SECOND / self.rate_hz / polled).astype(np.int64)
+        self.now_ns += round(seconds * SECOND)
+        for row in encode_imu_rows(ImuBlock(
+                stamps, stamps, np.repeat(samples, polled, axis=0),
+                np.zeros((len(index), 2), bool), frame_id)):
+            self.driver.send(row.tobytes())
+        self.sent += count
+
+
+def assert_density(document: Mapping[str, Any], rate_hz: float, noise: float = NOISE) -> None:
+    for name in AXES:
+        low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
+        # Three intervals wide, so that chance has no say.
+        assert low - (high - low) < noise / sqrt(rate_hz) < high + (high - low), (name, low, high)
 
 
 def recorded(path: Path, blocks: Mapping[str, ImuBlock]) -> Path:

@@ -2,65 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whose messages come: a driver and its sensor go and return, change, or give way to others."""
 
-from collections.abc import Mapping
 import json
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from imu_allan.block import ImuBlock
-from imu_allan.cdr import encode_imu_rows
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, Ros
+from ros_harness import assert_density, Process, Ros, Sensor
 from std_srvs.srv import SetBool, Trigger
-
-NOISE = 0.01
-SECOND = 1_000_000_000
-
-
-class Sensor:
-    """An IMU of white noise whose driver may come and go; time goes on all the while."""
-
-    def __init__(self, ros: Ros, rate_hz: float = 50.0, seed: int = 1) -> None:
-        self.ros = ros
-        self.rate_hz = rate_hz
-        self.now_ns = 1_700_000_000 * SECOND
-        self.random = np.random.default_rng(seed)
-        self.bias = np.array([0, 0, 0, 0, 0, 9.8])
-        self.noise = NOISE
-        self.sent = 0
-        self.driver: Driver | None = None
-
-    def plug_in(self, away_s: float = 3.0) -> None:
-        """Start the driver, anew if it runs."""
-        self.unplug()
-        self.now_ns += round(away_s * SECOND)
-        self.driver = Driver(self.ros)
-        self.driver.wait_for_node()
-
-    def unplug(self) -> None:
-        """End the driver, which has sent everything."""
-        if self.driver is not None:
-            assert self.driver.publisher.wait_for_all_acked()
-            self.ros.node.destroy_publisher(self.driver.publisher)
-            self.driver = None
-
-    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu') -> None:
-        """Publish what it measures meanwhile, each sample so many times."""
-        assert self.driver is not None
-        count = round(seconds * self.rate_hz)
-        samples = self.bias + self.random.normal(0, self.noise, (count, 6))
-        index = np.arange(count * polled)
-        stamps = self.now_ns + np.rint(index * SECOND / self.rate_hz / polled).astype(np.int64)
-        self.now_ns += round(seconds * SECOND)
-        for row in encode_imu_rows(ImuBlock(
-                stamps, stamps, np.repeat(samples, polled, axis=0),
-                np.zeros((len(index), 2), bool), frame_id)):
-            self.driver.send(row.tobytes())
-        self.sent += count
 
 
 def begin(ros: Ros, **parameters: Any) -> Process:
@@ -79,17 +30,6 @@ def saved(ros: Ros, sensor: Sensor) -> Any:
 def fitted(ros: Ros, node: Process) -> None:
     """Wait for the first fit, from which on the run is known."""
     ros.until(lambda: 'observable: noise density' in node.log)
-
-
-def assert_density(document: Mapping[str, Any], rate_hz: float, noise: float = NOISE) -> None:
-    for name in AXES:
-        low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
-        # Three intervals wide, so that chance has no say.
-        assert low - (high - low) < noise / sqrt(rate_hz) < high + (high - low), (name, low, high)
-
-
-def runs(ros: Ros) -> int:
-    return len(list((ros.folder / 'output').rglob('result.json')))
 
 
 @pytest.mark.parametrize('polled', [2, 3])
