@@ -8,6 +8,7 @@ import importlib.util
 import os
 from pathlib import Path
 import random
+import signal
 import tempfile
 from typing import TYPE_CHECKING
 
@@ -22,13 +23,18 @@ if importlib.util.find_spec('rclpy') is None:
     collect_ignore_glob = ['*']
 
 
-# By default a participant that missed the first announcements waits three seconds for the next.
+# By default a participant that missed the first announcements waits three seconds for the next,
+# and one that was killed is remembered for twenty.
 _EAGER = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <participant profile_name="eager" is_default_profile="true">
-    <rtps><builtin><discovery_config><initialAnnouncements>
-      <count>100</count><period><nanosec>50000000</nanosec></period>
-    </initialAnnouncements></discovery_config></builtin></rtps>
+    <rtps><builtin><discovery_config>
+      <leaseDuration><sec>8</sec></leaseDuration>
+      <leaseAnnouncement><sec>1</sec></leaseAnnouncement>
+      <initialAnnouncements>
+        <count>100</count><period><nanosec>50000000</nanosec></period>
+      </initialAnnouncements>
+    </discovery_config></builtin></rtps>
   </participant>
 </profiles>
 """
@@ -53,6 +59,10 @@ def ros_context(tmp_path_factory: pytest.TempPathFactory) -> 'Iterator[Context]'
         lock.close()
     else:
         pytest.fail('no free ROS domain')
+    # A shell that runs the tests in the background has them, and their nodes, ignore some.
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
     before = dict(os.environ)
     folder = tmp_path_factory.mktemp('ros')
     (folder / 'eager.xml').write_text(_EAGER)

@@ -42,8 +42,8 @@ LOSSLESS = {'qos_overrides./imu/data_raw.subscription.reliability': 'reliable',
 
 PATIENCE_S = 300.0
 """Only what hangs takes so long, however slow or busy the computer is."""
-ASKED_AGAIN_S = 20.0
-"""Without an answer for so long a request went to a node that was killed: its lease is 20 s."""
+ASKED_AGAIN_S = 8.0
+"""Without an answer for so long a request went to a node that was killed: its lease is 8 s."""
 
 STARVED_S = 2.0
 """A node alone with a busy core waits for tenths of a second in all."""
@@ -70,10 +70,6 @@ class Process:
         self.polite = polite
         self.awaited = False
         start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
-        if not wrapper:
-            # A shell that runs the tests in the background has them ignore these.
-            start = ('import signal; [signal.signal(number, signal.SIG_DFL) for number in '
-                     f'(signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)]; {start}')
         with log.open('wb') as output:
             self.popen = subprocess.Popen([*wrapper, sys.executable, '-c', start, *args],
                                           stdout=output, stderr=subprocess.STDOUT,
