@@ -750,12 +750,6 @@ WORDS: Mapping[str, Words] = {
         'The recording ends before the duration that was asked for.',
         lambda v: f'only {v.time("recorded_s")} of the {v.time("asked_s")} asked for are '
                   'recorded'),
-    'guessed_columns': Words(
-        'guessed columns', 'Which sensor the columns are of was read from the name of the file.',
-        'The columns are called x, y and z.',
-        lambda v: f'x, y and z are taken for the {SENSORS[v["sensor"]].lower()}, which the name '
-                  'of the file speaks of',
-        '--columns gyro_x=x,gyro_y=y,gyro_z=z (or accel_x=...) decides'),
     'ignored_columns': Words(
         'ignored columns', 'Columns of the table are not used.',
         'Their names are not those of axes.', _columns,

@@ -1,43 +1,38 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-CSV files: a line of names, then a sample a line; in one class as lines say how lines are read.
+CSV files: a line of names, then a sample a line.
 
 Comments may stand before it, and where it is missing the user says what the columns are. Which
 names are understood stands in `imu_allan.recordings.formats.csv_header`.
 """
 
 from codecs import BOM_UTF8
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import compress
+from itertools import compress, pairwise
 from pathlib import Path
 import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.csv_cells import cell, cells_of, filled_cells, QUOTES
 from imu_allan.recordings.formats.csv_header import (
+    cells_of,
     Columns,
     echoed_imu,
     is_remark,
+    is_rest_of_imu,
     MOST_COMMENTS,
+    QUOTES,
     read_header,
     with_units_below,
 )
-from imu_allan.recordings.formats.csv_names import is_rest_of_imu
-from imu_allan.recordings.formats.csv_rows import (
-    are_split_seconds,
-    QUOTED_COMMA,
-    refuse_grouped_times,
-    refuse_more_fields_than_names,
-)
-from imu_allan.recordings.formats.csv_times import interval_of_no_imu, seconds_in
-from imu_allan.recordings.formats.csv_written_times import written_time, WrittenTimes
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
+from imu_allan.sensor.units import convert
 from imu_allan.wording import NO_TOPIC
 import numpy as np
 from numpy.typing import NDArray
@@ -54,38 +49,31 @@ _NAMED_COLUMNS = 10
 _LOOKED_AT = 1 << 16
 """Bytes of samples in which decimal commas are sought: the first ones may all be zero."""
 _FIRST_LINES = 64
-"""By which times without a unit are judged: two batches of a FIFO of 32."""
-_DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
+"""By which fields are counted and times without a unit judged: two batches of a FIFO of 32."""
 _LATEST_S = 9.2e9
 """Seconds that still fit into 64 bits of nanoseconds."""
+_MAGNITUDES = ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'))
+"""From which number on a time is in a unit, if it is one of this century: 1e9 is 2001 in s."""
+_FEWEST_STEPS = 8
+"""Below, a table is no record of anything."""
+_SLOWEST_HZ, _FASTEST_HZ = 5.0, 20_000.0
+"""Rates of IMUs; beyond, times without a unit are in another one than they seem to be."""
+_DECIMAL_COMMA = re.compile(r'(?<![\d,])-?\d+,\d+(?![\d,])')
+_QUOTED_COMMA = re.compile(r'"\s*(-?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
+"""A number with a decimal comma in a file whose cells commas part."""
+_QUOTED = re.compile('"[^"]*"?')
+_GROUPED = re.compile(r'\d{1,3}(?:[.,]\d{3})+')
 
 
 class CsvRecording(FileRecording):
-    """
-    A CSV file.
-
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        With the sample rate, which is needed without a time column.
-
-    Raises
-    ------
-    ImuAllanError
-        If the header line is missing or names no axis, a unit is wrong, or a rate is needed.
-
-    """
+    """A CSV file; raises ImuAllanError where its header names no axis, or a rate is needed."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
-        self._columns = self._found_columns()
-        if self._columns.time is None and options.rate_hz is None:
-            raise ImuAllanError(
-                f'{printable(path)}: no time_s column; give the sample rate with --rate, or say '
-                "which column is the time: --columns 'time=NAME ms'")
-        self._rate_hz = options.rate_hz
+        try:
+            self._columns = self._found_columns()
+        except ImuAllanError as error:
+            raise ImuAllanError(f'{printable(path)}: {error}') from error
         self.topics = [ImuTopic(TOPIC, None)]
         if self._columns.temperature is not None:
             self.thermometers = [
@@ -98,10 +86,6 @@ class CsvRecording(FileRecording):
 
     def span_ns(self) -> tuple[int, int] | None:
         """Return the least and the greatest stamp at its two ends; None where there are none."""
-        columns = self._columns
-        if columns.time is None:
-            return None
-        written = WrittenTimes(columns.delimiter, columns.time) if columns.written else None
         found: list[int] = []
         unit_s: float | None = None
         with self._stored.open('rb') as file:
@@ -111,8 +95,7 @@ class CsvRecording(FileRecording):
                 # Part of a number is another one.
                 lines = self._with_points(data.decode('utf-8', 'replace')).split('\n')[
                     start > self._data_at:None if file.tell() == self.size_bytes else -1]
-                _, stamps, unit_s, _ = _parse(
-                    lines if written is None else written.counted(lines), columns, unit_s)
+                _, stamps, unit_s, _ = _parse(lines, self._columns, unit_s)
                 if stamps is None or not len(stamps):
                     return None
                 found += [int(stamps.min()), int(stamps.max())]
@@ -128,14 +111,11 @@ class CsvRecording(FileRecording):
         first_rejected = ''
         line = self._first_line
         time_unit_s: float | None = None
-        written = (WrittenTimes(columns.delimiter, columns.time)
-                   if columns.written and columns.time is not None else None)
         for text, position in self._texts():
             lines = self._with_points(text).split('\n')
             if lines[-1] == '':
                 lines.pop()
-            table, stamps, time_unit_s, bad = _parse(
-                lines if written is None else written.counted(lines), columns, time_unit_s)
+            table, stamps, time_unit_s, bad = _parse(lines, columns, time_unit_s)
             if bad:
                 first_rejected = first_rejected or (
                     f'line {line + bad[0]}: {printable(lines[bad[0]][:80])}')
@@ -152,23 +132,6 @@ class CsvRecording(FileRecording):
         if rejected:
             self.remark(
                 'malformed_messages', what='line', count=rejected, first=first_rejected)
-
-    def _with_known_times(self, columns: Columns, samples: str) -> Columns:
-        """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
-        if _are_written(samples.split('\n')[:_FIRST_LINES], columns):
-            return replace(columns, time_unit='ns', written=True)
-        found = interval_of_no_imu(
-            _first_times(samples.split('\n')[:_FIRST_LINES], columns))
-        if found is None:
-            return columns
-        if self.options.rate_hz is not None:
-            return replace(columns, time=None)
-        interval, unit, rate_hz = found
-        digits = '.0f' if interval >= 1000 else '.3g'
-        raise ImuAllanError(
-            f'{printable(self.path)}: the times are {interval:{digits}} apart, which in {unit} '
-            f'would be {rate_hz:.3g} Hz, the rate of no IMU; say what they are, such as --columns '
-            "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
 
     def _texts(self) -> Iterator[tuple[str, int]]:
         """Read whole lines, about a MiB at a time, with the bytes consumed so far."""
@@ -194,8 +157,8 @@ class CsvRecording(FileRecording):
     def _block(self, table: NDArray[np.float64], stamps: NDArray[np.int64] | None,
                first: int, columns: Columns) -> ImuBlock:
         if stamps is None:
-            assert self._rate_hz is not None
-            seconds = np.arange(first, first + len(table)) / self._rate_hz
+            assert self.options.rate_hz is not None
+            seconds = np.arange(first, first + len(table)) / self.options.rate_hz
             stamps = np.rint(seconds * 1e9).astype(np.int64)
         samples = np.full((len(table), 6), np.nan)
         absent = np.ones((len(table), 2), np.bool_)
@@ -204,25 +167,25 @@ class CsvRecording(FileRecording):
             absent[:, axis // 3] = False
         return ImuBlock(stamps, stamps, samples, absent, '')
 
+    # ----------------------------------------------------------------------- what the columns are
+
     def _found_columns(self) -> Columns:
         """Find the header line and understand it; sets where the samples begin."""
+        options = self.options
         with self._stored.open('rb') as file:
             for number in range(1, MOST_COMMENTS + 2):
                 self._data_at, self._first_line = file.tell(), number
                 line = file.readline(_LONGEST_HEADER)
                 if len(line) == _LONGEST_HEADER and not line.endswith(b'\n'):
-                    raise ImuAllanError(f'{printable(self.path)}: line {number} is longer than '
-                                        '1 MiB: it is no table of samples')
+                    raise ImuAllanError(f'line {number} is longer than 1 MiB: it is no table of '
+                                        'samples')
                 header = line.decode('utf-8-sig', 'replace')
-                if not is_remark(header, self.options):
+                if not is_remark(header, options):
                     break
             behind, after = file.tell(), file.read(_LOOKED_AT)
-        columns = echoed_imu(header) or self._read_header(header)
+        columns = echoed_imu(header) or read_header(header, options)
         below, newline, rest = after.decode('utf-8', 'replace').partition('\n')
-        try:
-            units = with_units_below(header, below, columns, self.options)
-        except ImuAllanError as error:
-            raise ImuAllanError(f'{printable(self.path)}: {error}') from error
+        units = with_units_below(header, below, columns, options)
         if units is not None:
             header, columns = units
             behind += len(after.partition(b'\n')[0]) + 1
@@ -235,55 +198,38 @@ class CsvRecording(FileRecording):
         self._decimal_comma = (columns.delimiter != ','
                                and _DECIMAL_COMMA.search(samples) is not None)
         self._quoted_comma = (columns.delimiter == ','
-                              and QUOTED_COMMA.search(samples) is not None)
-        samples = self._with_points(samples)
-        rows = samples.split('\n')
-        if not (columns.headless or columns.nanoseconds is None or are_split_seconds(
-                rows, columns.delimiter, *columns.used[:2])):
-            columns = self._read_header(header, split=False)
+                              and _QUOTED_COMMA.search(samples) is not None)
+        rows = self._with_points(samples).split('\n')
+        if not (columns.headless or columns.nanoseconds is None
+                or _are_split_seconds(rows, columns)):
+            columns = read_header(header, options, split=False)
         if columns.stamped and _stand_still(rows[:_FIRST_LINES], columns):
-            other = self._read_header(header, stamped=False)
+            other = read_header(header, options, stamped=False)
             columns = columns if other.time is None else other
-        try:
-            if not columns.headless:
-                refuse_more_fields_than_names(cells_of(header)[1], columns.delimiter, rows)
-            if columns.time is not None:
-                refuse_grouped_times(rows, columns.delimiter, columns.time)
-        except ImuAllanError as error:
-            raise ImuAllanError(f'{printable(self.path)}: {error}') from error
-        columns = self._with_known_times(columns, samples)
+        if not columns.headless:
+            _refuse_more_fields_than_names(cells_of(header)[1], rows, columns)
+        _refuse_grouped_times(rows, columns)
+        columns = _with_known_times(columns, rows, options.rate_hz)
         self._tell_ignored(columns)
+        if columns.time is None and options.rate_hz is None:
+            raise ImuAllanError('no time_s column; give the sample rate with --rate, or say '
+                                "which column is the time: --columns 'time=NAME ms'")
         return columns
 
     def _with_points(self, text: str) -> str:
         """Write decimal commas as points."""
         if self._quoted_comma:
-            return QUOTED_COMMA.sub(r'\1.\2', text)
+            return _QUOTED_COMMA.sub(r'\1.\2', text)
         return text.replace(',', '.') if self._decimal_comma else text
 
-    def _read_header(self, header: str, split: bool = True, stamped: bool = True) -> Columns:
-        try:
-            return read_header(header, self.options, self.path.name, split, stamped)
-        except ImuAllanError as error:
-            raise ImuAllanError(f'{printable(self.path)}: {error}') from error
-
     def _tell_ignored(self, columns: Columns) -> None:
-        if columns.by_file_name is not None:
-            self.remark('guessed_columns', sensor=columns.by_file_name)
-        if columns.lookalikes:
-            self.remark('ignored_columns', perhaps_axes=True,
-                        columns=_first(columns.lookalikes), count=len(columns.lookalikes))
-        alike = {*columns.lookalikes}
+        lookalikes = {*columns.lookalikes}
         others = [cell for cell in columns.ignored
-                  if cell and cell not in alike and not is_rest_of_imu(cell)]
-        if others:
-            self.remark('ignored_columns', perhaps_axes=False, columns=_first(others),
-                        count=len(others))
-
-
-def _first(cells: Sequence[str]) -> list[str]:
-    """Name the first of some columns."""
-    return [printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]]
+                  if cell and cell not in lookalikes and not is_rest_of_imu(cell)]
+        for cells in (columns.lookalikes, others):
+            if cells:
+                self.remark('ignored_columns', perhaps_axes=cells is not others, count=len(cells),
+                            columns=[printable(cell[:40]) for cell in cells[:_NAMED_COLUMNS]])
 
 
 def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
@@ -304,7 +250,6 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
         The other lines, in order.
 
     """
-    width = len(columns.used)
     bad: list[int] = []
     kept, places = lines, np.arange(len(lines))
     try:
@@ -327,14 +272,14 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
                 numbers.append(number)
             except (ValueError, IndexError):
                 bad.append(number)
-        table = np.array(rows, np.float64).reshape(-1, width)
+        table = np.array(rows, np.float64).reshape(-1, len(columns.used))
         places = np.array(numbers, np.intp)
     if columns.time is None:
         return table, None, None, bad
     times = table[:, 0]
     known = np.isfinite(times)
     if time_unit_s is None and known.any():
-        time_unit_s = seconds_in(columns.time_unit, float(times[known][0]))
+        time_unit_s = convert(1.0, columns.time_unit or _apparent_unit(times[known][0]), 's')
     unit = time_unit_s or 1.0
     timely = np.abs(times * unit) < _LATEST_S
     if columns.nanoseconds is not None:
@@ -356,36 +301,116 @@ def _parse(lines: list[str], columns: Columns, time_unit_s: float | None,
     return table[some, with_numbers:], stamps[some], time_unit_s, bad
 
 
-def _stand_still(lines: Sequence[str], columns: Columns) -> bool:
+def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:
+    """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
+    try:
+        return np.array([int(_cell(line, columns, columns.time)) for line in lines], np.int64)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _cell(line: str, columns: Columns, column: int | None) -> str:
+    """Return one cell, without what stands about its text; raises IndexError."""
+    assert column is not None
+    return line.split(columns.delimiter, column + 1)[column].strip(QUOTES)
+
+
+# ------------------------------------------------------------ whether the first rows are plausible
+
+def _times(rows: Iterable[str], columns: Columns) -> Iterator[str]:
+    """Yield the cells of the time column that hold anything."""
+    for row in rows:
+        with suppress(IndexError):
+            if text := _cell(row, columns, columns.time):
+                yield text
+
+
+def _stand_still(rows: Sequence[str], columns: Columns) -> bool:
     """Whether the times of many lines are one: a driver leaves its stamps zero."""
-    assert columns.time is not None
-    times = list(filled_cells(lines, columns.delimiter, columns.time))
+    times = list(_times(rows, columns))
     return len(times) > 1 and len(set(times)) == 1
 
 
-def _are_written(lines: Sequence[str], columns: Columns) -> bool:
-    """Whether the first time of all is a date, or a time of day."""
-    if columns.time is None or columns.nanoseconds is not None:
-        return False
-    first = next(filled_cells(lines, columns.delimiter, columns.time), '')
-    return written_time(first) is not None
+def _are_split_seconds(rows: Iterable[str], columns: Columns) -> bool:
+    """Whether times are whole seconds and nanoseconds since, in all rows but a damaged one."""
+    others = 0
+    for row in rows:
+        with suppress(ValueError, IndexError):
+            whole, part = (float(_cell(row, columns, column)) for column in columns.used[:2])
+            others += not (whole.is_integer() and 0 <= part < 1e9)
+    return others < 2
 
 
-def _first_times(lines: Sequence[str], columns: Columns) -> NDArray[np.float64]:
-    """Read the times alone, those that are numbers; none where their unit is known."""
+def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[str], columns: Columns,
+                                   ) -> None:
+    """Refuse a table most of whose rows have more fields than the header has names."""
+    named = _filled(names)
+    counts: Counter[int] = Counter()
+    for row in rows[:_FIRST_LINES]:
+        if row.strip():
+            # What stands between quotes parts no cells; blanks part them in any number.
+            cells = row.split() if columns.delimiter is None else _QUOTED.sub(
+                lambda quoted: quoted[0].replace(str(columns.delimiter), ''), row).split(
+                    columns.delimiter)
+            # An unnamed column at the end, of remarks say, has its place.
+            counts[_filled(cells) if len(cells) > len(names) else named] += 1
+    fields = counts.most_common(1)[0][0] if counts else 0
+    if fields > named:
+        advice = ('name every column, the number of the row, too, as R does with col.names=NA'
+                  if fields < 2 * named else
+                  'where that comes of decimal commas, write semicolons between the cells')
+        raise ImuAllanError(f'the rows have {fields} fields, the header names {named}, so that '
+                            f'none can be told by its name; {advice}')
+
+
+def _filled(cells: Sequence[str]) -> int:
+    """Count cells up to the last that holds anything."""
+    return max((place for place, text in enumerate(cells, 1) if text.strip(QUOTES)), default=0)
+
+
+def _refuse_grouped_times(rows: Iterable[str], columns: Columns) -> None:
+    """Refuse whole numbers whose thousands are set apart, which read as fractions."""
+    if columns.time is None:
+        return
+    for before, time in pairwise(_times(rows, columns)):
+        whole = before.isascii() and before.isdecimal() and len(before) < 4
+        if not (whole or _GROUPED.fullmatch(before)):
+            return
+        # As a fraction it would lie before the number that it follows.
+        if (whole and _GROUPED.fullmatch(time) and int(re.sub(r'\D', '', time)) > int(before)
+                and int(before) > int(re.split(r'\D', time)[0]) + 1):
+            raise ImuAllanError(f'the time {time} comes after {before}: it is written with a mark '
+                                'between thousands; write the times without')
+
+
+def _with_known_times(columns: Columns, rows: Sequence[str], rate_hz: float | None) -> Columns:
+    """Ask for the unit of times that would be no IMU's, or count where the rate is given."""
+    if columns.time is None or columns.time_unit or columns.nanoseconds is not None:
+        return columns
     times = []
-    if columns.time is not None and columns.time_unit is None and columns.nanoseconds is None:
-        for text in filled_cells(lines, columns.delimiter, columns.time):
-            with suppress(ValueError):
-                times.append(float(text))
-    return np.array(times)
+    for text in _times(rows[:_FIRST_LINES], columns):
+        with suppress(ValueError):
+            times.append(float(text))
+    finite = [time for time in times if np.isfinite(time)]
+    # A clock that is set back says nothing of the rate.
+    steps = np.sort([after - before for before, after in pairwise(finite) if after >= before])
+    if len(steps) < _FEWEST_STEPS:
+        return columns
+    unit = _apparent_unit(finite[0])
+    # Samples of a batch may be a microsecond apart, and one outage makes no sensor slow.
+    for interval, least_hz, most_hz in ((float(steps.mean()), 0.0, _FASTEST_HZ),
+                                        (float(steps[:-1].mean()), _SLOWEST_HZ, np.inf)):
+        if interval > 0 and not least_hz <= (
+                apparent_hz := 1 / (interval * convert(1.0, unit, 's'))) <= most_hz:
+            if rate_hz is not None:
+                return replace(columns, time=None)
+            digits = '.0f' if interval >= 1000 else '.3g'
+            raise ImuAllanError(
+                f'the times are {interval:{digits}} apart, which in {unit} would be '
+                f'{apparent_hz:.3g} Hz, the rate of no IMU; say what they are, such as --columns '
+                "'time=NAME ms' (or s, us, ns, min), or give the sample rate with --rate")
+    return columns
 
 
-def _exact(lines: Iterable[str], columns: Columns) -> NDArray[np.int64] | None:
-    """Read nanoseconds as whole numbers: a double has not enough digits for those of today."""
-    assert columns.time is not None
-    try:
-        return np.array([int(cell(line, columns.delimiter, columns.time)) for line in lines],
-                        np.int64)
-    except (ValueError, OverflowError):
-        return None
+def _apparent_unit(first: float) -> str:
+    return next((unit for least, unit in _MAGNITUDES if abs(first) >= least), 's')

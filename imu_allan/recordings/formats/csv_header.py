@@ -1,55 +1,78 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the columns of a CSV file are, by its header line, in one module as names share marks.
+What the columns of a CSV file are: by what the user says, or else by the names in its first line.
 
-Known are the project's own names (``time_s``, ``gyro_x``), those of EuRoC and TUM-VI
-(``#timestamp [ns],w_RS_S_x [rad s^-1]``), of ``rostopic echo -p``
-(``%time,field.angular_velocity.x``), of PlotJuggler (``__time,/imu/angular_velocity/x``), of
-phyphox (``"Gyroscope x (rad/s)"``), of UZH-FPV (``# timestamp ang_vel_x lin_acc_x``), of bagpy
-(``header.stamp.secs,header.stamp.nsecs,angular_velocity.x``), of phones (SensorLog, AndroSensor),
-short ones (``t,gx,ay``), and whatever the user names or, where there is no header line, numbers.
-Where names say no more than x, y and z, their unit tells the sensor (``X (rad/s)``), or the file's
-name does (``Gyroscope.csv``, as Sensor Logger writes it).
+The names are those of this project (``time_s``, ``gyro_x``), of EuRoC and TUM-VI
+(``#timestamp [ns],w_RS_S_x [rad s^-1]``), ``rostopic echo -p`` (``field.angular_velocity.x``),
+PlotJuggler (``__time,/imu/angular_velocity/x``), phyphox (``"Gyroscope x (rad/s)"``), UZH-FPV
+(``# timestamp ang_vel_x lin_acc_x``), bagpy (``header.stamp.secs,header.stamp.nsecs``), of phones
+(SensorLog, AndroSensor) and short ones (``t,gx,ay``).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 import re
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
-from imu_allan.recordings.formats.csv_cells import cells_of, is_number
-from imu_allan.recordings.formats.csv_guesses import guessed_axes
-from imu_allan.recordings.formats.csv_names import (
-    is_better_clock,
-    is_rest_of_imu,
-    is_stamp,
-    is_temperature,
-    lookalikes,
-    may_stand_beside,
-    meaning_of,
-    name_and_unit,
-    numbered_axes,
-    split_seconds,
-    stamp_of_axes,
-    unit_in_name,
-    WORDS,
-)
 from imu_allan.recordings.options import M_PER_S2, RAD_PER_S, RecordingOptions
 
 EXAMPLE = 'time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
 """A first line that needs no option."""
-_COMMENT = ('#', '%', '//')
 MOST_COMMENTS = 100
 """Lines before the header line; loggers write some five about device and settings."""
+QUOTES = ' \t\r\n"'
+"""What may stand about the text of a cell."""
 _LOOKED_AT = 1 << 14
 """Characters of a comment in which names of axes are sought: a hundred such lines take seconds."""
-_SHOWN = 80
-"""Characters of a line that no name was found in."""
-_WRITTEN_UNIT = re.compile(r'te?xt|text|iso.*|utc.*|gmt.*|local.*|[+-]\d\d:?\d\d|[yhd]+\W.*',
-                           re.IGNORECASE)
-"""What stands in the place of a unit where times are written out."""
+_LONGEST_CELL = 200
+"""Characters of a column name."""
+
+_SENSORS = {
+    'gyro': r'angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)|rot(?:ation)?_?rate'
+            r'|gyroscope|gyro_?rotation|gyro|gyr|w_rs_s|omega',
+    'accel': r'linear_?acceleration|total_?acceleration|lin_?acc|accelerometer_?acceleration'
+             r'|acceleration|accelerometer|accel|acc|a_rs_s'}
+_OF = r'(?:.*[/.])?(?:(?:imu|sensor)\d*[._/])?'
+"""What may stand before a name: the path to it, or whose it is."""
+_AXES = {sensor: re.compile(rf'{_OF}(?:(?:{words})[/._-]?(?:(?P<axis>[xyz])|\[(?P<number>[0-2])\])'
+                            rf'|(?P<first>[xyz])[._-](?:{words}))')
+         for sensor, words in _SENSORS.items()}
+_SHORT = re.compile(r'(?:(?:.*[/.])?imu\d*[._/])?([gwa])_?([xyz])')
+_NUMBERED = {sensor: re.compile(rf'({_OF}(?:{words})_?)([0-3])')
+             for sensor, words in _SENSORS.items()}
+_LETTER = re.compile(r'([xyz])(?:[._-]?axis)?')
+_LETTER_UNITS = {'gyro': ('rad/s', 'deg/s', '°/s', 'dps', 'mdps'),
+                 'accel': ('m/s^2', 'm/s²', 'm/s2', 'g', 'mg')}
+"""Which tell the sensor of a bare x, y or z; a large G is a magnetometer's, too."""
+_UNITS = {
+    'deg/s': r'dps|deg_?s|deg_?per_?s(?:ec)?', 'rad/s': r'rad_?s|rad_?per_?s(?:ec)?',
+    'm/s^2': r'm_?ss|mp?s2|m_s\^?2|m_per_s2', 'mdeg/s': r'mdps', 'g': r'g', 'mg': r'mg'}
+_UNIT_BEHIND = re.compile(f'(.*[xyz])_(?:{"|".join(f"({form})" for form in _UNITS.values())})')
+"""A unit at the end of a name, as in ``gx_dps``."""
+_CLOCKS = tuple(re.compile(form) for form in (
+    r'(?:[#%_]*(?:time|time_?stamp|stamp|t)(?:_(s|ms|us|ns))?|(?:.*[/.])?header[./]stamp)',
+    r'(?:accelerometer|gyro)?timestamp_sincereboot',
+    r'(?:seconds|time)_(?:elapsed|since_start)(?:_in)?(?:_(s|ms|us|ns))?'
+    r'|elapsed(?:_time)?(?:_(s|ms|us|ns))?',
+    r'(?:unix|system|device)_?(?:time|stamp)(?:_?stamp)?(?:_(s|ms|us|ns))?'
+    r'|epoch?(?:_(s|ms|us|ns))?'))
+"""Names of times, the best first: of the sensor, since the beginning of the log, of the day."""
+_NANOSECONDS = ('%time', 'field.header.stamp')
+"""Columns that are nanoseconds without saying so."""
+_STAMP = re.compile(r'((?:.*[/.])?)header[./]stamp')
+_SECONDS = re.compile(r'((?:.*[/._])?)(?:secs?|seconds)')
+_PARTS_OF_SECONDS = re.compile(r'((?:.*[/._])?)(?:nano_?secs?|nano_?seconds|nsecs?)')
+_REST_OF_IMU = re.compile(
+    r'(?:.*[/.])?(?:header[./].*|orientation(?:[._/].*)?|'
+    r'(?:orientation|angular_velocity|linear_acceleration)_covariance.*)')
+_TEMPERATURE = re.compile(r'(?:.*[/.])?(?:imu_|gyro_|sensor_)?temp(?:erature)?(?:_(?:deg)?c)?')
+_COLUMN = re.compile(
+    r'"? ?([^"\[(]+?(?:\[[0-2]\])?) ?(?:\[([^\]]*)\]|\(([^)]*)\))? ?"?')
+_WORD = re.compile(r'[^\s\[(]+(?:\s*[\[(][^\])]{0,40}[\])])?')
+"""A name, with its unit, in a header whose names have nothing but blanks between them."""
+_ONE_OF_THREE = re.compile(r'(.*?)[._-]?([xyz])([._-]?axis)?')
 
 
 @dataclass(frozen=True)
@@ -61,28 +84,20 @@ class Columns:
     ----------
     delimiter : str or None
         What stands between them; None for blanks.
-    time : int or None
-        Number of the time column.
-    time_unit : str or None
-        Its unit; None where the numbers themselves must tell.
+    time, time_unit : int, str, or None
+        Number of the time column, and its unit; None where the numbers themselves must tell.
+    axes : tuple of (int, int, float)
+        Column of the file, column of the samples, factor to SI units.
+    ignored, lookalikes : tuple of str
+        Names of the others, and those of them that look like the axes of a missing sensor.
     nanoseconds : int or None
-        Number of a column of nanoseconds to be added to it.
+        Number of a column of nanoseconds to be added to the time.
     temperature : int or None
         Number of a column with the temperature.
     headless : bool
         Whether the line that was read holds no names, but the first sample.
-    lookalikes : tuple of str
-        Those of `ignored` that look like the axes of a sensor that was not found.
-    axes : tuple of (int, int, float)
-        Column of the file, column of the samples, factor to SI units.
-    by_file_name : str or None
-        'gyro' or 'accel', where nothing but the name of the file tells the sensor.
-    written : bool
-        Whether times are dates, or times of day.
     stamped : bool
         Whether the times are the stamps of the messages, beside others.
-    ignored : tuple of str
-        Names of the others.
 
     """
 
@@ -91,12 +106,10 @@ class Columns:
     time_unit: str | None
     axes: tuple[tuple[int, int, float], ...]
     ignored: tuple[str, ...] = ()
+    lookalikes: tuple[str, ...] = ()
     nanoseconds: int | None = None
     temperature: int | None = None
     headless: bool = False
-    lookalikes: tuple[str, ...] = ()
-    by_file_name: str | None = None
-    written: bool = False
     stamped: bool = False
 
     @property
@@ -106,107 +119,111 @@ class Columns:
         return time + [column for column, _, _ in self.axes]
 
 
-def read_header(header: str, options: RecordingOptions, file_name: str = '', split: bool = True,
-                stamped: bool = True) -> Columns:
+def read_header(header: str, options: RecordingOptions, split: bool = True, stamped: bool = True,
+                ) -> Columns:
     """
-    Understand the header line of a file.
+    Understand the header line of a file; raises ImuAllanError.
 
-    Parameters
-    ----------
-    header : str
-        The line.
-    options : RecordingOptions
-        With the columns that the user names.
-    file_name : str, optional
-        Which may tell the sensor where the line does not.
-    split : bool, optional
-        Whether columns of seconds and nanoseconds may be the two parts of a time.
-    stamped : bool, optional
-        Whether a column with the stamp of the messages may be preferred to other times.
-
-    Raises
-    ------
-    ImuAllanError
-        If it names no axis, names one twice, or a unit is wrong.
-
+    `split`: two columns may be seconds and nanoseconds; `stamped`: a stamp may be the time.
     """
     delimiter, cells = cells_of(header)
-    headless = _is_headless(cells)
+    bare = [cell.strip(' "') for cell in cells]
+    named = [name_and_unit(cell) for cell in cells]
+    names = [name for name, _ in named]
     # Without a header line a number is the place of a column, whatever stands in it.
-    names = [''] * len(cells) if headless else [cell.strip(' "') for cell in cells]
-    chosen = _chosen(options.columns, names)
+    headless = any(map(is_number, cells)) and not any(map(meaning_of, names))
+    chosen = _chosen(options.columns, [''] * len(cells) if headless else bare)
     if headless and not chosen:
         raise ImuAllanError(_no_header(cells))
-    by_name = all(meaning == 'time' for meaning, _ in chosen.values())
-    time: int | None = None
-    time_name, time_unit = '', None
+    units = [chosen[column][1] or unit if column in chosen else unit
+             for column, (_, unit) in enumerate(named)]
+    meanings = {column: meaning for column, (meaning, _) in chosen.items()}
+    parts, own_stamp = None, None
+    if not headless and all(meaning == 'time' for meaning in meanings.values()):
+        parts = None if chosen or not split else _split_seconds(names)
+        own_stamp = _stamp_of_axes(names) if stamped else None
+        meanings = _meanings_by_name(named, own_stamp, bool(chosen or parts)) | meanings
     axes: dict[str, tuple[int, int, float]] = {}
-    others: list[int] = []
-    temperature: int | None = None
-    plain = [name_and_unit(cell) for cell in cells]
-    counted = numbered_axes([name for name, _ in plain])
-    parts = (split_seconds([name for name, _ in plain])
-             if split and not (headless or chosen) else None)
-    own_stamp = stamp_of_axes([name for name, _ in plain]) if stamped else None
-    clocks = sum(meaning_of(name) == 'time' for name, _ in plain)
-    for column, (name, unit) in enumerate(plain):
-        meaning, stated = chosen.get(column, (None, None))
-        unit = stated or unit
-        if by_name and meaning is None and not headless:
-            meaning = counted.get(name) or meaning_of(name)
-            # The user has named another, or two columns say it to the nanosecond.
-            meaning = None if (chosen or parts) and meaning == 'time' else meaning
-            # The stamp of another message is no time of these samples, unless there is no other.
-            meaning = None if is_stamp(name) and column != own_stamp and clocks > 1 else meaning
+    for column, meaning in sorted(meanings.items()):
         if meaning == 'time':
-            has_own = own_stamp is not None and time == own_stamp
-            if not (time is None or column == own_stamp or has_own
-                    or may_stand_beside(time_name, name)):
-                raise ImuAllanError('two time columns')
-            if time is None or column == own_stamp or (
-                    not has_own and is_better_clock(time_name, name)):
-                time, time_name, time_unit = column, name, _time_unit(name, unit)
-        elif meaning in AXES:
-            if meaning in axes:
-                raise ImuAllanError(f'two columns named {meaning}')
-            axes[meaning] = column, list(AXES).index(meaning), _factor(
-                name, unit, meaning, options)
-        elif name and is_temperature(
-                [str(column + 1)] if headless else [name, names[column]], options.temperature,
-                temperature is not None):
-            temperature = column
-        elif parts is None or column not in parts:
-            others.append(column)
-    by_file_name = None
-    if by_name and not headless:
-        known = {axis.partition('_')[0] for axis in axes}
-        guessed, by_file_name = guessed_axes(plain, others, known, file_name)
-        axes |= {axis: (column, list(AXES).index(axis),
-                        _factor('', plain[column][1], axis, options))
-                 for axis, column in guessed.items()}
-    taken = {column for column, _, _ in axes.values()}
-    ignored = [cells[column].strip() for column in others if column not in taken]
+            continue
+        if meaning in axes:
+            raise ImuAllanError(f'two columns named {meaning}')
+        axes[meaning] = column, list(AXES).index(meaning), _factor(
+            names[column], units[column], meaning, options)
+    temperature = next((
+        column for column in range(len(cells)) if column not in meanings and (
+            (options.temperature in ([str(column + 1)] if headless else (names[column],
+                                                                        bare[column])))
+            if options.temperature is not None
+            else _TEMPERATURE.fullmatch(names[column].lower()))), None)
+    ignored = [] if headless else [
+        cell.strip() for column, cell in enumerate(cells)
+        if column not in meanings and column != temperature and column not in (parts or ())]
     if not axes:
-        shown = ','.join(cell.strip() for cell in cells)[:_SHOWN]
+        shown = printable(','.join(cell.strip() for cell in cells)[:80])
         raise ImuAllanError(
-            f'the first line names none of the axes {", ".join(AXES)} ({printable(shown)}); a CSV '
-            f'recording begins with a line such as {EXAMPLE}, and --columns '
+            f'the first line names none of the axes {", ".join(AXES)} ({shown}); a CSV recording '
+            f'begins with a line such as {EXAMPLE}, and --columns '
             'gyro_x=NAME,accel_z=NAME,time=NAME tells what others are, by name or number from 1')
-    if headless:
-        ignored = []
-    if parts is not None:
-        time, time_unit = parts[0], 's'
-    missing = any(all(not axis.startswith(sensor) for axis in axes) for sensor in WORDS)
-    return Columns(delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
-                   parts[1] if parts is not None else None, temperature, headless,
-                   tuple(lookalikes([cell for cell in ignored if not is_rest_of_imu(cell)]))
-                   if missing and not chosen else (), by_file_name,
-                   stamped=own_stamp is not None and time == own_stamp)
+    time, time_unit = (parts[0], 's') if parts else _clock(meanings, names, units, own_stamp)
+    missing = len({axis.partition('_')[0] for axis in axes}) < len(_SENSORS) and not chosen
+    return Columns(
+        delimiter, time, time_unit, tuple(axes.values()), tuple(ignored),
+        tuple(_lookalikes(ignored)) if missing else (), parts[1] if parts else None, temperature,
+        headless, own_stamp is not None and time == own_stamp)
+
+
+def _meanings_by_name(named: Sequence[tuple[str, str | None]], own_stamp: int | None,
+                      has_time: bool) -> dict[int, str]:
+    """Tell the axes and times by their names; the stamp of another message is only a last one."""
+    counted = _numbered_axes([name for name, _ in named])
+    found = {column: meaning for column, (name, unit) in enumerate(named)
+             if (meaning := counted.get(name) or meaning_of(name, unit)) is not None}
+    times = [column for column, meaning in found.items() if meaning == 'time']
+    foreign = [column for column in times if column != own_stamp
+               and _STAMP.fullmatch(named[column][0].lower())]
+    for column in times if has_time else foreign if len(times) > 1 else ():
+        del found[column]
+    return found
+
+
+def _clock(meanings: Mapping[int, str], names: Sequence[str], units: Sequence[str | None],
+           own_stamp: int | None) -> tuple[int | None, str | None]:
+    """Choose the best of the times, and tell its unit."""
+    times = [column for column, meaning in sorted(meanings.items()) if meaning == 'time']
+    if own_stamp in times:
+        times = [own_stamp]
+
+    def rank(column: int) -> tuple[bool, int]:
+        # What stands in the place of a unit may say that dates are written there.
+        unit = units[column]
+        return (unit is not None and not _is_time_unit(unit)), _clock_rank(names[column]) or 0
+
+    if not times:
+        return None, None
+    times.sort(key=rank)
+    if len(times) > 1 and rank(times[0]) == rank(times[1]) == (False, 0):
+        raise ImuAllanError('two time columns')
+    time = times[0]
+    unit = units[time]
+    if unit is None:
+        return time, _unit_in_name(names[time])
+    _converted(names[time], unit.strip(), 's')
+    return time, unit.strip()
+
+
+def _is_time_unit(unit: str) -> bool:
+    try:
+        _converted('', unit.strip(), 's')
+    except ImuAllanError:
+        return False
+    return True
 
 
 def is_remark(line: str, options: RecordingOptions) -> bool:
     """Whether a line is empty or a comment, and not a header that begins like one."""
-    if not line.lstrip().startswith(_COMMENT):
+    if not line.lstrip().startswith(('#', '%', '//')):
         return line.isspace()
     cells = cells_of(line[:_LOOKED_AT])[1]
     names = [cell.strip(' "') for cell in cells]
@@ -229,10 +246,9 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
                                for unit, axis in zip(of_axes, columns.axes, strict=True)):
         # Nothing, or the names once more.
         return None
-    plain = [name.strip(' "') for name in names]
     joined = delimiter.join(
         f'{name} [{unit}]' if unit and not set(name) & set('[(') else name
-        for name, unit in zip(plain, bare, strict=True))
+        for name, unit in zip((name.strip(' "') for name in names), bare, strict=True))
     try:
         return joined, read_header(joined, options)
     except ImuAllanError:
@@ -240,21 +256,6 @@ def with_units_below(header: str, line: str, columns: Columns, options: Recordin
             raise
         # Any other text.
         return None
-
-
-def _is_headless(cells: Sequence[str]) -> bool:
-    """Whether a line holds numbers where the names should be."""
-    return any(map(is_number, cells)) and not any(
-        meaning_of(name_and_unit(cell)[0]) for cell in cells)
-
-
-def _no_header(cells: Sequence[str]) -> str:
-    names = [*(['time'] if len(cells) > len(AXES) else []), *AXES][:len(cells)]
-    example = ','.join(f'{name}={number}' for number, name in enumerate(names, 1))
-    return (f'no line names its columns, the first one holds numbers ({len(cells)} columns); tell '
-            f'what they are, such as --columns {example} if that is their order, with units as in '
-            "'time=1 us,gyro_x=2 deg/s', or write a first line "
-            f'such as {EXAMPLE}')
 
 
 def echoed_imu(line: str) -> Columns | None:
@@ -268,9 +269,20 @@ def echoed_imu(line: str) -> Columns | None:
     if len(cells) != 40 or not (cells[0].lstrip('-').isdecimal() and cells[1].isdecimal()):
         return None
     return Columns(',', 0, 's', tuple(
-        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)), (), 1,
-        headless=True)
+        (16 + axis if axis < 3 else 25 + axis, axis, 1.0) for axis in range(6)),
+        nanoseconds=1, headless=True)
 
+
+def _no_header(cells: Sequence[str]) -> str:
+    names = [*(['time'] if len(cells) > len(AXES) else []), *AXES][:len(cells)]
+    example = ','.join(f'{name}={number}' for number, name in enumerate(names, 1))
+    return (f'no line names its columns, the first one holds numbers ({len(cells)} columns); tell '
+            f'what they are, such as --columns {example} if that is their order, with units as in '
+            "'time=1 us,gyro_x=2 deg/s', or write a first line "
+            f'such as {EXAMPLE}')
+
+
+# ----------------------------------------------------------------------------- the user's names
 
 def _chosen(pairs: Sequence[tuple[str, str]], names: Sequence[str],
             ) -> Mapping[int, tuple[str, str | None]]:
@@ -309,15 +321,141 @@ def _with_name(name: str, names: Sequence[str]) -> list[int]:
             if name and (each == name or each.startswith((f'{name} [', f'{name} (')))]
 
 
-def _time_unit(name: str, unit: str | None) -> str | None:
-    if unit is not None and _WRITTEN_UNIT.fullmatch(unit.strip()) is None:
-        _converted(name, unit.strip(), 's')
-        return unit.strip()
-    return unit_in_name(name)
+# -------------------------------------------------------------------------------- names and units
+
+def meaning_of(name: str, unit: str | None = None) -> str | None:
+    """
+    Tell what a column of this name is: ``'time'``, one of the axes, or None.
+
+    Examples
+    --------
+    >>> [meaning_of(name) for name in ('w_RS_S_x', '/imu/linear_acceleration/z', 'ax', 'mag_x')]
+    ['gyro_x', 'accel_z', 'accel_x', None]
+    >>> [meaning_of(name) for name in ('x_gyro', 'gy_dps', 'imu.wz', 'stamp')]
+    ['gyro_x', 'gyro_y', 'gyro_z', 'time']
+    >>> meaning_of('X', 'rad/s'), meaning_of('X')
+    ('gyro_x', None)
+
+    """
+    lower = name.lower()
+    if _clock_rank(lower) is not None:
+        return 'time'
+    if (with_unit := _UNIT_BEHIND.fullmatch(lower)) is not None:
+        lower = with_unit[1]
+    if (short := _SHORT.fullmatch(lower)) is not None:
+        return f'{"accel" if short[1] == "a" else "gyro"}_{short[2]}'
+    for sensor, pattern in _AXES.items():
+        if (match := pattern.fullmatch(lower)) is not None:
+            axis = match['axis'] or match['first'] or 'xyz'[int(match['number'])]
+            return f'{sensor}_{axis}'
+    letter = _LETTER.fullmatch(lower)
+    sensors = [sensor for sensor, units in _LETTER_UNITS.items() if (unit or '').strip() in units]
+    return f'{sensors[0]}_{letter[1]}' if letter and sensors else None
+
+
+def name_and_unit(cell: str) -> tuple[str, str | None]:
+    """Take a cell apart; blanks in a name count as underscores."""
+    # Runs of blanks are what an expression goes through over and over.
+    plain = ' '.join(cell.split()) if len(cell) <= _LONGEST_CELL else ''
+    match = _COLUMN.fullmatch(plain)
+    if match is None:
+        return '', None
+    return match[1].strip().replace(' ', '_'), match[2] if match[2] is not None else match[3]
+
+
+def is_rest_of_imu(cell: str) -> bool:
+    """Whether a column is another field of an Imu: its header, orientation or a covariance."""
+    return _REST_OF_IMU.fullmatch(name_and_unit(cell)[0].lower()) is not None
+
+
+def _numbered_axes(names: Sequence[str]) -> Mapping[str, str]:
+    """
+    Tell which axis each column is of three that are counted, from 0 or from 1.
+
+    Examples
+    --------
+    >>> _numbered_axes(['t', 'gyro1', 'gyro2', 'gyro3'])
+    {'gyro1': 'gyro_x', 'gyro2': 'gyro_y', 'gyro3': 'gyro_z'}
+
+    """
+    found: dict[str, str] = {}
+    for sensor, pattern in _NUMBERED.items():
+        of: dict[str, dict[int, str]] = {}
+        for name in names:
+            if (match := pattern.fullmatch(name.lower())) is not None:
+                of.setdefault(match[1], {})[int(match[2])] = name
+        for columns in of.values():
+            if sorted(columns) in ([0, 1, 2], [1, 2, 3]):
+                found |= {name: f'{sensor}_{"xyz"[number - min(columns)]}'
+                          for number, name in columns.items()}
+    return found
+
+
+def _split_seconds(names: Sequence[str]) -> tuple[int, int] | None:
+    """
+    Find a column of whole seconds and that of the nanoseconds that belong to them.
+
+    Examples
+    --------
+    >>> _split_seconds(['Time', 'header.stamp.secs', 'header.stamp.nsecs', 'gyro.x'])
+    (1, 2)
+
+    """
+    parts = {match[1]: column for column, name in enumerate(names)
+             if (match := _PARTS_OF_SECONDS.fullmatch(name.lower())) is not None}
+    return next(((column, parts[match[1]]) for column, name in enumerate(names)
+                 if (match := _SECONDS.fullmatch(name.lower())) is not None
+                 and match[1] in parts), None)
+
+
+def _clock_rank(name: str) -> int | None:
+    """Tell how good a name of a time is: 0 for the best, None for none."""
+    lower = name.lower()
+    return next((rank for rank, form in enumerate(_CLOCKS) if form.fullmatch(lower)), None)
+
+
+def _stamp_of_axes(names: Sequence[str]) -> int | None:
+    """
+    Find the column of the header's stamp in the message of which the first axis is a field.
+
+    Examples
+    --------
+    >>> _stamp_of_axes(['__time', '/cam/header/stamp', '/imu/header/stamp',
+    ...                 '/imu/angular_velocity/x'])
+    2
+
+    """
+    axis = next((name.lower() for name in names if meaning_of(name) not in (None, 'time')), '')
+    stamps = {match[1]: column for column, name in enumerate(names)
+              if (match := _STAMP.fullmatch(name.lower())) and axis.startswith(match[1])}
+    return stamps[max(stamps, key=len)] if stamps else None
+
+
+def _lookalikes(ignored: Sequence[str]) -> Iterable[str]:
+    """Name the columns of three that differ in a last x, y or z alone."""
+    found: dict[str, dict[str, str]] = {}
+    for cell in ignored:
+        name = name_and_unit(cell)[0].lower()
+        if not _REST_OF_IMU.fullmatch(name) and (match := _ONE_OF_THREE.fullmatch(name)):
+            found.setdefault(match[1] + (match[3] or ''), {}).setdefault(match[2], cell)
+    return [three[letter] for three in found.values() if len(three) == 3 for letter in 'xyz']
+
+
+def _unit_in_name(name: str) -> str | None:
+    """Tell the unit that the name of a column has, as in ``time_ms`` and ``gx_dps``."""
+    lower = name.lower()
+    if lower in _NANOSECONDS:
+        return 'ns'
+    for form in _CLOCKS:
+        if (match := form.fullmatch(lower)) is not None:
+            return next((unit for unit in match.groups() if unit), None)
+    if (match := _UNIT_BEHIND.fullmatch(lower)) is not None:
+        return next(unit for unit, found in zip(_UNITS, match.groups()[1:], strict=True) if found)
+    return None
 
 
 def _factor(name: str, unit: str | None, axis: str, options: RecordingOptions) -> float:
-    unit = unit or unit_in_name(name)
+    unit = unit or _unit_in_name(name)
     if unit is None:
         return options.factors[0 if axis.startswith('gyro') else 1]
     # EuRoC writes rad s^-1, others m/s2, and phones G.
@@ -336,3 +474,27 @@ def _converted(name: str, unit: str, si_unit: str) -> float:
         return convert(1.0, unit, si_unit)
     except ImuAllanError as error:
         raise ImuAllanError(f'column {printable(name)}: {printable(error)}') from error
+
+
+# ------------------------------------------------------------------------------------------- cells
+
+def cells_of(header: str) -> tuple[str | None, list[str]]:
+    """Tell what stands between the cells of a line, and take them apart."""
+    plain = header.strip('\r\n').lstrip('# ').removeprefix('//').lstrip(' ')
+    marks = [mark for mark in (',', ';', '\t', '|') if mark in plain]
+    if len(marks) > 1 and all(map(is_number, filter(str.strip, plain.split(marks[1])))):
+        # Numbers with decimal commas.
+        del marks[0]
+    if marks:
+        return marks[0], plain.split(marks[0])
+    words = _WORD.findall(plain)
+    return (None, words) if len(words) > 1 else (',', [plain])
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, with a decimal point or comma."""
+    try:
+        float(text.strip(QUOTES).replace(',', '.'))
+    except ValueError:
+        return False
+    return True

@@ -16,7 +16,7 @@ from typing import TypeAlias
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES
-from imu_allan.recordings.formats.csv_names import meaning_of
+from imu_allan.recordings.formats.csv_header import meaning_of
 from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording

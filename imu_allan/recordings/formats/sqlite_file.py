@@ -47,7 +47,6 @@ _DECODE, _HELD_BYTES = 1 << 13, 1 << 24
 """Messages decoded at a time, and their bytes where they are large."""
 _STRETCHES = 200
 """Statements for all rows, so that it is known how far reading has come."""
-_LARGEST_NUMBER = 2**63 - 1
 _LONGEST_STEP = 1 << 40
 """Rows that are passed over at most in search of a page that is not damaged."""
 _MOST_PLACES = 1000
@@ -270,7 +269,7 @@ class SqliteRecording(FileRecording):
                  'FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
                  "AND typeof(topic_id) = 'integer' "
                  f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
-        ends = [0, _LARGEST_NUMBER]
+        ends = [0, 2**63 - 1]
         for end, order in enumerate(('ASC', 'DESC')):
             with suppress(sqlite3.Error):
                 for [ends[end]] in database.execute(

@@ -3,6 +3,8 @@
 """A folder of tables, a sensor each, as phones record them: Sensor Logger, phyphox."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 import re
 
@@ -19,6 +21,7 @@ _MOST_TABLES = 64
 """Files that are looked into; a phone has some thirty sensors."""
 _TOLD = 2
 """Files by which it is told why none is read."""
+_CALLED = {'gyro': re.compile('gyr', re.IGNORECASE), 'accel': re.compile('acc', re.IGNORECASE)}
 _LIKELY = re.compile('gyr|acc|imu', re.IGNORECASE)
 """In the name of a file that somebody expects to be read."""
 _BEST = {'gyro': ('gyroscope',), 'accel': ('totalacceleration', 'accelerometer')}
@@ -57,7 +60,7 @@ class TableFolder(Recording):
         whole: list[str] = []
         for file in tables_in(path)[:_MOST_TABLES]:
             try:
-                sensors = CsvRecording(file, file, options).sensors
+                sensors = self._table(file).sensors
             except ImuAllanError as error:
                 self.other_topics[file.name], self.reasons[file.name] = 'CSV', str(error)
                 continue
@@ -80,13 +83,24 @@ class TableFolder(Recording):
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
         """Read a table, each block with its share of the bytes of all."""
         file = self._files[topic]
-        with CsvRecording(file, file, self.options) as table:
+        with self._table(file) as table:
             for block, position in table.decoded(TOPIC):
                 yield block, position * self.size_bytes // table.size_bytes
         for remark in table.remarks:
-            # Which sensor x, y and z are of is what the files are called after here.
-            if remark.code != 'guessed_columns':
-                self.keep_remark(remark)
+            self.keep_remark(remark)
+
+    def _table(self, file: Path) -> CsvRecording:
+        """Open a table; which sensor its x, y and z are of is what it may be called after."""
+        try:
+            return CsvRecording(file, file, self.options)
+        except ImuAllanError:
+            named = [sensor for sensor, name in _CALLED.items() if name.search(file.name)]
+            if len(named) != 1 or self.options.columns:
+                raise
+            columns = ('time', 'time'), *((f'{named[0]}_{axis}', axis) for axis in 'xyz')
+            with suppress(ImuAllanError):
+                return CsvRecording(file, file, replace(self.options, columns=columns))
+            raise
 
     def _what_lacks(self, halves: Mapping[str, Sequence[str]], whole: Sequence[str]) -> str:
         """Say why the files are no IMU: what the first of them hold, or why they are not read."""
@@ -104,7 +118,7 @@ class TableFolder(Recording):
         spans = []
         for name in (gyro, accel):
             file = self._files[name]
-            if (span := CsvRecording(file, file, self.options).span_ns()) is not None:
+            if (span := self._table(file).span_ns()) is not None:
                 spans.append((*span, printable(name)))
         if len(spans) < 2:
             return ''

@@ -250,8 +250,8 @@ ECHOED = '5,{},imu,0,0,0,1' + ',0' * 9 + ',1,2,3' + ',0' * 9 + ',4,5,6' + ',0' *
     ('ACCELEROMETER X (m/s²);ACCELEROMETER Y (m/s²);ACCELEROMETER Z (m/s²);GYROSCOPE X (rad/s);'
      'GYROSCOPE Y (rad/s);GYROSCOPE Z (rad/s);MAGNETIC FIELD X (μT);Time since start in ms ;'
      'YYYY-MO-DD HH-MI-SS_SSS\n4;5;6;1;2;3;0;250;2019-07-10 14:51:07:234\n', [250_000_000]),
-    ('local_time,X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
-     '1970-01-01T00:00:02.5,1,2,3,4,5,6\n', [2_500_000_000]),
+    ('elapsed (s),X (rad/s),Y (rad/s),Z (rad/s),x-axis (m/s^2),y-axis (m/s^2),z-axis (m/s^2)\n'
+     '2.5,1,2,3,4,5,6\n', [2_500_000_000]),
 ], ids=['euroc', 'rostopic echo -p', 'ros2 topic echo --csv', 'plotjuggler', 'with stamps',
         'with stamps of zero', 'stamp of any name', 'stamp of another topic', 'short', 'omega',
         'dotted', 'logger', 'uzh', 'insane', 'phyphox', 'decimal commas', 'comments',
@@ -296,47 +296,26 @@ def test_what_may_be_something_else_is_not_taken(path, header):
     assert refusal(path, text) == no_axes(header)
 
 
-@pytest.mark.parametrize(('name', 'columns'), [
-    ('Gyroscope.csv', [0, 1, 2]), ('TotalAcceleration.csv', [3, 4, 5])])
-def test_the_name_of_a_file_tells_the_sensor_of_x_y_and_z(tmp_path, name, columns):
-    path = tmp_path / name
-    path.write_text(f'time,seconds_elapsed,z,y,x\n{STAMP},1.5,3,2,1\n')
-    messages, remarks = read(path)
-    assert messages.header_ns.tolist() == [STAMP]
-    assert messages.samples[0, columns].tolist() == [1, 2, 3]
-    assert messages.absent.tolist() == [[columns[0] != 0, columns[0] == 0]]
-    sensor = 'gyroscope' if columns[0] == 0 else 'accelerometer'
-    assert message_of(remarks[0]) == (
-        f'{path}: x, y and z are taken for the {sensor}, which the name of the file speaks of; '
-        '--columns gyro_x=x,gyro_y=y,gyro_z=z (or accel_x=...) decides')
+@pytest.mark.parametrize('options', [{}, {'rate_hz': 100.0}])
+def test_times_that_are_written_as_dates_are_no_numbers_and_told(path, options):
+    text = 'time,gx\n2014-06-24T19:02:59.75Z,1\n2014-06-24T19:02:59.76Z,2\n'
+    assert refusal(path, text, **options) == (
+        'line 2: 2014-06-24T19:02:59.75Z,1 lacks a number in a column that is read; a column that '
+        'holds none can be left out: --columns names the others, and --rate takes the place of '
+        'the time')
+    columns = RecordingOptions(rate_hz=100.0, columns=(('gyro_x', 'gx'),))
+    with open_recording(path, options=columns) as recording:
+        [block] = read_blocks(recording, 'csv')
+    assert block.header_ns.tolist() == [0, 10_000_000]
 
 
-@pytest.mark.parametrize(('first', 'second', 'start', 'step'), [
-    ('2014-06-24T19:02:59.758555392Z', '2014-06-24T19:02:59.763555392Z', STAMP, 5_000_000),
-    ('2014-06-25 04:02:59.758 +0900', '2014-06-24 19:02:59.760+00:00', STAMP - 555_392, 2_000_000),
-    ('2014/06/24 07:02:59.5 PM', '2014/06/24 07:03:00.5 pm', STAMP - 258_555_392, 10**9),
-    ('12:34:56.789', '12:34:56.790', 45_296_789_000_000, 1_000_000),
-    ('"4/5/2024 23:59:59.999"', '"4/6/2024 0:00:00.001"', 86_399_999_000_000, 2_000_000),
-    ('23:59:59:500', '00:00:00:000', 86_399_500_000_000, 500_000_000),
-    ('12:34:56:789000', '12:34:56:790000', 45_296_789_000_000, 1_000_000),
-])
-def test_times_may_be_written_out(path, first, second, start, step):
-    path.write_text(f'time,gx\n{first},1\n{second},2\n')
-    messages, remarks = read(path)
-    assert messages.header_ns.tolist() == [start, start + step]
-    assert messages.samples[:, 0].tolist() == [1, 2]
-    assert remarks == []
-
-
-@pytest.mark.parametrize('time', [
-    '2014-02-30T00:00:00', '25:00:00', '12:61:00', 'noon', '12:34', '12:34:56:5', '12:34:56:5000'])
-def test_a_written_time_that_is_none_costs_its_line(path, time):
-    path.write_text(f'time [UTC],gx\n12:34:56,1\n{time},2\n12:34:57,3\n')
-    messages, [remark] = read(path)
-    assert np.diff(messages.header_ns).tolist() == [10**9]
-    assert messages.samples[:, 0].tolist() == [1, 3]
-    assert message_of(remark) == (
-        f'{path}: left out 1 line without readable numbers; the first: line 3: {time},2')
+def test_another_time_is_read_where_dates_stand_beside_it(path):
+    path.write_text('epoc (ms),timestamp (+0900),elapsed (s),x-axis (deg/s)\n'
+                    '1562737867234,2019-07-10T14:51:07.234,0.5,180\n'
+                    '1562737867244,2019-07-10T14:51:07.244,0.51,90\n')
+    messages, _ = read(path)
+    assert messages.header_ns.tolist() == [500_000_000, 510_000_000]
+    assert messages.samples[:, 0] == pytest.approx([pi, pi / 2], rel=1e-15)
 
 
 def test_columns_of_any_name_can_be_named(path):
