@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-MCAP files, chunk by chunk, in one module because whole and damaged ones take the same walk.
+MCAP files, chunk by chunk; whole and damaged ones take the same walk.
 
 Records are read with the classes of the `mcap` library, except messages and message indexes: a
 chunk is decompressed whole and the messages of the topic are gathered from it as arrays. The file
@@ -14,10 +14,7 @@ MCAP format specification, https://mcap.dev/spec
 
 """
 
-from bisect import bisect_right
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from struct import error as StructError, Struct
@@ -25,7 +22,13 @@ from typing import BinaryIO, TypeVar
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.damage import Damage, Part
+from imu_allan.recordings.formats.chunked_file import (
+    Channel,
+    ChunkedRecording,
+    Damage,
+    Decode,
+    Part,
+)
 from imu_allan.recordings.formats.decompress import (
     Bounded,
     crc32,
@@ -35,18 +38,15 @@ from imu_allan.recordings.formats.decompress import (
     Readable,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.gather import gather, in_batches
+from imu_allan.recordings.formats.gather import gather
 from imu_allan.recordings.formats.message_compression import unpacked
-from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
-from imu_allan.recordings.messages.definitions import Definition, FORMS, normal_name
-from imu_allan.recordings.messages.imus_in import IMU_TYPES
+from imu_allan.recordings.messages.definitions import Definition, FORMS
 from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Footer, Schema, Statistics
+from mcap.records import Channel as ChannelRecord, Footer, Schema, Statistics
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,86 +76,31 @@ _STEPS_AT_LEAST = 100_000
 """Records of a chunk that are stepped through whatever its size; they take a fifth of a second."""
 
 
-@dataclass(frozen=True)
-class _Channel:
-    topic: str
-    type_name: str
-    encoding: str
-    definition: Definition | None
+class McapRecording(ChunkedRecording):
+    """An MCAP file."""
 
-    def is_of(self, imu: ImuTopic) -> bool:
-        """Whether it carries the messages of an Imu topic."""
-        return (self.topic == imu.topic and self.encoding == imu.messages.serialization
-                and normal_name(self.type_name) == imu.messages.type_name)
-
-
-class McapRecording(FileRecording):
-    """
-    An MCAP file.
-
-    As any `FileRecording`.
-
-    Raises
-    ------
-    ImuAllanError
-        If the file is not MCAP.
-
-    """
+    _effort = (_STEPS_AT_LEAST,)
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, stored, options)
         self._schemas: dict[int, tuple[str, Definition | None]] = {}
-        self._channels: dict[int, _Channel] = {}
-        self._counts: dict[int, int] = {}
-        self._counted = False
-        self._chunk_starts: list[int] = []
         self._described = 0
-        with stored.open('rb') as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise ImuAllanError(f'{printable(path)}: not an MCAP file')
-            if not self._read_summary(file):
-                self._scan(file)
-        self._list_topics()
+        super().__init__(path, stored, options)
 
-    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks chunk by chunk, each with the bytes consumed so far."""
-        imu = self.imu(topic)
-        decoder = imu.messages.decoder()
-        wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
-        effort = Effort(self.path, _STEPS_AT_LEAST)
-        malformed = MalformedMessages()
-        damage = Damage()
-        messages = 0
-
+    def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
+                enter: Callable[[int], None], decode: Decode, effort: Effort,
+                ) -> Iterator[list[ImuBlock]]:
         def describe(opcode: int, body: bytes) -> None:
-            # A file without a summary may name further channels of the topic anywhere.
             number = self._describe(opcode, body)
-            if number is not None and self._channels[number].is_of(imu):
-                wanted.add(number)
+            if number is not None:
+                enter(number)
 
-        def decode(pieces: Iterable[Piece]) -> list[ImuBlock]:
-            return [block for held in in_batches(unpacked(pieces, effort))
-                    for block in decoder(held, malformed)]
+        return decoded_blocks(file, part, wanted, describe,
+                              lambda pieces: decode(unpacked(pieces, effort)), effort)
 
-        with self._stored.open('rb') as file:
-            for part in self._walk(file, damage):
-                if part.counts and not wanted & part.counts.keys():
-                    continue
-                try:
-                    for blocks in decoded_blocks(file, part, wanted, describe, decode, effort):
-                        for block in blocks:
-                            messages += len(block)
-                            yield block, part.start
-                except DamagedData as error:
-                    damage.chunk(part.start, str(error))
-        malformed.report(self.imu(topic), self.remark)
-        expected = sum(self._counts.get(number, 0) for number in wanted)
-        damage.report(self, topic, expected - messages - malformed.count, expected)
-
-    # ---------------------------------------------------------------------------- what is there
-
-    def _read_summary(self, file: BinaryIO) -> bool:
+    def _read_index(self, file: BinaryIO) -> bool:
         """Take channels, counts and chunk places from the summary; False where there is none."""
+        if file.read(len(MAGIC)) != MAGIC:
+            raise ImuAllanError(f'{printable(self.path)}: not an MCAP file')
         footer_at = self.size_bytes - _FOOTER_SIZE - len(MAGIC)
         if footer_at < len(MAGIC):
             return False
@@ -194,31 +139,6 @@ class McapRecording(FileRecording):
         self._chunk_starts.sort()
         return bool(self._channels)
 
-    def _scan(self, file: BinaryIO) -> None:
-        """
-        Learn the channels from the data itself, for want of a summary.
-
-        The message indexes name the channels and count their messages, so that only those chunks
-        are decompressed that hold a channel not described yet.
-        """
-        counts: Counter[int] = Counter()
-        effort = Effort(self.path, _STEPS_AT_LEAST)
-        damage = Damage()
-        for part in self._walk(file, damage):
-            counts.update(part.counts)
-            if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
-                try:
-                    for _ in decoded_blocks(
-                            file, part, frozenset(), self._describe, lambda _: [], effort):
-                        pass
-                except DamagedData as error:
-                    damage.chunk(part.start, str(error))
-        self._counts = dict(counts)
-        self._counted = bool(counts)
-        if not self._channels and (reason := damage.summary()):
-            raise ImuAllanError(
-                f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
-
     def _describe(self, opcode: int, body: bytes) -> int | None:
         """Remember a schema or channel record; returns the number of a new channel."""
         number = int.from_bytes(body[:2], 'little')
@@ -236,35 +156,13 @@ class McapRecording(FileRecording):
                     None if form is None or not schema.data.strip()
                     else Definition(schema.data.decode('utf-8', 'replace'), form))
         elif opcode == Opcode.CHANNEL:
-            channel = _parsed(Channel.read, body)
+            channel = _parsed(ChannelRecord.read, body)
             if channel is not None and len(channel.topic) <= _LONGEST_NAME:
                 name, definition = self._schemas.get(channel.schema_id, ('', None))
-                self._channels[number] = _Channel(
+                self._channels[number] = Channel(
                     channel.topic, name, channel.message_encoding[:_LONGEST_NAME], definition)
                 return number
         return None
-
-    def _list_topics(self) -> None:
-        groups: dict[tuple[str, str, str], list[int]] = {}
-        for number, channel in self._channels.items():
-            key = channel.topic, channel.type_name, channel.encoding
-            groups.setdefault(key, []).append(number)
-        listed: set[str] = set()
-        for (topic, kind, encoding), numbers in groups.items():
-            if encoding not in ('cdr', 'ros1'):
-                self.other_topics[topic] = (f'{kind} encoded as {encoding}' if kind in IMU_TYPES
-                                            else kind or 'no type')
-            elif not kind:
-                self.other_topics[topic] = 'no type'
-            elif topic not in listed:
-                # Without any count in the file the number of messages is not known.
-                count = (sum(self._counts.get(number, 0) for number in numbers)
-                         if self._counted else None)
-                if self.list_topic(topic, kind, 'cdr' if encoding == 'cdr' else 'ros1', count,
-                                   self._channels[numbers[0]].definition):
-                    listed.add(topic)
-
-    # ------------------------------------------------------------------------------ going through
 
     def _walk(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
         """Step through the data section: chunks, and stretches of records outside of chunks."""
@@ -277,15 +175,11 @@ class McapRecording(FileRecording):
             start = at + _FRAME.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 break
-            place = bisect_right(self._chunk_starts, at)
-            limit = (self._chunk_starts[place] if place < len(self._chunk_starts)
-                     else self.size_bytes)
-            if opcode == 0 or start + length > limit:
-                if place == len(self._chunk_starts):
-                    damage.ending(at, self.size_bytes - at, opcode == Opcode.CHUNK)
+            if opcode == 0 or start + length > (self._next_chunk(at) or self.size_bytes):
+                known = self._passed_over(at, damage, opcode == Opcode.CHUNK)
+                if known is None:
                     break
-                damage.hole(at, limit - at)
-                at = limit
+                at = known
                 continue
             if opcode == Opcode.MESSAGE_INDEX and part is not None and part.is_chunk:
                 index = file.read(6)

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS 1 bags, format 2.0, chunk by chunk, in one module because nothing else reads the format.
+ROS 1 bags, format 2.0, chunk by chunk.
 
 The messages of a topic are gathered from a decompressed chunk as arrays, like in an MCAP file. The
 per-message index, which grows with the length of a bag, is not loaded; the `rosbags` library loads
@@ -13,27 +13,28 @@ ROS wiki, Bags/Format/2.0
 
 """
 
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.damage import Damage, Part
+from imu_allan.recordings.formats.chunked_file import (
+    Channel,
+    ChunkedRecording,
+    Damage,
+    Decode,
+    Part,
+)
 from imu_allan.recordings.formats.decompress import DamagedData, decompress
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.gather import collect, in_batches
 from imu_allan.recordings.formats.ros1_header import DamagedHeader, Operation, Ros1Header
-from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
-from imu_allan.recordings.messages.definitions import Definition, normal_name
+from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.piece import Piece
-from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,77 +59,36 @@ A step takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000
 _TIME = np.dtype([('sec', '<u4'), ('nsec', '<u4')])
 
 
-class Ros1Recording(FileRecording):
-    """
-    A ROS 1 bag.
+class Ros1Recording(ChunkedRecording):
+    """A ROS 1 bag; raises ImuAllanError where it is of another version or encrypted."""
 
-    As any `FileRecording`.
+    _effort = (_STEPS_AT_LEAST, _BYTES_PER_STEP)
 
-    Raises
-    ------
-    ImuAllanError
-        If the bag is of another version or encrypted.
+    def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
+                enter: Callable[[int], None], decode: Decode, effort: Effort,
+                ) -> Iterator[list[ImuBlock]]:
+        for pieces in in_batches(self._gather(
+                _chunk_data(file, part, effort), wanted, enter, effort)):
+            yield decode(pieces)
 
-    """
-
-    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
-        super().__init__(path, stored, options)
-        self._connections: dict[int, _Connection] = {}
-        self._counts: dict[int, int] = {}
-        self._chunk_starts: list[int] = []
-        with stored.open('rb') as file:
-            magic = file.read(len(MAGIC))
-            if MAGIC.startswith(magic) and magic != MAGIC:
-                raise ImuAllanError(f'{printable(path)}: cut short within its first line; copy it '
-                                    'again')
-            if magic != MAGIC:
-                version = magic[9:12].decode('ascii', 'replace').strip()
-                raise ImuAllanError(
-                    f'{printable(path)}: ROS bag version {printable(version)} is not supported; '
-                    'convert it to 2.0 with: rosbag fix')
-            record = _record(file, len(MAGIC), self.size_bytes)
-            if record is not None and record.header.get('encryptor'):
-                raise ImuAllanError(f'{printable(path)}: encrypted; decrypt it with: '
-                                    'rosbag decrypt')
-            if record is None or not self._read_index(file, record):
-                self._scan(file)
-        self._list_topics()
-
-    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks chunk by chunk, each with the bytes consumed so far."""
-        decode = self.imu(topic).messages.decoder()
-        effort = Effort(self.path, _STEPS_AT_LEAST, _BYTES_PER_STEP)
-        malformed = MalformedMessages()
-        damage = Damage()
-        messages = 0
-        imu = self.imu(topic)
-        wanted = {number for number, connection in self._connections.items()
-                  if connection.is_of(imu)}
-
-        def enter(number: int) -> None:
-            if self._connections[number].is_of(imu):
-                wanted.add(number)
-
-        with self._stored.open('rb') as file:
-            for part in self._walk(file, damage):
-                if part.counts and not wanted & part.counts.keys():
-                    continue
-                try:
-                    for pieces in in_batches(piece for _, piece in self._gather(
-                            _chunk_data(file, part, effort), wanted, enter, effort)):
-                        for block in decode(pieces, malformed):
-                            messages += len(block)
-                            yield block, part.start
-                except DamagedData as error:
-                    damage.chunk(part.start, str(error))
-        malformed.report(self.imu(topic), self.remark)
-        expected = sum(self._counts.get(number, 0) for number in wanted)
-        damage.report(self, topic, expected - messages - malformed.count, expected)
-
-    # ---------------------------------------------------------------------------- what is there
-
-    def _read_index(self, file: BinaryIO, bag_header: '_Record') -> bool:
+    def _read_index(self, file: BinaryIO) -> bool:
         """Take connections and counts from the end of the bag; False where it has none."""
+        magic = file.read(len(MAGIC))
+        if MAGIC.startswith(magic) and magic != MAGIC:
+            raise ImuAllanError(f'{printable(self.path)}: cut short within its first line; copy '
+                                'it again')
+        if magic != MAGIC:
+            version = magic[9:12].decode('ascii', 'replace').strip()
+            raise ImuAllanError(
+                f'{printable(self.path)}: ROS bag version {printable(version)} is not supported; '
+                'convert it to 2.0 with: rosbag fix')
+        bag_header = _record(file, len(MAGIC), self.size_bytes)
+        if bag_header is None:
+            return False
+        if bag_header.header.get('encryptor'):
+            raise ImuAllanError(f'{printable(self.path)}: encrypted; decrypt it with: '
+                                'rosbag decrypt')
+        at = 0
         with suppress(DamagedHeader):
             at = bag_header.header.number('index_pos', 8)
             counts: Counter[int] = Counter()
@@ -151,72 +111,34 @@ class Ros1Recording(FileRecording):
                     return False
                 at = record.start + record.length
             self._chunk_starts.sort()
-            self._counts = dict(counts)
-        return bool(self._connections) and at == self.size_bytes
-
-    def _scan(self, file: BinaryIO) -> None:
-        """Learn the connections from the chunks themselves, for want of an index."""
-        counts: Counter[int] = Counter()
-        effort = Effort(self.path, _STEPS_AT_LEAST, _BYTES_PER_STEP)
-        damage = Damage()
-        for part in self._walk(file, damage):
-            counts.update(part.counts)
-            if not part.counts or part.counts.keys() - self._connections:
-                try:
-                    for _ in self._gather(
-                            _chunk_data(file, part, effort), frozenset(), lambda _: None, effort):
-                        pass
-                except DamagedData as error:
-                    damage.chunk(part.start, str(error))
-        self._counts = dict(counts)
-        if not self._connections and (reason := damage.summary()):
-            raise ImuAllanError(
-                f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
+            self._counts, self._counted = dict(counts), bool(counts)
+        return bool(self._channels) and at == self.size_bytes
 
     def _describe(self, header: Ros1Header, data: bytes) -> int | None:
         """Remember a connection record; returns the number of a new one."""
         with suppress(DamagedHeader):
             number = header.number('conn', 4)
-            if number in self._connections:
+            if number in self._channels:
                 return None
             topic = header.text('topic')
             if not self.keeps(len(topic) + len(data)):
                 return None
-            if len(self._connections) == _MOST_CONNECTIONS:
+            if len(self._channels) == _MOST_CONNECTIONS:
                 self.remark('many_topics', what='connections', listed=_MOST_CONNECTIONS)
                 return None
             fields = Ros1Header(data)
-            self._connections[number] = _Connection(
-                topic, fields.text('type'),
-                fields.get('message_definition').decode('utf-8', 'replace'))
+            text = fields.get('message_definition').decode('utf-8', 'replace')
+            self._channels[number] = Channel(
+                topic, fields.text('type'), 'ros1', Definition(text) if text.strip() else None)
             return number
         return None
-
-    def _list_topics(self) -> None:
-        groups: dict[tuple[str, str], list[int]] = {}
-        for number, connection in self._connections.items():
-            groups.setdefault((connection.topic, connection.type_name), []).append(number)
-        listed: set[str] = set()
-        for (topic, kind), numbers in groups.items():
-            if topic in listed:
-                continue
-            text = self._connections[numbers[0]].definition
-            count = sum(self._counts.get(number, 0) for number in numbers)
-            if self.list_topic(topic, kind, 'ros1', count if self._counts else None,
-                               Definition(text) if text.strip() else None):
-                listed.add(topic)
-
-    # ------------------------------------------------------------------------------ going through
 
     def _walk(self, file: BinaryIO, damage: Damage) -> Iterator[Part]:
         """Step through the chunks."""
         at = len(MAGIC)
         part: Part | None = None
         while True:
-            place = bisect_right(self._chunk_starts, at)
-            limit = (self._chunk_starts[place] if place < len(self._chunk_starts)
-                     else self.size_bytes)
-            record = _record(file, at, limit)
+            record = _record(file, at, self._next_chunk(at) or self.size_bytes)
             op = _operation(record)
             if record is not None and op == Operation.INDEX and part is not None:
                 with suppress(DamagedHeader):
@@ -226,11 +148,10 @@ class Ros1Recording(FileRecording):
                 yield part
                 part = None
             if record is None or op is None:
-                if place == len(self._chunk_starts):
-                    damage.ending(at, self.size_bytes - at, in_chunk=False)
+                known = self._passed_over(at, damage)
+                if known is None:
                     break
-                damage.hole(at, limit - at)
-                at = limit
+                at = known
                 continue
             if op == Operation.CHUNK:
                 part = Part(at, record.start + record.length - at, is_chunk=True)
@@ -240,32 +161,12 @@ class Ros1Recording(FileRecording):
             at = record.start + record.length
 
     def _gather(self, buffer: bytes, wanted: AbstractSet[int], enter: Callable[[int], None],
-                effort: Effort) -> Iterator[tuple[int, Piece]]:
+                effort: Effort) -> Iterator[Piece]:
         """
         Gather the messages of connections from a chunk, and remember the connections in it.
 
-        Parameters
-        ----------
-        buffer : bytes
-            The chunk.
-        wanted : set of int
-            Numbers of the connections; looked at anew after each call of `enter`.
-        enter : callable
-            Called with the number of each connection that was not known.
-        effort : Effort
-            How many records may be stepped through.
-
-        Yields
-        ------
-        (int, Piece)
-            With the number of their connection.
-
-        Raises
-        ------
-        DamagedData
-            Where the buffer does not consist of whole records, or of more than `effort` allows,
-            after the messages before.
-
+        Raises DamagedData where it does not consist of whole records, or of more than `effort`
+        allows, after the messages before.
         """
         heads: list[_MessageHead] = []
         scattered: list[int] = []
@@ -290,7 +191,7 @@ class Ros1Recording(FileRecording):
                     yield _scattered(buffer, scattered, scattered_head)
                     scattered, scattered_head = [], None
                 if count > 1:
-                    yield head.connection, _piece(
+                    yield _piece(
                         np.ndarray((count, head.stride), np.uint8, buffer, at), head)
                 else:
                     scattered.append(at)
@@ -317,18 +218,6 @@ class Ros1Recording(FileRecording):
         if operation == Operation.CONNECTION and end - start <= _LARGEST_DEFINITION:
             return end, self._describe(header, buffer[start:end])
         return end, None
-
-
-@dataclass(frozen=True)
-class _Connection:
-    topic: str
-    type_name: str
-    definition: str
-
-    def is_of(self, imu: ImuTopic) -> bool:
-        """Whether it carries the messages of an Imu topic."""
-        return (self.topic == imu.topic
-                and normal_name(self.type_name) == imu.messages.type_name)
 
 
 @dataclass(frozen=True)
@@ -491,5 +380,5 @@ def _piece(records: NDArray[np.uint8], head: _MessageHead) -> Piece:
                  time['sec'].astype(np.int64) * 1_000_000_000 + time['nsec'])
 
 
-def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> tuple[int, Piece]:
-    return head.connection, _piece(collect(buffer, np.array(places), head.stride), head)
+def _scattered(buffer: bytes, places: list[int], head: _MessageHead) -> Piece:
+    return _piece(collect(buffer, np.array(places), head.stride), head)

@@ -1,0 +1,254 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What files made of chunks have in common: MCAP and ROS 1 bags."""
+
+from abc import abstractmethod
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar
+
+from imu_allan.block import ImuBlock
+from imu_allan.cdr import Serialization
+from imu_allan.errors import ImuAllanError, printable
+from imu_allan.recordings.formats.decompress import DamagedData
+from imu_allan.recordings.formats.effort import Effort
+from imu_allan.recordings.formats.gather import in_batches
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
+from imu_allan.recordings.messages.definitions import Definition, normal_name
+from imu_allan.recordings.messages.imus_in import IMU_TYPES
+from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.options import RecordingOptions
+from imu_allan.recordings.recording import FileRecording, Recording
+from imu_allan.wording import counted
+
+_UNWRITTEN = 'what was not yet written is missing'
+_SERIALIZATIONS: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
+
+Decode = Callable[[Iterable[Piece]], list[ImuBlock]]
+
+
+@dataclass
+class Part:
+    """
+    A chunk, or a stretch of records outside of chunks.
+
+    Attributes
+    ----------
+    start, length : int
+        Place of its body in the file.
+    is_chunk : bool
+        Which of the two.
+    counts : dict of int to int
+        Messages by channel, as the index behind a chunk tells; empty without an index.
+    indexes : list of (int, int)
+        Place and length of the entries of each index behind a chunk.
+
+    """
+
+    start: int
+    length: int
+    is_chunk: bool
+    counts: dict[int, int] = field(default_factory=dict)
+    indexes: list[tuple[int, int]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Messages of one publisher, and how they are written."""
+
+    topic: str
+    type_name: str
+    encoding: str
+    definition: Definition | None
+
+    def is_of(self, imu: ImuTopic) -> bool:
+        """Whether it carries the messages of an Imu topic."""
+        return (self.topic == imu.topic and self.encoding == imu.messages.serialization
+                and normal_name(self.type_name) == imu.messages.type_name)
+
+
+class ChunkedRecording(FileRecording):
+    """A file of chunks, whose channels an index at its end describes, or the chunks themselves."""
+
+    _effort: ClassVar[tuple[int, ...]]
+    """Records of a chunk that are stepped through, see `Effort`."""
+
+    def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
+        super().__init__(path, stored, options)
+        self._channels: dict[int, Channel] = {}
+        self._counts: dict[int, int] = {}
+        self._counted = False
+        self._chunk_starts: list[int] = []
+        with stored.open('rb') as file:
+            if not self._read_index(file):
+                self._scan(file)
+        self._list_topics()
+
+    @abstractmethod
+    def _read_index(self, file: BinaryIO) -> bool:
+        """Take channels, counts and chunk places from the end of the file; False without them."""
+
+    @abstractmethod
+    def _walk(self, file: BinaryIO, damage: 'Damage') -> Iterator[Part]:
+        """Step through the parts of the file."""
+
+    @abstractmethod
+    def _blocks(self, file: BinaryIO, part: Part, wanted: AbstractSet[int],
+                enter: Callable[[int], None], decode: Decode, effort: Effort,
+                ) -> Iterator[list[ImuBlock]]:
+        """
+        Decode the messages of the channels `wanted`; raises DamagedData after those before.
+
+        `enter` is told the number of each channel that was not known, and may add to `wanted`.
+        """
+
+    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        """Read blocks chunk by chunk, each with the bytes consumed so far."""
+        imu = self.imu(topic)
+        decoder = imu.messages.decoder()
+        wanted = {number for number, channel in self._channels.items() if channel.is_of(imu)}
+        effort = Effort(self.path, *self._effort)
+        malformed = MalformedMessages()
+        damage = Damage()
+        messages = 0
+
+        def enter(number: int) -> None:
+            # A file without an index may name further channels of the topic anywhere.
+            if self._channels[number].is_of(imu):
+                wanted.add(number)
+
+        def decode(pieces: Iterable[Piece]) -> list[ImuBlock]:
+            return [block for held in in_batches(pieces) for block in decoder(held, malformed)]
+
+        with self._stored.open('rb') as file:
+            for part in self._walk(file, damage):
+                if part.counts and not wanted & part.counts.keys():
+                    continue
+                try:
+                    for blocks in self._blocks(file, part, wanted, enter, decode, effort):
+                        for block in blocks:
+                            messages += len(block)
+                            yield block, part.start
+                except DamagedData as error:
+                    damage.chunk(part.start, str(error))
+        malformed.report(imu, self.remark)
+        expected = sum(self._counts.get(number, 0) for number in wanted)
+        damage.report(self, topic, expected - messages - malformed.count, expected)
+
+    def _scan(self, file: BinaryIO) -> None:
+        """
+        Learn the channels from the data itself, for want of an index at the end.
+
+        The indexes behind chunks name the channels and count their messages, so that only those
+        chunks are decompressed that hold a channel not described yet.
+        """
+        counts: Counter[int] = Counter()
+        effort = Effort(self.path, *self._effort)
+        damage = Damage()
+        for part in self._walk(file, damage):
+            counts.update(part.counts)
+            if not part.is_chunk or not part.counts or part.counts.keys() - self._channels:
+                try:
+                    for _ in self._blocks(file, part, frozenset(), lambda _: None, lambda _: [],
+                                          effort):
+                        pass
+                except DamagedData as error:
+                    damage.chunk(part.start, str(error))
+        self._counts, self._counted = dict(counts), bool(counts)
+        if not self._channels and (reason := damage.summary()):
+            raise ImuAllanError(
+                f'{printable(self.path)}: damaged, no topic can be found in it: {reason}')
+
+    def _list_topics(self) -> None:
+        groups: dict[tuple[str, str, str], list[int]] = {}
+        for number, channel in self._channels.items():
+            key = channel.topic, channel.type_name, channel.encoding
+            groups.setdefault(key, []).append(number)
+        listed: set[str] = set()
+        for (topic, kind, encoding), numbers in groups.items():
+            serialization = _SERIALIZATIONS.get(encoding)
+            if serialization is None:
+                self.other_topics[topic] = (f'{kind} encoded as {encoding}' if kind in IMU_TYPES
+                                            else kind or 'no type')
+            elif not kind:
+                self.other_topics[topic] = 'no type'
+            elif topic not in listed:
+                # Without any count in the file the number of messages is not known.
+                count = (sum(self._counts.get(number, 0) for number in numbers)
+                         if self._counted else None)
+                if self.list_topic(topic, kind, serialization, count,
+                                   self._channels[numbers[0]].definition):
+                    listed.add(topic)
+
+    def _next_chunk(self, at: int) -> int | None:
+        """Tell where the next chunk begins that the index knows."""
+        place = bisect_right(self._chunk_starts, at)
+        return self._chunk_starts[place] if place < len(self._chunk_starts) else None
+
+    def _passed_over(self, at: int, damage: 'Damage', in_chunk: bool = False) -> int | None:
+        """Note bytes that are no record; returns where a chunk follows, None where none does."""
+        known = self._next_chunk(at)
+        if known is None:
+            damage.ending(at, self.size_bytes - at, in_chunk)
+        else:
+            damage.hole(at, known - at)
+        return known
+
+
+@dataclass
+class Damage:
+    """What was found wrong in one reading of a file."""
+
+    chunks: int = 0
+    broken_chunks: int = 0
+    first_broken: str = ''
+    holes: int = 0
+    first_hole: str = ''
+    end: str = ''
+
+    def chunk(self, at: int, reason: str) -> None:
+        """Note a whole chunk whose content is damaged."""
+        self.broken_chunks += 1
+        self.first_broken = self.first_broken or f'at byte {at}: {printable(reason)}'
+
+    def hole(self, at: int, length: int) -> None:
+        """Note bytes between chunks that are no records."""
+        self.holes += 1
+        self.first_hole = self.first_hole or f'{length} bytes from byte {at} on'
+
+    def ending(self, at: int, left: int, in_chunk: bool) -> None:
+        """Note where the file breaks off."""
+        if left == 0:
+            self.end = _UNWRITTEN
+        elif in_chunk:
+            self.end = f'the chunk at byte {at}, of which {left} bytes are there, is lost'
+        else:
+            self.end = f'{left} bytes from byte {at} on are not whole records and are lost'
+
+    def summary(self) -> str:
+        """Tell what is wrong, in short; nothing where nothing is."""
+        if self.broken_chunks:
+            return (f'{counted(self.broken_chunks, "damaged chunk")} of {self.chunks} '
+                    f'(the first {self.first_broken})')
+        return self.first_hole if self.holes else self.end if self.end != _UNWRITTEN else ''
+
+    def report(self, recording: Recording, topic: str, lost: int, expected: int) -> None:
+        """Add remarks to `recording`; `lost` of `expected` messages were not read."""
+        messages: dict[str, Any] = (
+            {'lost': lost, 'of': expected, 'topic': printable(topic)} if lost > 0 else {})
+        if self.end:
+            recording.remark(
+                'truncated_recording', fault='ends', end=self.end, whole_chunks=self.chunks)
+        if self.broken_chunks:
+            recording.remark(
+                'damaged_recording', fault='chunks', broken=self.broken_chunks,
+                chunks=self.chunks, first=self.first_broken, **messages)
+        elif self.holes:
+            recording.remark(
+                'damaged_recording', fault='holes', holes=self.holes, first=self.first_hole,
+                **messages)
+        elif messages and not self.end:
+            recording.remark('damaged_recording', fault='unread', **messages)
