@@ -22,14 +22,19 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.table import fastest, lacking, Table, table_block, table_times
-from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
+from imu_allan.recordings.formats.table import (
+    columns_of,
+    fastest,
+    lacking,
+    Table,
+    table_times,
+    TableLog,
+)
+from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.imu_fields import ImuFields, Stamp, Vector
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,18 +73,8 @@ class _Kind:
     layout: np.dtype[Any]
 
 
-class ArduPilotRecording(FileRecording):
-    """
-    An ArduPilot dataflash log.
-
-    As any `FileRecording`.
-
-    Raises
-    ------
-    ImuAllanError
-        If pymavlink is missing or cannot make sense of the file.
-
-    """
+class ArduPilotRecording(TableLog):
+    """An ArduPilot log; raises ImuAllanError where pymavlink is missing or cannot read it."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -109,18 +104,10 @@ class ArduPilotRecording(FileRecording):
         self.preferred = fastest(unbroken, _PARTNER) or fastest(
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
 
-    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks, each with the bytes consumed so far."""
-        imu = self.imu(topic)
-        base = imu.topic.partition('.')[0]
-        fields = imu.messages.fields
-        assert fields is not None
-        factors = np.repeat(imu.messages.factors, 3)
-        malformed = MalformedMessages()
-        for name, table, position in self._tables(self._kinds(), base):
-            if name == imu.topic:
-                yield table_block(table, fields, factors, malformed), position
-        malformed.report(self.imu(topic), self.remark)
+    def tables_of(self, topic: str) -> Iterator[tuple[str, Table, int]]:
+        """Gather the messages of a topic, and of others like it."""
+        base = topic.partition('.')[0]
+        yield from self._tables(self._kinds(), base)
         if base == 'IMU':
             self.remark('filtered', by='autopilot')
         elif base.startswith('ISBD'):
@@ -178,7 +165,7 @@ class ArduPilotRecording(FileRecording):
                 numbers = rows['I'] if 'I' in (rows.dtype.names or ()) else np.full(
                     len(rows), suffix)
                 for number in np.unique(numbers).tolist():
-                    yield _named(base, number), _columns(rows[numbers == number]), position
+                    yield _named(base, number), columns_of(rows[numbers == number]), position
 
     def _batches(self, kinds: dict[str, _Kind], sensor: int) -> Iterator[tuple[str, Table, int]]:
         """Unroll the batches of one kind of sensor to the times of their samples."""
@@ -233,7 +220,7 @@ def _hushed() -> Iterator[None]:
 def _lacking(name: str, layout: np.dtype[Any]) -> str | None:
     """Return the first field that messages of an IMU need and have not, as numbers."""
     if name in _FIELDS:
-        return lacking(_columns(np.zeros(0, layout)), _FIELDS[name])
+        return lacking(columns_of(np.zeros(0, layout)), _FIELDS[name])
     for field in _BATCH_FIELDS[name]:
         shape = (32,) if field in ('x', 'y', 'z') else ()
         if field not in (layout.names or ()) or layout[field].shape != shape or (
@@ -250,10 +237,6 @@ def _code(translation: tuple[str, object, object]) -> str:
 
 def _named(base: str, number: int) -> str:
     return f'{base}.{number}' if number else base
-
-
-def _columns(rows: NDArray[Any]) -> Table:
-    return {name: rows[name] for name in rows.dtype.names or ()}
 
 
 def _rate_hz(times: NDArray[np.int64]) -> float:

@@ -22,13 +22,18 @@ import re
 from struct import Struct, unpack_from
 from typing import Any
 
-from imu_allan.block import ImuBlock
-from imu_allan.recordings.formats.table import fastest, lacking, Table, table_block, table_times
-from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
+from imu_allan.recordings.formats.table import (
+    columns_of,
+    fastest,
+    lacking,
+    Table,
+    table_times,
+    TableLog,
+)
+from imu_allan.recordings.imu_topic import ImuTopic
 from imu_allan.recordings.messages.decoder import ImuMessages
 from imu_allan.recordings.messages.known_types import KNOWN
 from imu_allan.recordings.options import RecordingOptions
-from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
 _TYPES = {
@@ -53,18 +58,8 @@ _CODES = {'int8_t': 'i1', 'uint8_t': 'u1', 'int16_t': '<i2', 'uint16_t': '<u2', 
 _FIELD = re.compile(r'(\w+)(?:\[(\d{1,4})\])? (\w+)')
 
 
-class UlogRecording(FileRecording):
-    """
-    A PX4 log.
-
-    As any `FileRecording`.
-
-    Raises
-    ------
-    ImuAllanError
-        If the file holds no IMU, or its topics are too thin.
-
-    """
+class UlogRecording(TableLog):
+    """A PX4 log."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)
@@ -106,18 +101,10 @@ class UlogRecording(FileRecording):
         self.preferred = fastest(
             {topic.name: rates[topic.name] for topic in self.topics}, _PARTNER)
 
-    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
-        """Read blocks, each with the bytes consumed so far."""
-        imu = self.imu(topic)
-        fields = imu.messages.fields
-        assert fields is not None
-        factors = np.repeat(imu.messages.factors, 3)
-        malformed = MalformedMessages()
-        walk = _Walk({imu.topic.partition('.')[0]})
-        for found, _, table, position in self._tables(walk):
-            if found == imu.topic:
-                yield table_block(table, fields, factors, malformed), position
-        malformed.report(self.imu(topic), self.remark)
+    def tables_of(self, topic: str) -> Iterator[tuple[str, Table, int]]:
+        """Gather the messages of a topic, and of others like it."""
+        for name, _, table, position in self._tables(_Walk({topic.partition('.')[0]})):
+            yield name, table, position
 
     def _tables(self, walk: '_Walk') -> Iterator[tuple[str, str, Table, int]]:
         """Gather messages: name and type of the topic, columns, bytes consumed."""
@@ -201,7 +188,7 @@ class _Walk:
             if len(starts):
                 rows = content[starts[:, np.newaxis] + np.arange(layout.itemsize)].view(
                     layout)[:, 0]
-                yield name, _columns(rows)
+                yield name, columns_of(rows)
 
     def _subscribe(self, body: bytes) -> None:
         """Look for data of a topic from now on, where it is wanted and has the fields."""
@@ -210,7 +197,7 @@ class _Walk:
             return
         layout = _layout(self._formats[name])
         full = f'{name}.{body[0]}' if body[0] else name
-        columns = _columns(np.zeros(0, layout))
+        columns = columns_of(np.zeros(0, layout))
         # Every PX4 topic has that, and it counts the messages.
         if (lack := lacking(columns, KNOWN[_type_of(name)], 'timestamp')) is not None:
             self.reasons[full] = f'its format has no field {lack}'
@@ -235,14 +222,3 @@ def _layout(text: str) -> np.dtype[Any]:
     while fields and fields[-1][0].startswith('_padding'):
         fields.pop()
     return np.dtype(fields)
-
-
-def _columns(rows: 'np.ndarray[Any, np.dtype[Any]]') -> Table:
-    columns = {}
-    for name in rows.dtype.names or ():
-        column = rows[name]
-        if column.ndim == 1:
-            columns[name] = column
-        else:
-            columns |= {f'{name}[{place}]': column[:, place] for place in range(column.shape[1])}
-    return columns

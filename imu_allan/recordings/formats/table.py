@@ -8,18 +8,53 @@ scaled, is said by `imu_allan.recordings.messages.imu_fields`, and they are turn
 `imu_allan.recordings.messages.values`, both as for messages.
 """
 
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import MalformedImu
+from imu_allan.recordings.imu_topic import MalformedMessages
 from imu_allan.recordings.messages.forms import OnMalformed
 from imu_allan.recordings.messages.imu_fields import ImuFields, Vector
 from imu_allan.recordings.messages.values import to_si, unrolled, unsound
+from imu_allan.recordings.recording import FileRecording
 import numpy as np
 from numpy.typing import NDArray
 
 Table = Mapping[str, NDArray[Any]]
+
+
+class TableLog(FileRecording):
+    """The log of an autopilot."""
+
+    @abstractmethod
+    def tables_of(self, topic: str) -> Iterator[tuple[str, Table, int]]:
+        """Gather the messages of a topic that is recorded: its name, columns, bytes consumed."""
+
+    def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:
+        """Read blocks, each with the bytes consumed so far."""
+        imu = self.imu(topic)
+        fields = imu.messages.fields
+        assert fields is not None
+        factors = np.repeat(imu.messages.factors, 3)
+        malformed = MalformedMessages()
+        for name, table, position in self.tables_of(imu.topic):
+            if name == imu.topic:
+                yield table_block(table, fields, factors, malformed), position
+        malformed.report(imu, self.remark)
+
+
+def columns_of(rows: NDArray[Any]) -> Table:
+    """Take records apart; ``name[0]`` is the first element of arrays."""
+    columns = {}
+    for name in rows.dtype.names or ():
+        column = rows[name]
+        if column.ndim == 1:
+            columns[name] = column
+        else:
+            columns |= {f'{name}[{place}]': column[:, place] for place in range(column.shape[1])}
+    return columns
 
 
 def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str, ...]:

@@ -72,7 +72,7 @@ def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
             ('\0', '<words>'),
             ('', 'no rosbag2_bagfile_information'),
             ('rosbag2_bagfile_information: 5', 'no rosbag2_bagfile_information'),
-            ('rosbag2_bagfile_information: {relative_file_paths: [1]}',
+            ('rosbag2_bagfile_information: {relative_file_paths: [[1]]}',
              'relative_file_paths holds something else than file names'),
             ('rosbag2_bagfile_information: {relative_file_paths: []}',
              'relative_file_paths is empty'),

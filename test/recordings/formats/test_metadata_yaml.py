@@ -5,31 +5,9 @@
 from pathlib import Path
 
 from bags import block, IMU, read, write_db3, write_metadata
-from imu_allan.recordings.formats.metadata_yaml import read_metadata_yaml
 from imu_allan.writers.words import message_of
 from measured_command import run
 import pytest
-from whole_lines import refused
-
-BAG = """rosbag2_bagfile_information:
-  version: 9
-  storage_identifier: mcap
-  duration: {nanoseconds: 12345}
-  starting_time: {nanoseconds_since_epoch: 1700000000000000000}
-  message_count: 1_000
-  custom_data: ~
-  compression_format: ""
-  relative_file_paths:
-    - a_0.mcap
-  topics_with_message_count:
-    - topic_metadata:
-        name: /imu
-        offered_qos_profiles: "- history: 3\\n  depth: 0\\n  reliability: 1"
-      message_count: 20
-  files: []
-  ros_distro: jazzy
-  flag: true
-"""
 
 EXPANDING = {
     'merged keys': 'a0: &a0 {x: 1}\n' + ''.join(
@@ -51,48 +29,6 @@ EXPANDING = {
 }
 
 
-def test_what_rosbag2_writes_is_read():
-    assert read_metadata_yaml(BAG.encode()) == {'rosbag2_bagfile_information': {
-        'version': 9, 'storage_identifier': 'mcap', 'duration': {'nanoseconds': 12345},
-        'starting_time': {'nanoseconds_since_epoch': 1700000000000000000},
-        'message_count': '1_000', 'custom_data': None, 'compression_format': '',
-        'relative_file_paths': ['a_0.mcap'],
-        'topics_with_message_count': [{'topic_metadata': {
-            'name': '/imu', 'offered_qos_profiles': '- history: 3\n  depth: 0\n  reliability: 1'},
-            'message_count': 20}],
-        'files': [], 'ros_distro': 'jazzy', 'flag': True}}
-
-
-@pytest.mark.parametrize(('text', 'reason'), [
-    ('x: &a 1\ny: *a', 'it has an alias, which rosbag2 never writes'),
-    ('x: 1\nx: 2', 'it has the key x twice'),
-    ('x: !!int 1:30', "'1:30' is not a whole number"),
-    ('? [1]\n: 2', 'it has a key that is no text'),
-    ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
-    ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes')])
-def test_what_rosbag2_never_writes_is_refused(text, reason):
-    with refused(reason, ValueError):
-        read_metadata_yaml(text.encode())
-
-
-@pytest.mark.parametrize(('text', 'value'), [
-    ('1:30', '1:30'), ('0x10', '0x10'), ('010', '010'), ('2024-01-01', '2024-01-01'),
-    ('1.5', '1.5'), ('yes', 'yes'), ('~', None), ('', None), ('-7', -7), ('<<', '<<'),
-    ('9' * 21, '9' * 21)])
-def test_texts_that_yaml_would_turn_into_something_else_stay_texts(text, value):
-    assert read_metadata_yaml(f'x: {text}'.encode()) == {'x': value}
-
-
-@pytest.mark.parametrize(('text', 'tag'), [
-    ('!!python/name:os.system x', 'python/name:os.system'),
-    ('!!timestamp 2024-01-01', 'timestamp'), ('x: !!binary AAAA', 'binary'), ('!!set {a}', 'set'),
-    ('!!int [1]', 'int'), ('!!map x', 'map'), ('!!seq x', 'seq'), ('!!bool {a: 1}', 'bool'),
-    ('!!map [a]', 'map')])
-def test_no_other_type_is_constructed(text, tag):
-    with refused(f'it has the tag tag:yaml.org,2002:{tag}', ValueError):
-        read_metadata_yaml(text.encode())
-
-
 @pytest.mark.parametrize('name', EXPANDING)
 def test_metadata_that_grows_costs_the_process_little_time_and_memory(tmp_path, name):
     write_db3(tmp_path / 'a_0.db3', block(300))
@@ -101,6 +37,26 @@ def test_metadata_that_grows_costs_the_process_little_time_and_memory(tmp_path, 
     assert (status, err) == (0, '')
     assert seconds < 10
     assert kilobytes < 300_000
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    ('k: [' + '1,' * 30_000 + ']', 'it has more than 30000 entries'),
+    ('x: ' + 'y' * (1 << 20), 'it is larger than 1048576 bytes')])
+def test_metadata_of_another_size_than_rosbag2_writes_is_told(tmp_path, text, reason):
+    write_db3(tmp_path / 'a_0.db3', block(300))
+    (tmp_path / 'metadata.yaml').write_text(text)
+    after, [remark] = read(tmp_path)
+    assert len(after) == 300
+    assert message_of(remark) == (
+        f'{tmp_path}: metadata.yaml is damaged ({reason}); the files found were read')
+
+
+@pytest.mark.parametrize('name', ['1:30', '0x10', '2024-01-01', 'yes', '010'])
+def test_names_that_yaml_would_turn_into_something_else_stay_names(tmp_path, name):
+    write_db3(tmp_path / name, block(300))
+    write_metadata(tmp_path, [name], [('/imu', IMU, 300)])
+    after, remarks = read(tmp_path)
+    assert (len(after), remarks) == (300, [])
 
 
 def bag(folder: Path, *, count: int, times: int = 1) -> Path:
