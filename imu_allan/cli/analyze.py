@@ -130,7 +130,7 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
         if args.json is not None and not Path(args.json).exists():
             require_writable(Path(args.json).parent)
     complaints: list[ImuAllanError] = []
-    gathering = Gathering(None if args.output is None else Path(args.output))
+    gathering = Gathering(None if args.output is None else Path(args.output), apart=apart)
     tasks = _tasks(args, options, complaints, gathering)
     if args.json is not None and len(tasks) > 1:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
@@ -165,7 +165,8 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
                 continue
             gathering.add(task, result)
             with progress.aside():
-                _hand_out(task, result, args, first=not shown, brief=len(tasks) > FEW)
+                _hand_out(task, result, args, first=not shown,
+                          brief=apart or len(tasks) > FEW)
             if unsaved is not None:
                 complaints.append(unsaved)
             else:

@@ -17,22 +17,23 @@ if TYPE_CHECKING:
     from imu_allan.result import Result
 
 FEW = 7
-"""Results up to which each is printed as a table; of more a line each."""
+"""Topics of a recording up to which each is printed as a table; of more a line each."""
 
 
 class Gathering:
     """The results of many recordings as they come in, without what a fleet does not need."""
 
-    def __init__(self, output: Path | None) -> None:
+    def __init__(self, output: Path | None, *, apart: bool = False) -> None:
         self._output = output
+        # Nobody asks for those of many topics, and of 65,000 they would take 2.5 GB.
+        self._wanted = apart or output is not None
         self._results: dict[str, Result] = {}
         self._failures: list[tuple[str, str, str]] = []
         self._means: dict[tuple[float, ...], str] = {}
 
     def add(self, task: Task, result: 'Result') -> None:
         """Take in a result; one of the messages of another counts as a failure."""
-        if self._output is None:
-            # Nobody asks for them, and of 65,000 topics they would take 2.5 GB.
+        if not self._wanted:
             return
         from imu_allan.analysis import given_twice
 
@@ -49,23 +50,24 @@ class Gathering:
 
     def fail(self, unit: str, path: str, error: BaseException) -> None:
         """Take in that nothing came of a recording."""
-        if self._output is not None:
+        if self._wanted:
             self._failures.append((unit, path, str(error)))
 
     def finish(self) -> None:
-        """Write the fleet's files, if there is a folder for them, and print what it has to say."""
-        if self._output is None or len(self._results) + len(self._failures) < 2:
+        """Print what the units have in common; write it where there is a folder for it."""
+        if len(self._results) + len(self._failures) < 2:
             return
         from imu_allan.writers.fleet import Failure, Fleet, population_table, save_fleet
         from imu_allan.writers.terminal import console_of
 
         fleet = Fleet(self._results, {unit: unit for unit in self._results},
                       tuple(Failure(*failure) for failure in self._failures))
-        paths = save_fleet(fleet, self._output)
+        paths = [] if self._output is None else save_fleet(fleet, self._output)
         console = console_of()
         console.print()
         console.print(population_table(fleet))
-        print(paths[-1])
+        if paths:
+            print(paths[-1])
 
 
 def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
