@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units of one model as a population: every coefficient's spread, and the units that stick out."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from math import exp, log
+from math import exp, log, sqrt
 from statistics import median
 
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
@@ -13,6 +13,10 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.random_effects import Effects, outliers, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import Result
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 PERCENTILES = (5, 25, 50, 75, 95)
 """Median, the half of the units about it, and all but one in ten."""
@@ -28,8 +32,12 @@ _SIGNED = ('rate_ramp', MEAN)
 """Signed quantities are normal about their mean; the others spread by factors."""
 _CHANCE = 0.01
 """Probability with which a fleet without a bad unit names one."""
-_LARGEST = log(1e60)
-"""Three units that differ by orders of magnitude have a limit beyond all numbers."""
+_CHANCE_TOGETHER = 0.005
+"""The same by all axes of a sensor together; .00 to .02, the more alike axes of a unit are."""
+_FEWEST_TOGETHER = 5
+"""As for one axis alone: among four, what a unit is held against is hardly known."""
+_VAGUE = 10.0
+"""A limit so many times above nearly all units is no limit: too few units are known."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +59,9 @@ class Trait:
         Standard error of a typical unit's value.
     percentiles : mapping of int to float
         Of the population, by percent.
-    tolerance : float
+    tolerance : float or None
         95 % of all units keep this limit, with 95 % confidence; of a signed quantity its
-        magnitude does.
+        magnitude does. None where too few units are known for one.
 
     """
 
@@ -67,7 +75,7 @@ class Trait:
     between_ci95: tuple[float, float]
     measurement: float
     percentiles: Mapping[int, float]
-    tolerance: float
+    tolerance: float | None
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,8 @@ class Oddity:
         'missing', or why the axis does not measure (`AxisResult.fault`).
     value, median, spreads : float or None
         The unit's value, the median of the others, and the distance from it in standard
-        deviations between units (and of its own measurement), signed.
+        deviations between units (and of its own measurement), signed; where the axes of a sensor
+        are judged together, that of their mean.
 
     """
 
@@ -156,18 +165,23 @@ def population(results: Mapping[str, Result]) -> Population:
                    if key in LASTING_TERMS and len(sample.values) < FEWEST_UNITS <= sample.units)
     samples = {quantity: sample for quantity, sample in samples.items()
                if len(sample.values) >= FEWEST_UNITS}
+    alone = {quantity: {name for name, out in zip(sample.values, outliers(
+        list(sample.values.values()), list(sample.errors.values()), _CHANCE / len(samples)),
+        strict=True) if out} for quantity, sample in samples.items()}
+    together = list(_together(samples, {(name, key) for (_, key), names in alone.items()
+                                        for name in names}))
+    apart = {(oddity.unit, oddity.axis, oddity.key) for oddity in together}
     traits = []
     for (axis, key), sample in samples.items():
-        names = list(sample.values)
-        odd = outliers(list(sample.values.values()), list(sample.errors.values()),
-                       _CHANCE / len(samples))
         # The bad ones say nothing about the others.
-        kept = [name for name, out in zip(names, odd, strict=True) if not out]
+        kept = [name for name in sample.values
+                if name not in alone[axis, key] and (name, axis, key) not in apart]
         effects = random_effects([sample.values[name] for name in kept],
                                  [sample.errors[name] for name in kept], sample.bounds)
         traits.append(_trait(axis, key, sample, effects))
         oddities += [_oddity(name, axis, key, sample, effects)
-                     for name, out in zip(names, odd, strict=True) if out]
+                     for name in sample.values if name in alone[axis, key]]
+    oddities += together
     order = {unit: place for place, unit in enumerate(units)}
     oddities.sort(key=lambda oddity: (order[oddity.unit], -abs(oddity.spreads or 1e9)))
     return Population(units, tuple(traits), tuple(oddities), unseen)
@@ -225,16 +239,71 @@ def _trait(axis: str, key: str, sample: _Sample, effects: Effects) -> Trait:
         share = (1 + TOLERANCE_SHARE) / 2
         above = effects.tolerance(share, TOLERANCE_CONFIDENCE)
         below = 2 * effects.mean - above
+        percentiles = {percent: effects.percentile(percent / 100) for percent in PERCENTILES}
+        limit = max(abs(above), abs(below))
         return Trait(axis, key, unit, sample.units, len(sample.values), effects.mean,
-                     effects.between, effects.between_ci95, typical,
-                     {percent: effects.percentile(percent / 100) for percent in PERCENTILES},
-                     max(abs(above), abs(below)))
+                     effects.between, effects.between_ci95, typical, percentiles,
+                     limit if limit <= _VAGUE * max(map(abs, percentiles.values())) else None)
     middle = exp(effects.mean)
     low, high = effects.between_ci95
+    limit = effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE)
+    vague = limit > effects.percentile(PERCENTILES[-1] / 100) + log(_VAGUE)
     return Trait(axis, key, unit, sample.units, len(sample.values), middle,
                  middle * effects.between, (middle * low, middle * high), middle * typical,
                  {percent: exp(effects.percentile(percent / 100)) for percent in PERCENTILES},
-                 exp(min(effects.tolerance(TOLERANCE_SHARE, TOLERANCE_CONFIDENCE), _LARGEST)))
+                 None if vague else exp(limit))
+
+
+def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tuple[str, str | None]]
+              ) -> Iterator[Oddity]:
+    """
+    Find units that lie apart on the axes of a sensor together, each axis too little by itself.
+
+    A unit is held against the others by the mean of its axes. How much such a mean scatters is the
+    variance between units, pooled over the axes, and how alike the axes of one unit are in all
+    quantities (their intraclass correlation).
+    """
+    from scipy.stats import t
+
+    groups: list[tuple[list[str], str, list[str], Array, Array]] = []
+    for sensor in dict.fromkeys(axis.partition('_')[0] for axis, _ in samples):
+        for key in TERMS:
+            axes = [axis for axis in AXES if axis.startswith(sensor) and (axis, key) in samples]
+            units = [unit for unit in (samples[axes[0], key].values if axes else ())
+                     if all(unit in samples[axis, key].values for axis in axes)
+                     and (unit, key) not in named]
+            if key not in _SIGNED and len(axes) > 1 and len(units) >= _FEWEST_TOGETHER:
+                own = [samples[axis, key] for axis in axes]
+                groups.append((axes, key, units,
+                               np.array([[one.values[unit] for one in own] for unit in units]),
+                               np.array([[one.errors[unit] for one in own] for unit in units])))
+    tests = sum(len(units) for _, _, units, _, _ in groups)
+    everyone = dict.fromkeys(unit for _, _, units, _, _ in groups for unit in units)
+    for unit in everyone:
+        held = [(*group, group[2].index(unit)) for group in groups if unit in group[2]]
+        rests = [np.delete(values, place, 0) for *_, values, _, place in held]
+        spread = [max(float(np.sum((rest - rest.mean(0))**2)) / (rest.shape[1] * (len(rest) - 1)),
+                      1e-300) for rest in rests]
+        scaled = [(rest - rest.mean(0)) / sqrt(variance)
+                  for rest, variance in zip(rests, spread, strict=True)]
+        pairs = sum(float(np.sum(np.sum(z, 1)**2 - np.sum(z**2, 1))) / (
+            z.shape[1] * (z.shape[1] - 1)) for z in scaled)
+        alike = min(max(pairs / sum(len(z) - 1 for z in scaled), 0.0), 1.0)
+        for (axes, key, _, values, errors, place), rest, variance in zip(
+                held, rests, spread, strict=True):
+            count = len(axes)
+            of_error = float(np.mean(errors[place]**2) - np.mean(np.delete(errors, place, 0)**2))
+            scatter = sqrt((variance * (1 + 1 / len(rest)) + max(of_error, 0.0))
+                           * count * (1 + (count - 1) * alike))
+            apart = values[place] - rest.mean(0)
+            if abs(np.sum(np.sign(apart) * (np.abs(apart) > sqrt(variance)))) < count:
+                # One axis alone is judged by itself.
+                continue
+            away = float(np.sum(apart)) / scatter
+            freedom = count * (len(rest) - 1) / (1 + (count - 1) * alike**2)
+            if 2 * t.sf(abs(away), freedom) < _CHANCE_TOGETHER / tests:
+                for axis, value, others in zip(axes, values[place], rest.T, strict=True):
+                    yield Oddity(unit, axis, key, None, exp(value), exp(median(others)), away)
 
 
 def _oddity(name: str, axis: str, key: str, sample: _Sample, effects: Effects) -> Oddity:

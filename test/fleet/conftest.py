@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fleet whose every number is known."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from imu_allan.noise.terms import AXES, TERMS
@@ -57,3 +58,25 @@ def fleet() -> dict[str, Result]:
     flat = replace(bad.axes['accel_x'], curve=replace(bad.axes['accel_x'].curve, adev=(0.0,) * 14))
     results['unit23'] = replace(bad, axes={**bad.axes, 'accel_x': flat})
     return results
+
+
+@pytest.fixture
+def six() -> Callable[..., dict[str, Result]]:
+    """Make six units that differ by 2 %, all gyroscope axes of unit2 noisier by a factor."""
+    return six_units
+
+
+def six_units(lift: float = 1.0) -> dict[str, Result]:
+    rng = np.random.default_rng(3)
+    units = {}
+    for number in range(1, 7):
+        result = unit(rng)
+        axes = {}
+        for name, axis in result.axes.items():
+            density = axis.coefficients['noise_density']
+            value = 1e-4 * float(np.exp(0.02 * rng.normal())) * (
+                lift if number == 2 and name.startswith('gyro') else 1.0)
+            axes[name] = replace(axis, coefficients={**axis.coefficients, 'noise_density': replace(
+                density, value=value, ci95=(0.99 * value, 1.01 * value))})
+        units[f'unit{number}'] = replace(result, axes=axes)
+    return units

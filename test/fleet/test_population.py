@@ -1,5 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
+from collections.abc import Callable
 from dataclasses import replace
 
 from imu_allan.fleet.population import population
@@ -109,3 +110,28 @@ def test_a_unit_whose_drift_does_not_show_has_no_certain_zero_bias(
     fleet['unit1'] = replace(fleet['unit1'], axes={**fleet['unit1'].axes, 'gyro_x': bad})
     assert [(oddity.unit, oddity.key) for oddity in population(fleet).oddities
             if oddity.axis == 'gyro_x'] == [('unit1', 'mean')]
+
+
+def test_a_unit_is_judged_by_all_axes_of_a_sensor_together(
+        six: Callable[..., dict[str, Result]]) -> None:
+    assert population(six()).odd_units == []
+    found = population(six(1.095))
+    assert found.odd_units == ['unit2']
+    assert [(oddity.axis, oddity.key) for oddity in found.oddities] == [
+        (f'gyro_{letter}', 'noise_density') for letter in 'xyz']
+    assert {round(oddity.value / oddity.median, 1) for oddity in found.oddities} == {1.1}
+
+
+def test_few_units_that_differ_much_have_no_limit(fleet: dict[str, Result]) -> None:
+    several = {name: fleet[name] for name in ('unit1', 'unit2', 'unit3')}
+    for factor, result in zip((1.0, 30.0, 1000.0), list(several.values()), strict=True):
+        axis = result.axes['gyro_x']
+        density = axis.coefficients['noise_density']
+        value = factor * 1e-4
+        several[f'unit{[1.0, 30.0, 1000.0].index(factor) + 1}'] = replace(result, axes={
+            **result.axes, 'gyro_x': replace(axis, coefficients={
+                **axis.coefficients, 'noise_density': replace(
+                    density, value=value, ci95=(0.99 * value, 1.01 * value))})})
+    traits = {(trait.axis, trait.key): trait for trait in population(several).traits}
+    assert traits['gyro_x', 'noise_density'].tolerance is None
+    assert traits['gyro_y', 'noise_density'].tolerance > traits['gyro_y', 'noise_density'].median

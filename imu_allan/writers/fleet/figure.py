@@ -7,7 +7,7 @@ Allan deviations, with the median and the band that nine in ten units keep; and 
 coefficients side by side.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imu_allan.errors import printable, shorten
@@ -35,6 +35,9 @@ _MOST_NAMED = 7
 """Colours there are; what sticks out beyond them is named in the table alone."""
 _LABEL = 11.0
 """Points from one name to the next, that they do not lie on one another."""
+_MOST_TICKS = 12
+"""Units that are named below a panel, each by so many characters; more are counted."""
+_TICK = 14
 _WIDTH = 11.0
 """Inches; as wide as the page, text of 8 points is 11 pixels high."""
 
@@ -56,13 +59,18 @@ def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
 
     """
     colours = _odd_colours(fleet, theme)
+    if len(fleet.population.units) <= _MOST_NAMED:
+        others = [unit for unit in fleet.population.units if unit not in colours]
+        colours |= dict(zip(others, _palette(theme)[len(colours):], strict=False))
     sensors = _sensors(fleet)
     with plot_style(theme):
         figure = empty_figure(_WIDTH, 0.9 + 3.7 * max(1, len(sensors)))
         grid = figure.add_gridspec(
             max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
             bottom=0.55 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme)
+        _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme,
+                 'in colour: what sticks out' if len(fleet.population.units) > _MOST_NAMED else
+                 'each unit in its colour')
         for row, sensor in enumerate(sensors):
             names = [axis for axis in AXES if axis.startswith(sensor) and _axes(fleet, axis)]
             limits = limits_of([axis for name in names for axis in _axes(fleet, name).values()])
@@ -71,15 +79,15 @@ def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
                 frame_allan(panel, sensor, limits, left=column == 0,
                             right=column == len(names) - 1)
                 panel.set_title(name.replace('_', ' '), loc='left')
-                _draw_curves(panel, _axes(fleet, name), colours, theme)
+                _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units, theme)
         return figure
 
 
 def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping[str, str],
-                 theme: Theme) -> None:
+                 odd: Collection[str], theme: Theme) -> None:
     ink = COLOURS[theme]['ink']
     usual = [axis.curve for unit, axis in axes.items()
-             if unit not in colours and any(axis.curve.adev)]
+             if unit not in odd and any(axis.curve.adev)]
     step = max(1, len(usual) // _MOST_CURVES)
     for curve in usual[::step]:
         panel.plot(curve.tau_s, curve.adev, color=COLOURS[theme]['gap'], linewidth=0.6, alpha=0.45,
@@ -158,15 +166,17 @@ def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
         rows = [(sensor, key) for sensor in _sensors(fleet) for key in keys]
         figure = empty_figure(_WIDTH, 0.9 + 2.1 * max(1, len(rows)))
         grid = figure.add_gridspec(
-            max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.42,
+            max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.62,
             bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
-        _heading(figure, 'Coefficients of every unit', theme, ' · small arrow: upper bound')
+        _heading(figure, 'Coefficients of every unit', theme,
+                 'in colour: what sticks out · small arrow: upper bound')
         for row, (sensor, key) in enumerate(rows):
             for column, name in enumerate(n for n in names if n.startswith(sensor)):
                 panel = figure.add_subplot(grid[row, column])
                 _draw_units(panel, fleet, name, key, colours, theme)
                 if row == len(rows) - 1:
-                    panel.set_xlabel('unit, counted in the order of the names')
+                    panel.set_xlabel('unit, counted in the order of the names'
+                                     if len(fleet.population.units) > _MOST_TICKS else '')
         return figure
 
 
@@ -195,6 +205,11 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
                        _short(member) if member in odd else '', theme, rasterized=many)
     # There is no unit between the third and the fourth.
     panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
+    units = fleet.population.units
+    if len(units) <= _MOST_TICKS:
+        panel.set_xticks(range(1, len(units) + 1),
+                         [shorten(printable(unit), _TICK) for unit in units], rotation=20,
+                         ha='right', rotation_mode='anchor')
     panel.margins(x=0.03, y=0.12)
     if panel.get_ylim()[0] < 0:
         panel.set_ylim(bottom=0)
@@ -218,18 +233,22 @@ def _draw_unit(panel: 'Axes', place: int, found: Coefficient, colour: str | None
                        fontsize=8, color=COLOURS[theme]['ink'])
 
 
-def _heading(figure: 'Figure', title: str, theme: Theme, more: str = '') -> None:
+def _heading(figure: 'Figure', title: str, theme: Theme, more: str) -> None:
     height = figure.get_figheight()
     figure.text(0.02, 1 - 0.25 / height, title, fontsize=13, fontweight='bold', va='center')
-    figure.text(0.02, 1 - 0.5 / height, 'black: median · blue: nine in ten units · in colour: '
-                f'what sticks out{more}', fontsize=8.5, va='center', color=COLOURS[theme]['soft'])
+    figure.text(0.02, 1 - 0.5 / height, f'line: median · band: nine in ten units · {more}',
+                fontsize=8.5, va='center', color=COLOURS[theme]['soft'])
 
 
 def _odd_colours(fleet: Fleet, theme: Theme) -> dict[str, str]:
     odd = fleet.population.odd_units[:_MOST_NAMED]
-    palette = result_colours(_MOST_NAMED, theme)
+    return dict(zip(odd, _palette(theme), strict=False))
+
+
+def _palette(theme: Theme) -> list[str]:
+    first, *others = result_colours(_MOST_NAMED, theme)
     # The blue is the band's.
-    return dict(zip(odd, [*palette[1:], palette[0]], strict=False))
+    return [*others, first]
 
 
 def _sensors(fleet: Fleet) -> list[str]:

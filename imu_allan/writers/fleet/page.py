@@ -13,6 +13,8 @@ from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import bounded, duration, rounded
+from imu_allan.writers.comparison import result_colours
+from imu_allan.writers.figure_style import COLOURS, Theme
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
@@ -22,6 +24,8 @@ from imu_allan.writers.verdict import findings_line
 _COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
             ('accel', 'bias_instability'))
 """Worst-axis coefficients in the table of units."""
+_COLOURS = 7
+"""Colours of results there are."""
 
 
 def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
@@ -51,7 +55,7 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
                               lstrip_blocks=True)
     population = fleet.population
     return environment.from_string(page).render(
-        version=__version__, style=Markup(style), title=printable(title),
+        version=__version__, style=Markup(f'{style}{_both_colours()}'), title=printable(title),
         facts=_facts(fleet),
         odd=[{'name': printable(unit), 'link': _link(fleet, unit),
               'reasons': _reasons(fleet, unit)} for unit in population.odd_units],
@@ -86,7 +90,27 @@ def _svg(figure: Any, place: int) -> str:
     text = render(figure, 'svg').decode()
     text = text[text.index('<svg'):]
     text = re.sub(r'(id="|href="#|url\(#)', rf'\1f{place}-', text)
+    for colour in _colours('light').values():
+        text = text.replace(colour, f'var(--c{colour[1:]})')
     return re.sub(r'<metadata>.*?</metadata>', '', text, flags=re.DOTALL)
+
+
+def _colours(theme: Theme) -> dict[str, str]:
+    """Return the colours of the pictures by role."""
+    palette = result_colours(_COLOURS, theme)
+    return {**{f'unit {place}': colour for place, colour in enumerate(palette)},
+            **COLOURS[theme]}
+
+
+def _both_colours() -> str:
+    """Return the style by which pictures are dark where the page is."""
+    light, dark = _colours('light'), _colours('dark')
+
+    def said(shown: dict[str, str]) -> str:
+        return ' '.join(f'--c{light[role][1:]}: {colour};' for role, colour in shown.items())
+
+    return (f':root {{ {said(light)} }}\n'
+            f'@media screen and (prefers-color-scheme: dark) {{ :root {{ {said(dark)} }} }}')
 
 
 def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:

@@ -41,7 +41,7 @@ def population_table(fleet: Fleet) -> 'RenderableType':
         parts += [Text(f'{len(fleet.results)} units', 'bold'), table, Text(
             '5 .. 95 %: where nine in ten units lie; spread: between units, measurement error '
             'apart, or its 95 % upper limit where none shows; 95/95: 95 % of all such units keep '
-            'it, with 95 % confidence', 'dim')]
+            'it, with 95 % confidence, where enough units are known', 'dim')]
     if fleet.unseen:
         parts.append(Text(fleet.unseen, style='italic'))
     for unit in fleet.population.odd_units:
@@ -65,5 +65,6 @@ def cells(trait: Trait) -> tuple[str, ...]:
             ' .. '.join(dict.fromkeys(shown(trait.percentiles[percent]) for percent in (5, 95))),
             shown(trait.between) if trait.between else
             bounded(engineering(trait.between_ci95[1], trait.unit)[0]),
-            shown(trait.measurement), shown(trait.tolerance),
+            shown(trait.measurement),
+            '' if trait.tolerance is None else shown(trait.tolerance),
             f'{trait.observable} of {trait.units}')
