@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sensors that come in halves, in one module because every way of uniting them leaves its marks.
+Sensors that come in halves, and the marks that every way of uniting them leaves.
 
 Gyroscope and accelerometer then have rates of their own.
 RealSense and OAK cameras publish them on two topics, the other half of each message being zero;
@@ -10,6 +10,7 @@ next sample or interpolated between two.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -229,24 +230,15 @@ def _come_in_turn(samples: NDArray[np.float64]) -> bool:
     return bool((new[0] != new[1]).mean() > _IN_TURN)
 
 
-def _name(half: Half) -> str:
-    return 'gyroscope' if half == 'gyro' else 'accelerometer'
-
-
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
     """Read the first messages of a topic; what is wrong there is told by the reading itself."""
-    remarks = list(recording.remarks)
     seen = 0
-    try:
-        for block, _ in recording.decoded(topic):
+    with recording.again() as apart, suppress(ImuAllanError, OSError):
+        for block, _ in apart.decoded(topic):
             yield block
             seen += len(block)
             if seen >= _LOOKED_AT:
                 break
-    except (ImuAllanError, OSError):
-        return
-    finally:
-        recording.remarks[:] = remarks
 
 
 def _is_repeated(half: NDArray[np.float64]) -> bool:

@@ -122,15 +122,7 @@ def _is_bag(folder: Path) -> bool:
 
 
 def read_head(path: Path) -> bytes:
-    """
-    Read the first bytes of a file.
-
-    Raises
-    ------
-    ImuAllanError
-        If there is no such file, or it is empty, not a regular file, or a git-LFS pointer.
-
-    """
+    """Read the first bytes of a file; ImuAllanError says what is wrong with it."""
     if not path.exists():
         raise ImuAllanError(f'{printable(path)}: no such file or directory')
     if not path.is_file():
@@ -147,24 +139,7 @@ def read_head(path: Path) -> bytes:
 
 
 def open_stored(path: Path, stored: Path, options: RecordingOptions) -> Recording:
-    """
-    Open a file by its first bytes.
-
-    Parameters
-    ----------
-    path : Path
-        The recording as the user knows it.
-    stored : Path
-        Where its bytes are; another file where `path` is compressed.
-    options : RecordingOptions
-        What the user says about it.
-
-    Raises
-    ------
-    ImuAllanError
-        As for `open_recording`.
-
-    """
+    """Open a file by its first bytes; `stored` is another one where `path` is compressed."""
     head = read_head(stored)
     if head.startswith(b'\x89MCAP'):
         from imu_allan.recordings.formats.mcap_file import McapRecording

@@ -54,15 +54,7 @@ class RecordingOptions:
     temperature: str | None = None
 
     def __post_init__(self) -> None:
-        """
-        Refuse what cannot be meant.
-
-        Raises
-        ------
-        ImuAllanError
-            If a unit is not one of the quantity, or the rate is no rate.
-
-        """
+        """Raise ImuAllanError if a unit is not one of the quantity, or the rate is no rate."""
         for rate_hz in (self.rate_hz, self.accel_rate_hz):
             if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
                 raise ImuAllanError(f'rate {rate_hz}: not a positive number of Hz')
@@ -76,15 +68,7 @@ class RecordingOptions:
 
 
 def factor(option: str, unit: str | None, si_unit: str) -> float:
-    """
-    Return how many SI units one `unit` is; 1 for None.
-
-    Raises
-    ------
-    ImuAllanError
-        If the two units are not of one dimension.
-
-    """
+    """Return how many SI units one `unit` is; 1 for None; raises ImuAllanError."""
     if unit is None or unit == si_unit:
         return 1.0
     from imu_allan.sensor.units import convert

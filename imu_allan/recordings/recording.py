@@ -190,17 +190,7 @@ class Recording(ABC):
 
 
 class FileRecording(Recording):
-    """
-    A recording in one file, which each reading opens and closes itself.
-
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        What the user says about it.
-
-    """
+    """A recording in one file, `stored`, which each reading opens and closes itself."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)

@@ -113,18 +113,17 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
     heat = thermometer_of(recording, topic)
     if heat is None or clock is None:
         return
-    # What is wrong with the file was told when the IMU was read.
-    remarks = list(recording.remarks)
     try:
-        for block, _ in recording.decoded(heat.name):
-            usable = clock == 'header' and (block.header_ns > 0).all()
-            yield (block.header_ns if usable else block.receive_ns,
-                   in_celsius(block.samples[:, 0]))
+        # What is wrong with the file was told when the IMU was read.
+        with recording.again() as apart:
+            for block, _ in apart.decoded(heat.name):
+                usable = clock == 'header' and (block.header_ns > 0).all()
+                yield (block.header_ns if usable else block.receive_ns,
+                       in_celsius(block.samples[:, 0]))
     except ImuAllanError as error:
         if recording.options.temperature is not None:
             raise
-        remarks.append(finding('thermometer', fault='unread', reason=str(error)))
-    recording.remarks[:] = remarks
+        recording.remarks.append(finding('thermometer', fault='unread', reason=str(error)))
 
 
 def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -148,8 +147,5 @@ def in_celsius(readings: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _frame_id(recording: Recording, name: str) -> str:
     """Return the frame_id of the first message."""
-    remarks = list(recording.remarks)
-    try:
-        return next((block.frame_id for block, _ in recording.decoded(name) if len(block)), '')
-    finally:
-        recording.remarks[:] = remarks
+    with recording.again() as apart:
+        return next((block.frame_id for block, _ in apart.decoded(name) if len(block)), '')

@@ -30,24 +30,7 @@ _MOUNTS = Path('/proc/self/mountinfo')
 
 
 class CompressedRecording(Recording):
-    """
-    A zstd-compressed file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    open_stored : callable
-        Opens what it unpacks to, given `path`, where the plain bytes are, and `options`.
-    options : RecordingOptions
-        What the user says about it.
-
-    Raises
-    ------
-    ImuAllanError
-        If the temporary folder has no room for it, or it holds no recording.
-
-    """
+    """A zstd-compressed file; raises ImuAllanError where there is no room to unpack it."""
 
     def __init__(
         self, path: Path, open_stored: Callable[[Path, Path, RecordingOptions], Recording],

@@ -48,24 +48,7 @@ class Bounded:
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:
-    """
-    Decompress a whole buffer.
-
-    Parameters
-    ----------
-    compression : {'', 'none', 'zstd', 'lz4', 'bz2'}
-        How it is compressed.
-    data : bytes
-        The compressed data.
-    size : int
-        The number of bytes it must give.
-
-    Raises
-    ------
-    DamagedData
-        If the data gives another number of bytes or is not of that compression.
-
-    """
+    """Decompress a buffer that must give `size` bytes; raises DamagedData."""
     try:
         plain = _DECOMPRESSORS[compression](data, size)
     except KeyError:
@@ -79,15 +62,7 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
 
 
 def decompress_frame(data: bytes, most: int) -> bytes:
-    """
-    Decompress one zstd frame of at most `most` bytes.
-
-    Raises
-    ------
-    DamagedData
-        If it is larger, or damaged.
-
-    """
+    """Decompress one zstd frame of at most `most` bytes; raises DamagedData."""
     try:
         return _unzstd(data, most)
     except (zstandard.ZstdError, MemoryError) as error:
@@ -103,15 +78,7 @@ def declared_size(head: bytes) -> int:
 
 
 def decompressing(compression: str, source: Bounded) -> Readable:
-    """
-    Decompress a stream; reads raise DamagedData.
-
-    Raises
-    ------
-    DamagedData
-        If `compression` is not known.
-
-    """
+    """Decompress a stream; this and its reads raise DamagedData."""
     if compression in ('', 'none'):
         return source
     if compression == 'zstd':

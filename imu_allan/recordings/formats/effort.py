@@ -50,29 +50,13 @@ class Effort:
         self._steps -= self._left
 
     def step(self) -> None:
-        """
-        Count a record.
-
-        Raises
-        ------
-        DamagedData
-            If there are more than allowed.
-
-        """
+        """Count a record; raises DamagedData where there are more than allowed."""
         self._left -= 1
         if self._left < 0:
             raise DamagedData('more records than its bytes can hold')
 
     def expand(self, size: int) -> None:
-        """
-        Count bytes that something compressed expands to.
-
-        Raises
-        ------
-        DamagedData
-            If they are more than allowed.
-
-        """
+        """Count bytes that something compressed expands to; raises DamagedData if too many."""
         if size > self._bytes:
             raise DamagedData(f'the file expands to more than {MOST_RATIO} times its size')
         self._bytes -= size

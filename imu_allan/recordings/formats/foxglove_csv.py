@@ -39,22 +39,7 @@ _Series: TypeAlias = 'tuple[array[int], array[int], array[float]]'
 
 
 class FoxgloveCsv(FileRecording):
-    """
-    Plot data exported from Foxglove.
-
-    Parameters
-    ----------
-    path, stored : Path
-        The recording as the user knows it, and where its bytes are.
-    options : RecordingOptions
-        What the user says about it.
-
-    Raises
-    ------
-    ImuAllanError
-        If no path in it is an axis of an IMU.
-
-    """
+    """Plot data; raises ImuAllanError where no path in it is an axis of an IMU."""
 
     def __init__(self, path: Path, stored: Path, options: RecordingOptions) -> None:
         super().__init__(path, stored, options)

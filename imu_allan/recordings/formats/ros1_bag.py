@@ -292,15 +292,7 @@ def _operation(record: _Record | None) -> Operation | None:
 
 
 def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
-    """
-    Decompress a chunk, and begin the effort that it may take.
-
-    Raises
-    ------
-    DamagedData
-        If it is not what its header declares, or expands to more than `effort` allows.
-
-    """
+    """Decompress a chunk, and begin the effort that it may take; raises DamagedData."""
     effort.begin(part.length)
     record = _record(file, part.start, part.start + part.length)
     try:
@@ -318,15 +310,7 @@ def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
 
 
 def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead | None:
-    """
-    Read what stands before the data of a message; None where there is another record.
-
-    Raises
-    ------
-    DamagedData
-        If the record is cut short.
-
-    """
+    """Read what stands before the data of a message; None where there is another record."""
     for head in known:
         if head.stands_at(buffer, at):
             return head

@@ -28,20 +28,7 @@ class DamagedHeader(ValueError):
 
 
 class Ros1Header:
-    """
-    The fields of one record header.
-
-    Parameters
-    ----------
-    data : bytes
-        The header without the length before it.
-
-    Raises
-    ------
-    DamagedHeader
-        If the lengths of the fields do not add up, or a name is not ASCII.
-
-    """
+    """The fields of one record header; raises DamagedHeader."""
 
     def __init__(self, data: bytes) -> None:
         self._fields: dict[str, tuple[bytes, int]] = {}
@@ -59,15 +46,7 @@ class Ros1Header:
         return self._fields.get(name, (b'', 0))[0]
 
     def value(self, name: str, size: int | None = None) -> bytes:
-        """
-        Return the bytes of a field.
-
-        Raises
-        ------
-        DamagedHeader
-            If there is no such field, or it has another size.
-
-        """
+        """Return the bytes of a field of some size; raises DamagedHeader."""
         value, _ = self._fields.get(name, (None, 0))
         if value is None or size not in (None, len(value)):
             raise DamagedHeader(f'no field {name} of that size in the record header')

@@ -58,17 +58,7 @@ def columns_of(rows: NDArray[Any]) -> Table:
 
 
 def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str, ...]:
-    """
-    Choose the topic, or the pair of gyroscope and accelerometer, with the highest rate.
-
-    Parameters
-    ----------
-    rates : mapping of str to float
-        In Hz by topic; ``name.1`` is the second sensor of its kind.
-    partner : mapping of str to str
-        The accelerometer that belongs to each gyroscope on a topic of its own.
-
-    """
+    """Choose the topic, or gyroscope with its partner, that has the highest rate."""
     choices: dict[tuple[str, ...], float] = {}
     for name, rate in rates.items():
         base, dot, number = name.partition('.')
@@ -82,24 +72,7 @@ def fastest(rates: Mapping[str, float], partner: Mapping[str, str]) -> tuple[str
 
 
 def lacking(table: Table, fields: ImuFields, *others: str) -> str | None:
-    """
-    Return the first column that a table of that kind needs and has not.
-
-    Parameters
-    ----------
-    table : mapping of str to ndarray
-        The columns.
-    fields : ImuFields
-        Which of them are the samples.
-    others : str
-        Columns that are needed besides.
-
-    Returns
-    -------
-    str or None
-        None where nothing lacks.
-
-    """
+    """Return the first column that is needed and not there, or no number; None if none is."""
     needed = [*others]
     for _, vector in fields.vectors():
         needed += [f'{path}[0]' if fields.burst else path for path in vector.paths]
@@ -128,21 +101,7 @@ def table_times(table: Table, fields: ImuFields) -> NDArray[np.int64]:
 
 def table_block(table: Table, fields: ImuFields, factors: NDArray[np.float64],
                 on_malformed: OnMalformed) -> ImuBlock:
-    """
-    Return all samples of a table; the stamps are the receive time, too.
-
-    Parameters
-    ----------
-    table : mapping of str to ndarray
-        The columns, of equal length.
-    fields : ImuFields
-        Which of them are the samples.
-    factors : ndarray of float, shape (6,)
-        What the samples are multiplied by.
-    on_malformed : callable
-        Told of bursts that are none.
-
-    """
+    """Return all samples of a table; the stamps are the receive time, too."""
     times = table_times(table, fields)
     samples = np.zeros((len(times), 6))
     absent = np.ones((len(times), 2), np.bool_)

@@ -36,22 +36,7 @@ def tables_in(folder: Path) -> list[Path]:
 
 
 class TableFolder(Recording):
-    """
-    A folder in which gyroscope and accelerometer have a CSV file each, with stamps of one clock.
-
-    Parameters
-    ----------
-    path : Path
-        The folder.
-    options : RecordingOptions
-        What the user says about it.
-
-    Raises
-    ------
-    ImuAllanError
-        If it holds no file with a gyroscope alone, or none with an accelerometer alone.
-
-    """
+    """A folder in which gyroscope and accelerometer have a CSV file each, of one clock."""
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
         super().__init__(path, options)

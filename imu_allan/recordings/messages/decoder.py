@@ -107,15 +107,7 @@ class _Scaled:
 
 
 class FieldsDecoder:
-    """
-    Decodes messages whose samples stand in the fields of some type.
-
-    Parameters
-    ----------
-    messages : ImuMessages
-        With `fields` and `types`.
-
-    """
+    """Decodes messages whose samples stand in the fields of some type."""
 
     def __init__(self, messages: ImuMessages) -> None:
         assert messages.fields is not None

@@ -165,21 +165,7 @@ def _field(name: str, node: tuple[int, Any]) -> Field:
 
 
 class DefinitionPaths:
-    """
-    Definitions outside of a recording: what the user names, then the packages that are sourced.
-
-    Parameters
-    ----------
-    paths : iterable of path-like
-        ``.msg`` files, or folders that hold them: packages or whole workspaces. The package of a
-        type is the folder above ``msg``.
-
-    Raises
-    ------
-    ImuAllanError
-        If a path does not exist, or a folder holds no ``.msg`` file.
-
-    """
+    """``.msg`` files and folders that the user names; then packages that are sourced."""
 
     def __init__(self, paths: Iterable[Path | str] = ()) -> None:
         self._files: dict[str, Path] = {}
@@ -193,15 +179,7 @@ class DefinitionPaths:
                 self._files.setdefault(_type_of(file), file)
 
     def find(self, type_name: str) -> Definition | None:
-        """
-        Put together the definition of a type with those in it; None where there is none.
-
-        Raises
-        ------
-        ImuAllanError
-            If a file cannot be read.
-
-        """
+        """Put together the definition of a type with those in it; None where there is none."""
         name = normal_name(type_name)
         texts: dict[str, str] = {}
         wanted = [name]

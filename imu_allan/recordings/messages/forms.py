@@ -54,21 +54,7 @@ class Form:
 
 
 class Forms:
-    """
-    The forms that messages of one type come in.
-
-    Parameters
-    ----------
-    types : Types
-        Fields of all types in the messages.
-    type_name : str
-        Their type.
-    serialization : {'cdr', 'ros1'}
-        How they are serialized.
-    fields : ImuFields
-        What is read of them.
-
-    """
+    """The forms that messages of one type come in."""
 
     def __init__(self, types: Types, type_name: str, serialization: Serialization,
                  fields: ImuFields) -> None:
@@ -79,15 +65,7 @@ class Forms:
         self._known: dict[int, list[tuple[bytes, Form]]] = {}
 
     def of(self, message: memoryview) -> Form:
-        """
-        Find the fields of a message; those like one before it need no further walk.
-
-        Raises
-        ------
-        MalformedImu
-            If it is none of that type, or lacks a field.
-
-        """
+        """Find the fields of a message, by a walk where none was like it; raises MalformedImu."""
         for key, form in self._known.get(len(message), ()):
             if key == _key(message, form):
                 return form
@@ -103,22 +81,7 @@ class Forms:
 
     def alike(self, rows: NDArray[np.uint8], on_malformed: OnMalformed | None,
               ) -> list[tuple[NDArray[np.intp], Form]]:
-        """
-        Find which rows have their fields in the same places, and where these are.
-
-        Parameters
-        ----------
-        rows : ndarray of uint8, shape (n, size)
-            Messages of equal size.
-        on_malformed : callable, optional
-            Told of messages that are none; without it they raise MalformedImu.
-
-        Returns
-        -------
-        list of (ndarray of int, Form)
-            Numbers of the rows of each form.
-
-        """
+        """Find which rows, messages of equal size, have their fields in the same places."""
         found: list[tuple[NDArray[np.intp], Form]] = []
         left = np.arange(len(rows))
         while len(left):

@@ -323,15 +323,7 @@ def number_at(types: Types, type_name: str, path: str, what: str) -> None:
 
 
 def field_at(types: Types, type_name: str, path: str, what: str) -> Field:
-    """
-    Find a field by its dotted path.
-
-    Raises
-    ------
-    ImuAllanError
-        If there is none; the message names those that there are.
-
-    """
+    """Find a field by its dotted path; ImuAllanError names those that there are."""
     if len(path) > _LONGEST_PATH or _PATH.fullmatch(path) is None:
         raise ImuAllanError(f'{what} {_shown(path)}: not a field path such as imu.gyro[0:3]')
     kind = type_name

@@ -252,15 +252,7 @@ def _undefined(kind: str) -> str:
 
 
 def _present(fields: ImuFields, types: Types, kind: str) -> ImuFields:
-    """
-    Leave out what a version of the type does not have.
-
-    Raises
-    ------
-    NotRead
-        If a field of the samples is missing.
-
-    """
+    """Leave out what a version of the type does not have; raises NotRead if samples lack."""
     def has(path: str) -> bool:
         try:
             field_at(types, kind, path, '')

@@ -73,34 +73,7 @@ def walk(
     types: Types, type_name: str, message: bytes | memoryview, serialization: Serialization,
     wanted: Collection[str],
 ) -> MessageLayout:
-    """
-    Find fields in one message.
-
-    Parameters
-    ----------
-    types : Types
-        Fields of all types in the message.
-    type_name : str
-        Its type.
-    message : bytes-like
-        The serialized message.
-    serialization : {'cdr', 'ros1'}
-        How it was serialized.
-    wanted : collection of str
-        Paths of fields such as ``imu.angular_velocity.x``; an array of numbers is one field, an
-        element of an array of messages is ``imus[0]``.
-
-    Returns
-    -------
-    MessageLayout
-        Without the fields that the message does not have.
-
-    Raises
-    ------
-    MalformedImu
-        If the bytes cannot be a message of that type.
-
-    """
+    """Find the fields `wanted`, such as ``imu.angular_velocity.x``; raises MalformedImu."""
     return _Walk(types, message, serialization, wanted).run(type_name)
 
 

@@ -20,19 +20,7 @@ _LONGEST_STEP_NS = 1e9
 
 
 def to_si(numbers: NDArray[np.float64], vector: Vector, column: Column) -> None:
-    """
-    Multiply and divide the numbers of a vector, in place, until they are rad/s or m/s^2.
-
-    Parameters
-    ----------
-    numbers : ndarray of float, shape (n, 3) or (n, width, 3)
-        One or `width` samples a message.
-    vector : Vector
-        Which fields hold a factor or a duration; increments without a duration become NaN.
-    column : callable
-        Gives the numbers of a field, shape (n,).
-
-    """
+    """Turn numbers of shape (n, 3) or (n, width, 3) into rad/s or m/s^2, in place."""
     def each(path: str) -> NDArray[np.float64]:
         return column(path).astype(np.float64).reshape(-1, *(1,) * (numbers.ndim - 1))
 
