@@ -84,9 +84,15 @@ def cells_of(rows: Array, run: int, first: int, size: int) -> Cells:
 
     """
     n = rows.shape[1]
+    head = min(-first % size, n)
+    tail = head + (n - head) // size * size
     starts = np.concatenate(([0], np.arange(size - first % size, n, size)))
     keys = (np.int64(run) << RUN_SHIFT) + (first + starts) // size
-    sums = rows.copy() if size == 1 else np.add.reduceat(rows, starts, axis=1)
+    before, after = (part.sum(axis=1, keepdims=True)[:, :part.shape[1]]
+                     for part in (rows[:, :head], rows[:, tail:]))
+    # A product takes a tenth of the time of a sum over an axis.
+    whole = rows[:, head:tail].reshape(len(rows), -1, size) @ np.ones(size)
+    sums = np.concatenate((before, whole, after), axis=1)
     return Cells(keys, sums, np.diff(np.append(starts, n)))
 
 

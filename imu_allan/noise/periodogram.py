@@ -246,7 +246,10 @@ class Periodogram:
         """
         self.samples += rows.shape[1]
         self.segments.absorb(rows, self.power.add(rows))
-        self.series = joined(self.series, cells_of(rows, run, first, self.cell))
+        cells = cells_of(rows, run, first, 2**STAGE_OCTAVES)
+        octaves = self.cell.bit_length() - 1 - STAGE_OCTAVES
+        self.series = joined(self.series, coarser(cells, octaves) if octaves >= 0 else
+                             cells_of(rows, run, first, self.cell))
         while len(self.series) > SERIES:
             if self.cell > 1 << 36:
                 # Thousands of runs of a few samples each: the oldest go.
@@ -254,7 +257,6 @@ class Periodogram:
                 break
             self.series = coarser(self.series, 1)
             self.cell *= 2
-        cells = cells_of(rows, run, first, 2**STAGE_OCTAVES)
         for stage in range(_MAX_STAGES - 1):
             if stage == len(self.means):
                 # The stage is needed once the series is coarser than its points.

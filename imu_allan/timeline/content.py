@@ -157,8 +157,12 @@ class Content(Record):
 
     def _steps(self, samples: Floats) -> Floats:
         """Return the steps from the newest message on, shape (n, 6) or one less."""
-        steps = samples[1:] - samples[:-1]
-        return np.vstack([samples[:1] - self.last, steps]) if self.last else steps
+        if not self.last:
+            return samples[1:] - samples[:-1]
+        steps = np.empty_like(samples)
+        steps[0] = samples[0] - self.last
+        np.subtract(samples[1:], samples[:-1], out=steps[1:])
+        return steps
 
     def look(self, samples: Floats, consumed: int) -> Repeats:
         """

@@ -261,7 +261,8 @@ def noise_of_steps(steps: Floats) -> Floats:
 
 def may_be_wild(steps: Floats, sigma: Floats) -> bool:
     """Tell at a glance whether there is a step as large as that of a wild value."""
-    return bool((np.abs(steps) > _LEAST_STEP * _SPIKE_SIGMAS * sigma).any())
+    largest = _LEAST_STEP * _SPIKE_SIGMAS * sigma
+    return bool((steps.max(axis=0) > largest).any() or (steps.min(axis=0) < -largest).any())
 
 
 def spikes(samples: Floats, before: Floats | None) -> Bools:

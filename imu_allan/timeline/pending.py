@@ -23,7 +23,7 @@ class Window:
     header, receive : ndarray of int64, shape (n,)
         Stamps in nanoseconds.
     samples : ndarray of float64, shape (n, 6)
-        As in `ImuBlock`.
+        As in `ImuBlock`; in memory axis after axis, which numpy goes through fastest.
     absent : ndarray of bool, shape (n, 2)
         As in `ImuBlock`.
     consumed : int
@@ -101,16 +101,19 @@ class Pending:
             # The last block may be far larger than what is still needed of it.
             blocks.append(self._blocks[whole].part(slice(n - have)))
         if len(blocks) == 1:
-            block = blocks[0]
-            return Window(block.header_ns, block.receive_ns, block.samples, block.absent, n,
+            block, samples = blocks[0], blocks[0].samples
+            if samples.strides[0] != samples.itemsize:
+                samples = np.asfortranarray(samples)
+            return Window(block.header_ns, block.receive_ns, samples, block.absent, n,
                           block.numbers)
         if not blocks:
             return Window(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 6)),
                           np.empty((0, 2), bool), n)
         numbers = [block.numbers for block in blocks if block.numbers is not None]
+        samples = np.empty((6, n)).T
         return Window(np.concatenate([block.header_ns for block in blocks]),
                       np.concatenate([block.receive_ns for block in blocks]),
-                      np.concatenate([block.samples for block in blocks]),
+                      np.concatenate([block.samples for block in blocks], out=samples),
                       np.concatenate([block.absent for block in blocks]), n,
                       np.concatenate(numbers) if len(numbers) == len(blocks) else None)
 

@@ -186,7 +186,7 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
     Parameters
     ----------
     rows : ndarray, shape (windows, size, 6)
-        Even samples; NaN columns of absent axes are taken for zero.
+        Even samples, best axis by axis in memory; NaN columns of absent axes are taken for zero.
     part : int
         Samples in a part of a window.
 
@@ -201,36 +201,29 @@ def describe(rows: Floats, part: int) -> tuple[Floats, Floats]:
 
     """
     windows, size, _ = rows.shape
-    power = np.zeros((windows, 12))
-    parts = size // part
+    axes, parts = rows.transpose(2, 0, 1), size // part
     if part == 1 or parts < 2:
-        steps = rows[:, 1:] - rows[:, :-1]
-        power[:, :6] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / max(size - 1, 1))
-        power[:, 6:] = power[:, :6]
-        means = rows.mean(axis=1)
+        steps, means = axes[:, :, 1:] - axes[:, :, :-1], axes.mean(axis=2)
+        within = slow = _square_sums(steps) * (0.5 / max(size - 1, 1))
     else:
-        split = rows[:, :parts * part].reshape(windows * parts, part, 6)
-        # Short sums are faster row by row than as many small products.
-        sums = (sum(split[:, row] for row in range(1, part)) + split[:, 0] if part <= 8
-                else np.matmul(np.ones(part), split))
-        sums /= part
-        # Rows of six are too short to loop over: repeated means and a product with ones take half
-        # the time of a broadcast difference and a sum over an axis.
-        within = np.repeat(sums, part, axis=0).reshape(split.shape)
-        np.subtract(split, within, out=within)
-        within *= within
-        power[:, :6] = np.matmul(np.ones(parts * part), within.reshape(windows, parts * part, 6))
-        power[:, :6] /= parts * (part - 1)
-        coarse = sums.reshape(windows, parts, 6)
-        means = np.add.reduce(coarse, axis=1) / parts
-        steps = coarse[:, 1:] - coarse[:, :-1]
-        power[:, 6:] = np.einsum('kpi,kpi->ki', steps, steps) * (0.5 / (parts - 1))
+        split = axes[:, :, :parts * part].reshape(6, windows, parts, part)
+        coarse = np.matmul(split, np.ones(part)) / part
+        own = (split - coarse[..., None]).reshape(6, windows, parts * part)
+        within = _square_sums(own) / (parts * (part - 1))
+        slow = _square_sums(coarse[:, :, 1:] - coarse[:, :, :-1]) * (0.5 / (parts - 1))
+        means = coarse.mean(axis=2)
+    means, power = means.T.copy(), np.concatenate([within, slow]).T.copy()
     # The mean of equal values is that value but for rounding, which is no noise.
     power[power < (_ROUNDING * np.tile(means, 2)) ** 2] = 0.0
     if np.isnan(means[-1]).any():
         np.nan_to_num(means, copy=False)
         np.nan_to_num(power, copy=False)
     return means, np.cbrt(power)
+
+
+def _square_sums(values: Floats) -> Floats:
+    """Sum the squares of the values of every axis and window, shape (6, windows)."""
+    return np.asarray(np.einsum('awi,awi->aw', values, values))
 
 
 def resolution_of(samples: Floats) -> Floats:

@@ -24,13 +24,14 @@ import pickle
 import signal
 import subprocess
 import sys
-from typing import IO, TYPE_CHECKING
+from typing import Any, IO, TYPE_CHECKING
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import end_in_peace, portable, start_python
 from imu_allan.recordings.reading.read_ahead import larger_blocks, read_ahead
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from imu_allan.recordings.recording import Recording
@@ -44,7 +45,7 @@ SLOTS = 8
 
 _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
-    ('samples', np.float64, (SLOT_MESSAGES, 6)), ('absent', np.bool_, (SLOT_MESSAGES, 2))])
+    ('samples', np.float64, (6, SLOT_MESSAGES)), ('absent', np.bool_, (2, SLOT_MESSAGES))])
 _FIELDS = ('header_ns', 'receive_ns', 'samples', 'absent')
 _PATIENCE_S = 10.0
 """It removes what it unpacked first, which a slow disk takes seconds for; then it is killed."""
@@ -201,13 +202,18 @@ class _Slots:
 
     def put(self, slot: int, at: int, block: ImuBlock, start: int, stop: int) -> None:
         """Copy messages of a block into a slot, to `at` and on."""
-        for name in _FIELDS:
-            self._slots[name][slot, at:at + stop - start] = getattr(block, name)[start:stop]
+        part = block.part(slice(start, stop))
+        for name, values in self._slot(slot, at, at + len(part)).items():
+            values[:] = getattr(part, name)
 
     def take(self, slot: int, messages: int, frame_id: str) -> ImuBlock:
         """Copy the first messages out of a slot."""
         return ImuBlock(frame_id=frame_id, **{
-            name: self._slots[name][slot, :messages].copy() for name in _FIELDS})
+            name: values.copy('K') for name, values in self._slot(slot, 0, messages).items()})
+
+    def _slot(self, slot: int, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """View some messages of a slot, the samples axis by axis in memory."""
+        return {name: self._slots[slot][name].T[first:last] for name in _FIELDS}
 
 
 class _Writer:
