@@ -257,7 +257,7 @@ class Characterization:
         if summary.mostly_motion and self._kind == 'recording':
             # Two sensors on one topic shake as much as one that moves.
             mixed = ('; or two sensors publish on this topic: ros2 topic info --verbose names '
-                     'the publishers' if any(remark.code == 'several_publishers'
+                     'the publishers' if any(remark.code in ('several_publishers', 'alternating')
                                              for remark in summary.remarks) else '')
             raise ImuAllanError(
                 f'{self.place}: the IMU moves during most of the recording; record it at rest, '

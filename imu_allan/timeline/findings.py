@@ -108,6 +108,11 @@ def several_publishers() -> Facts:
     return {'several_publishers': {}}
 
 
+def alternating() -> Facts:
+    """Tell that messages differ in turn, as those of two sensors or of a vibration do."""
+    return {'alternating': {}}
+
+
 def density_error(counts: Counts, decision: Decision) -> tuple[float, float]:
     """
     Bound what faults of the stamps, as the remarks tell, may have done to noise densities.

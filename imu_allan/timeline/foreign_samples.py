@@ -4,6 +4,7 @@
 
 from collections.abc import Iterator
 from math import pi
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ _IN_TURN = 0.35
 """Correlation of steps two apart: white noise has 0, its second difference 0.3."""
 _ALTERNATING = 3.0
 """Power of what alternates over that of its neighbours: by chance it is 1.5 at most."""
+_SURE, _LOUDER = 5.0, 0.05
+"""Standard errors of what alternates in all blocks, and the share of a magnitude: means .16 of a
+standard deviation apart are told among 4,096 messages."""
 _COHERENT = 0.5
 """Correlation of what alternates in a block with the next one's: a line has 1, less where a gap in
 every few blocks changes whose turn it is, and a spectrum that rises up to there none."""
@@ -51,6 +55,8 @@ _FEWEST_ALIKE = 32
 _IN_TIME = 0.2
 """Correlation of side and turn: two sensors have .2 to 1, of 289 random scenarios with one none
 had .03, and anti-correlated noise with losses has up to .12."""
+_ABOUT_HALF = 0.4
+"""Of a period: a vibration's sides are half of one apart, but for jitter."""
 _ALSO_IN_TIME = 0.06
 """The same beside the axes that show it most, where there is less of it."""
 _SPIKE_SIGMAS = 10.0
@@ -66,12 +72,13 @@ _LOUD = 2.3
 always in a knock, which rings."""
 
 
-def alternates(samples: Floats) -> bool:
+def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     """
-    Tell whether every second sample is another sensor's.
+    Tell whether every second sample differs, and in what.
 
     Two sensors have different means, or one is noisier: either alternates from message to
-    message, which is a line at exactly half the message rate.
+    message, which is a line at exactly half the message rate. A vibration of that frequency
+    alternates in its values, too, but not in their magnitude.
 
     Parameters
     ----------
@@ -82,7 +89,7 @@ def alternates(samples: Floats) -> bool:
     blocks = len(samples) // _BLOCK
     there = np.isfinite(samples).all(axis=0)
     if blocks < _FEWEST_BLOCKS or not there.any():
-        return False
+        return ''
     known = np.clip(samples[:blocks * _BLOCK, there], -LARGEST, LARGEST)
     enough = min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)
     # A gap changes whose turn it is: frequent ones leave no line in the spectrum.
@@ -93,40 +100,51 @@ def alternates(samples: Floats) -> bool:
     even, odd = (np.mean(steps[lag:] * steps[:-lag], axis=0)
                  for lag in (_AFTERWARDS, _AFTERWARDS + 1))
     level = np.mean(steps ** 2, axis=0)
-    if np.count_nonzero((apart < 0) & (together > _IN_TURN * level)
-                        & (even - odd > 2 * _STILL * level)) >= enough:
-        return True
+    means = np.count_nonzero((apart < 0) & (together > _IN_TURN * level)
+                             & (even - odd > 2 * _STILL * level)) >= enough
     own = ~_interpolated(known)
     least = np.array([np.diff(np.unique(values)).min(initial=np.inf) for values in known.T])
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
     many = centred.std(axis=(0, 1)) > _FEW_VALUES * least
-    if many.any() and _has_two_means(centred[..., many].reshape(blocks * _BLOCK, -1), enough):
-        return True
-    axes = 0
-    for values in (centred, np.abs(centred)):
-        transform = np.fft.rfft(values, axis=1)
-        power = np.mean(np.abs(transform) ** 2, axis=0)
-        power[-1] /= 2
-        turns = transform[:, -1].real
-        coherent = (np.mean(turns[1:] * turns[:-1], axis=0)
-                    > _COHERENT * np.mean(turns ** 2, axis=0))
-        # An axis without noise has rounding errors to compare.
-        noisy = power[1:].max(axis=0) > 1e-20 * np.maximum(np.abs(known).max(axis=(0, 1)), 1) ** 2
-        level = np.median(power[_BLOCK // 4:-2], axis=0)
-        found = noisy & own & coherent & (2 * power[-1] > _ALTERNATING * level)
-        axes = max(axes, int(np.count_nonzero(found)))
-        # The magnitude of a vibration at a quarter of the rate alternates.
-        own &= power[_QUARTER].max(axis=0) <= _ALTERNATING * level
-    return bool(axes >= enough)
+    means |= bool(many.any()) and _has_two_means(
+        centred[..., many].reshape(blocks * _BLOCK, -1), enough)
+    # An axis without noise has rounding errors to compare.
+    own &= centred.std(axis=(0, 1)) > 1e-10 * np.maximum(np.abs(known).max(axis=(0, 1)), 1)
+    found, own = _line_at_half(centred, own)
+    means |= np.count_nonzero(found) >= enough
+    magnitude = np.abs(centred)
+    found, _ = _line_at_half(magnitude, own)
+    swing = np.abs(np.mean(magnitude[:, ::2] - magnitude[:, 1::2], axis=(0, 1)))
+    found &= swing > _LOUDER * magnitude.mean(axis=(0, 1))
+    if np.count_nonzero(found) >= enough:
+        return 'noise'
+    return 'means' if means else ''
 
 
-def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> bool:
+def _line_at_half(values: Floats, own: Bools) -> tuple[Bools, Bools]:
+    """Tell axes with a line at half the rate; and those without one at a quarter of it."""
+    transform = np.fft.rfft(values, axis=1)
+    power = np.mean(np.abs(transform) ** 2, axis=0)
+    turns = transform[:, -1].real
+    scatter = np.mean(turns ** 2, axis=0)
+    level = np.median(power[_BLOCK // 4:-2], axis=0)
+    line = ((np.mean(turns[1:] * turns[:-1], axis=0) > _COHERENT * scatter)
+            & (power[-1] > _ALTERNATING * level))
+    # Where no gap changes whose turn it is, all blocks together tell a weak one.
+    line |= len(turns) * turns.mean(axis=0) ** 2 > _SURE ** 2 * np.maximum(
+        turns.var(axis=0), level)
+    # The magnitude of a vibration at a quarter of the rate alternates.
+    return line & own, own & (power[_QUARTER].max(axis=0) <= _ALTERNATING * level)
+
+
+def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> Literal['', 'half', 'apart']:
     """
     Tell whether two sensors publish in turn, whatever is lost: what a message holds tells when.
 
     Messages fall on two sides by their values. Those of one sensor are whole intervals apart,
     those of two are not, and that goes on; of one sensor the side says nothing about the time.
+    A vibration at half the rate has its sides half a period apart, as two sensors may.
 
     Parameters
     ----------
@@ -138,26 +156,30 @@ def takes_turns(stamps: NDArray[np.int64], samples: Floats) -> bool:
     """
     time = (stamps[:_MOST_IN_TURN] - stamps[0]).astype(np.float64)
     if len(time) < _FEWEST_IN_TURN:
-        return False
+        return ''
     samples = samples[:len(time)]
     known = np.clip(samples[:, np.isfinite(samples).all(axis=0)], -LARGEST, LARGEST)
     known = known - np.median(known, axis=0)
     known = known[:, known.std(axis=0) > 0]
     if not known.shape[1]:
-        return False
+        return ''
     known /= known.std(axis=0)
+    kind: Literal['half', 'apart'] = 'half'
     # Hum near half of the rate takes turns as well, and shows in one axis or two.
     for axes in range(min(_ALTERNATING_AXES, (known.shape[1] + 1) // 2)):
-        side = _side_in_time(time, known, _ALSO_IN_TIME if axes else _IN_TIME)
-        if side is None:
-            return False
+        found = _side_in_time(time, known, _ALSO_IN_TIME if axes else _IN_TIME)
+        if found is None:
+            return ''
+        side, period = found
+        if _offset(time, side, period) < _ABOUT_HALF:
+            kind = 'apart'
         part = np.maximum(np.abs(side @ known), np.abs(side @ (known**2 - 1)))
         known = np.delete(known, int(np.argmax(part)), axis=1)
-    return True
+    return kind
 
 
-def _side_in_time(time: Floats, known: Floats, least: float) -> Floats | None:
-    """Give the sides on which messages fall by their values, where these tell the time."""
+def _side_in_time(time: Floats, known: Floats, least: float) -> tuple[Floats, float] | None:
+    """Give the sides on which messages fall by their values, and the period they tell."""
     if not known.shape[1]:
         return None
     steps = np.diff(time)
@@ -175,8 +197,15 @@ def _side_in_time(time: Floats, known: Floats, least: float) -> Floats | None:
         for period in periods:
             if period > 0 and any(_tells_turn(time, period * (1 + off), alike, least)
                                   for off in _PERIODS.tolist()):
-                return side
+                return side, period
     return None
+
+
+def _offset(time: Floats, side: Floats, period: float) -> float:
+    """How far apart the sides are in time, in periods: from 0 to a half."""
+    change = np.sign(side[1:]) - np.sign(side[:-1])
+    turn = np.exp(2j * pi / period * np.diff(time) * np.sign(change))[change != 0]
+    return abs(float(np.angle(turn.sum()))) / (2 * pi)
 
 
 def _tells_turn(time: Floats, period: float, alike: Floats, least: float) -> bool:

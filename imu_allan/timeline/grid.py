@@ -266,12 +266,10 @@ def _on_rate(places: Floats, tolerance: float) -> bool:
         if abs(distance - 1) < tolerance:
             return True
     # Where samples are dropped in turn, no number of messages apart is as many intervals.
-    steps = np.diff(places)
-    whole = np.rint(steps)
-    one = steps[whole == 1]
-    return len(places) < 2 or bool(np.mean(np.abs(steps - whole) < EVEN_JITTER) > 0.9
-                                   and len(one) > 0.3 * len(steps)
-                                   and abs(float(one.mean()) - 1) < tolerance)
+    one = np.rint(np.diff(places)) == 1
+    _, length = group_phases(places)
+    return len(places) < 2 or bool(np.mean(one) > 0.3 and np.mean(length) > FIRM_PHASE
+                                   and places[-1] - places[0] > 0.9 * (len(places) - 1))
 
 
 def _on_average(places: Floats) -> bool:

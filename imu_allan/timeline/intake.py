@@ -29,6 +29,7 @@ from imu_allan.timeline.content import Content, Repeats
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.findings import (
+    alternating,
     counted_samples,
     even_receive_clock,
     receive_clock,
@@ -333,9 +334,16 @@ class Intake:
         rows = ~np.any(left, axis=0) if left else slice(None)
         samples = window.samples[rows]
         clocks = [stamps[rows] for stamps in self.stamps(window)]
-        if alternates(samples) or (not self._is_alone(clocks[0]) and any(
-                takes_turns(stamps, samples) for stamps in clocks)):
+        if decision.numbered:
+            # By their numbers they are one publisher's.
+            return
+        seen = alternates(samples)
+        turns = [] if seen == 'noise' or self._is_alone(clocks[0]) else [
+            takes_turns(stamps, samples) for stamps in clocks]
+        if seen == 'noise' or 'apart' in turns:
             decision.remarks |= several_publishers()
+        elif seen or any(turns):
+            decision.remarks |= alternating()
 
     def _is_alone(self, stamps: Stamps) -> bool:
         """Tell whether stamps are so even that those of two sensors would be one's in turn."""

@@ -33,14 +33,13 @@ FIRM_PHASE = exp(-0.5 * (2 * pi * COUNTING_SPREAD) ** 2)
 
 _MOSTLY_IN_BURSTS = 0.55
 """Share of short steps: pairs have a half, longer bursts more."""
-_TOGETHER, _MOST_LATE, _CROWDED = 8, 1.5, 0.05
-"""So many messages take as many places, but for jitter. Where they have less time by a place and
-a half, and that in more than 5 % of all, a grid's places are those of batches."""
-_FEWEST_RECEIVED = 0.5
-"""Of all samples at least: with fewer, messages apart say nothing about the interval."""
-_FEWEST_PLACES, _SINGLES, _SINGLE_PERCENT = 0.15, 0.15, 10
-"""Share of places taken, and of steps that are single, on a grid that most messages are lost from:
-fewer are no delivery, but the pairs and batches of a clock. A judgment."""
+_SLOWEST, _FASTEST = 0.9, 2.9
+"""Rates, over that of the messages, among which the sensor's is sought."""
+_GROUPS_OF_SPECTRUM, _AS_WELL = 16, 0.9
+"""Stretches of 64 messages that tell it, and the share of the best fit that is as good."""
+_EARLY, _CROWDED = 0.9, 0.06
+"""Intervals by which the earliest of 16 messages comes before its time, and how often: where 60 %
+are lost from pairs in .08, and no message on a grid does."""
 _SPARSEST = 0.37
 """Share of places taken: with 0.4 the bound on bridges holds, with 0.3 it does not."""
 _EXACT = 0.05
@@ -131,9 +130,8 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     """
     Measure the sample interval of rising stamps.
 
-    The interval of a grid is the one whose phases fit best, among the medians of the distance of
-    every 1, 2, 4, .. 64 messages: one message apart is best where samples get lost, many apart
-    where they come in pairs or bursts.
+    The interval of a grid is the one whose phases fit best, whatever share of its places is empty
+    and however late single stamps are.
 
     Parameters
     ----------
@@ -158,45 +156,48 @@ def measure_pace(stamps: Stamps, other: Stamps | None = None) -> Pace | None:
     overall = _even_with_outages(steps)
     if overall is None:
         overall = median_interval(time, max(min(n // 4, PHASE_GROUP), 1))
-        sparse = _sparse_grid(time, steps, overall)
-        if sparse is not None and _is_tick(stamps, steps, sparse.interval_ns):
-            return _on_a_line(time)[0]
-        if sparse is not None and sparse.interval_ns > _SPARSEST * overall:
-            return _grid_or_line(time, sparse, other)
-        if sparse is not None:
-            # Too many places are empty to be bridged.
-            line, _ = _on_a_line(time)
-            return replace(line, hidden=max(line.hidden, 1 - sparse.interval_ns / overall))
         # Bursts fit the grid of every interval that divides their distance.
         short = steps < 0.5 * overall
         if np.mean(short) > _MOSTLY_IN_BURSTS:
             return _in_batches(time, ~short) or _on_a_line(time)[0]
-    best: Pace | None = None
-    # Where one of three is dropped in turn, no median is the interval: the short steps are.
-    candidates = [median_interval(time, apart) for apart in (1, 2, 4, 8, 16, 32, 64)
-                  if apart * 2 < n]
-    # A median of steps is off where lateness is lopsided, the mean of the steps near it is not.
-    near = steps[np.abs(steps - candidates[0]) < 0.3 * candidates[0]]
-    if 2 * len(near) > len(steps):
-        candidates.append(float(near.mean()))
-    short = float(np.percentile(steps, _SHORT_PERCENT))
-    # Its own neighbours make it sure: a phase of many steps shows no interval that is 2 % off.
-    close = steps[np.abs(steps - short) < 0.2 * short]
-    if len(close):
-        candidates.append(float(close.mean()))
-    for interval in candidates:
-        if (not _FEWEST_RECEIVED * overall < interval < 1.1 * overall
-                or _overfull(time, interval)):
-            continue
-        if best is not None and _CLEARLY_LESS * best.spread < _AT_LEAST_LESS:
-            # No spread is so much less any more.
-            break
-        pace = _refine(time, interval)
-        if best is None or pace.spread < _CLEARLY_LESS * best.spread - _AT_LEAST_LESS:
-            best = pace
-    if best is None or best.spread > COUNTING_SPREAD:
+        grid = _best_grid(time, steps, overall)
+    else:
+        grid = _on_grid(time, steps, overall)
+    if grid is None or _is_tick(stamps, steps, grid.interval_ns):
         return _on_a_line(time)[0]
-    return _grid_or_line(time, best, other)
+    if grid.interval_ns < _SPARSEST * overall:
+        # Too many places are empty to be bridged.
+        line, _ = _on_a_line(time)
+        return replace(line, hidden=max(line.hidden, 1 - grid.interval_ns / overall))
+    return _grid_or_line(time, grid, other)
+
+
+def _best_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
+    """Find the interval whose phases fit best, by a spectrum of the stamps."""
+    size = min(len(time), PHASE_GROUP)
+    groups = time[:len(time) // size * size].reshape(-1, size)
+    # In the shortest all wait for a late one, the longest have an outage in them.
+    order = np.argsort(np.ptp(groups, axis=1))
+    groups = groups[order[len(order) // 5:][:_GROUPS_OF_SPECTRUM]]
+    rates = np.arange(_SLOWEST, _FASTEST, 0.25 / size) / overall
+    circle = np.exp(2j * pi * rates[:, None, None] * (groups - groups[:, :1]))
+    power = np.abs(circle.mean(axis=2)).mean(axis=1)
+    peaks = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    if not len(peaks):
+        return None
+    # A grid of half the interval fits exact stamps as well.
+    return _on_grid(time, steps, 1 / float(
+        rates[peaks[power[peaks] > _AS_WELL * power[peaks].max()][0]]))
+
+
+def _on_grid(time: Floats, steps: Floats, interval: float) -> Pace | None:
+    """Give the pace on a grid of about this interval, None where stamps are not on one."""
+    whole = np.rint(steps / interval)
+    near = (np.abs(steps / interval - whole) < _NEAR) & (whole > 0) & (whole < PHASE_GROUP)
+    if near.any():
+        interval = float(steps[near].sum() / whole[near].sum())
+    pace = _refine(time, interval)
+    return None if pace.spread > COUNTING_SPREAD or _overfull(time, pace.interval_ns) else pace
 
 
 def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
@@ -222,32 +223,6 @@ def pace_by_numbers(stamps: Stamps, place: Ints) -> Pace | None:
     line, _ = _on_a_line(time, numbers)
     # A batch may lie on the places of its own grid: what counts is how late it is.
     return Pace(line.interval_ns, line.spread, counting=line.spread > COUNTING_SPREAD)
-
-
-def _sparse_grid(time: Floats, steps: Floats, overall: float) -> Pace | None:
-    """Find an exact grid of which half the places or more are empty."""
-    shortest = float(np.percentile(steps, _SINGLE_PERCENT))
-    if shortest < _SHORTEST_STEP_NS:
-        return None
-    one = steps[np.abs(steps - shortest) < 0.1 * shortest]
-    if len(one) <= _SINGLES * len(steps):
-        # Of few steps there may be none near the tenth part of them.
-        return None
-    # The short ones are early or follow a late one: about their mean they lie evenly.
-    one = steps[np.abs(steps - one.mean()) < 0.2 * one.mean()]
-    # Where one of two, then one of three is kept, no two messages are one interval apart.
-    for parts in (1, 2):
-        interval = float(one.mean()) / parts
-        if not _FEWEST_PLACES * overall < interval < 1.3 * _FEWEST_RECEIVED * overall:
-            continue
-        far = steps[steps < PHASE_GROUP * interval]
-        whole = np.rint(far / interval)
-        near = np.abs(far / interval - whole) < _NEAR
-        if np.mean(near) > 0.9 and np.mean(whole % 2) > _SINGLES:
-            pace = _refine(time, float(far[near].sum()) / float(whole[near].sum()))
-            if pace.spread < _NEAR:
-                return pace
-    return None
 
 
 def _is_tick(stamps: Stamps, steps: Floats, interval: float) -> bool:
@@ -308,11 +283,12 @@ def _grid_or_line(time: Floats, grid: Pace, other: Stamps | None) -> Pace:
     truly = None if other is None else _lost_by(other, np.diff(time), steps, grid.interval_ns)
     if truly is not None:
         return grid if truly > 0.5 else line
-    if worst > _STRAIGHT:
+    if worst > _STRAIGHT or grid.spread > _EXACT:
+        # Ticks are exact, and nothing is late on top of them.
         return grid
     late = time[:n // _GROUP * _GROUP] - line.interval_ns * np.arange(n // _GROUP * _GROUP)
     wide = float(np.median(np.ptp(late.reshape(-1, _GROUP), axis=1)))
-    if grid.spread < _EXACT and wide > _WIDER_THAN_TICK * grid.interval_ns:
+    if wide > _WIDER_THAN_TICK * grid.interval_ns:
         return grid
     return replace(line, hidden=max(line.hidden, apart / (1 + apart)))
 
@@ -364,10 +340,17 @@ def _even_with_outages(steps: Floats) -> float | None:
 
 
 def _overfull(time: Floats, interval: float) -> bool:
-    """Tell whether messages are more than the places of a grid, as those of its batches are."""
-    passed = time[_TOGETHER:] - time[:-_TOGETHER]
-    return bool(len(passed)
-                and np.mean(passed < (_TOGETHER - _MOST_LATE) * interval) > _CROWDED)
+    """
+    Tell whether messages are more than the places of a grid, as those of its batches are.
+
+    Those that wait for a late one come together, too, but none comes before its time.
+    """
+    groups = len(time) // _GROUP
+    phase = (time / interval - np.arange(len(time)))[:groups * _GROUP].reshape(groups, _GROUP)
+    falls = np.diff(phase.min(axis=1)) < -_EARLY
+    # Where they all wait there is no place to tell.
+    goes_on = phase[:, -1] - phase[:, 0] > -_GROUP / 2
+    return groups > 1 and bool(np.mean(falls & goes_on[1:] & goes_on[:-1]) > _CROWDED)
 
 
 def _refine(time: Floats, interval: float) -> Pace:
@@ -377,8 +360,8 @@ def _refine(time: Floats, interval: float) -> Pace:
         phase = time / interval - np.arange(len(time))
         turn, length = group_phases(phase)
         if len(turn) > 1:
-            drift = np.median(np.diff(turn)) / PHASE_GROUP
-            interval *= 1 + float(drift)
+            lasts = median_interval(time, PHASE_GROUP) * PHASE_GROUP
+            interval *= 1 + float(np.median(np.diff(turn))) * interval / lasts
         spread = _spread(length)
     return Pace(interval, spread)
 

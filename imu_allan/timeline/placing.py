@@ -59,6 +59,8 @@ _FOLLOWED = 0.01
 """A change of the interval by more within a window is another rate, no drift."""
 _MOST_LOST = 64
 """Messages within a batch: where more are lost, time passes between two stamps."""
+_LATE_AS_A_GAP = 3.0
+"""Intervals by which the time of a gap is off its places where its end is late, and no gap."""
 _BESIDE_GAP = 3
 """Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
@@ -376,10 +378,10 @@ class Placing:
 
     def _passed(self, messages: Messages, steps: Ints) -> tuple[float, int, int]:
         """Intervals that pass between messages without a gap, places counted, and messages."""
-        c = messages.consumed
-        short = steps[1:c] <= self._options.gap_tolerance + 1
-        passed = float(np.diff(messages.stamps[:c])[short].sum())
-        return (passed / self._decision.pace.interval_ns, int(steps[1:c][short].sum()),
+        c, pace = messages.consumed, self._decision.pace
+        passed, steps = np.diff(messages.stamps[:c]), steps[1:c]
+        short = ~_gaps(passed, steps, self._options.gap_tolerance + 1, pace)
+        return (float(passed[short].sum()) / pace.interval_ns, int(steps[short].sum()),
                 int(np.count_nonzero(short)))
 
     def _disagree(self, passed: float, counted: int, messages: int) -> bool:
@@ -506,6 +508,13 @@ class Placing:
         cursor.elapsed_ns += passed
 
 
+def _gaps(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> Bools:
+    """Tell gaps that are not bridged from single messages that came as late as a gap is long."""
+    far: Bools = steps > tolerated
+    return far if pace.counting else far & (
+        np.abs(passed / pace.interval_ns - steps) < _LATE_AS_A_GAP)
+
+
 def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int, int]:
     """
     Find what the rate is not told by.
@@ -527,7 +536,7 @@ def _unpaced(passed: Ints, steps: Ints, tolerated: int, pace: Pace) -> tuple[int
         Nanoseconds, and places.
 
     """
-    breaks = np.flatnonzero(steps > tolerated)
+    breaks = np.flatnonzero(_gaps(passed, steps, tolerated, pace))
     interval, n = pace.interval_ns, len(steps)
     if pace.counting:
         # Where stamps are uneven, the pause before a batch is no part of the gap.

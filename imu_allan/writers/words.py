@@ -497,6 +497,12 @@ WORDS: Mapping[str, Words] = {
         'neighbouring messages differ in turn, as those of two sensors that publish '
         'with one frame_id do',
         'find them with ros2 topic info --verbose, and record each alone', _PUBLISHERS),
+    'alternating': Words(
+        'values in turn', 'If two sensors share the topic, the rate is twice too high and N is '
+        'wrong.', 'The means of neighbouring messages differ in turn.',
+        'the values of neighbouring messages differ in turn: a vibration at half the message '
+        'rate, or two sensors that publish with one frame_id',
+        'see with ros2 topic info --verbose whether there are two publishers', _PUBLISHERS),
     'several_frames': Words(
         'several frames', 'Several IMUs share a topic; only the first is used.',
         'Messages have different frame_id.',

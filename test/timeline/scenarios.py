@@ -9,7 +9,7 @@ of every recording: blocks of random sizes, saves of the state, looks at the res
 oracle then asks whether a number is wrong and nothing says so.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import sqrt
@@ -297,7 +297,7 @@ def accel_declared_absent_later(m: Messages, truth: Truth, rng: Generator) -> Me
 
 def two_publishers(m: Messages, truth: Truth, rng: Generator) -> Messages:
     """Mix in a second sensor of the same frame_id."""
-    truth.told.add('several_publishers')
+    truth.told |= {'several_publishers', 'alternating'}
     truth.exact = False
     offset = rng.uniform(0.3, 0.5) / truth.rate_hz
     other = Messages(m.place, m.header + offset, m.receive + offset,
@@ -452,10 +452,47 @@ def tilt(m: Messages, truth: Truth, rng: Generator) -> Messages:
     return m
 
 
+def header_late(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Let header stamps be late with a heavy tail, as those of a loaded machine, in order."""
+    truth.exact = False
+    tail = float(rng.choice([1.5, 2.0, 3.0]))
+    scale = rng.choice([0.05, 0.15, 0.3]) / truth.rate_hz
+    # One that comes twice has one stamp; what waits for a late one is stamped right behind it.
+    late = scale * rng.pareto(tail, int(m.place.max()) + 1)[m.place]
+    behind = min(2e-5, 0.02 / truth.rate_hz) * m.place
+    m.header = np.maximum.accumulate(m.header + late - behind) + behind
+    m.receive = np.maximum.accumulate(np.maximum(m.receive, m.header + 1e-4))
+    return m
+
+
+def one_of_few_dropped(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Drop every third or fourth message."""
+    truth.exact = False
+    k = int(rng.integers(3, 5))
+    return _lose(m, truth, np.arange(len(m.place)) % k != 0)
+
+
+def zero_rows(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Send zeros now and then, as a driver whose bus read failed."""
+    truth.exact = False
+    m.samples[rng.random(len(m.place)) < rng.choice([3e-4, 1e-3, 3e-3])] = 0.0
+    return m
+
+
+def half_rate_vibration(m: Messages, truth: Truth, rng: Generator) -> Messages:
+    """Shake at half the rate, as mains hum at a rate of twice its frequency does, or near it."""
+    axes = rng.permutation(6)[:int(rng.choice([1, 3, 6]))]
+    cycles = 0.5 - float(rng.choice([0.0, 0.0, 1e-5, 1e-3]))
+    m.samples[:, axes] += (SIGMA * rng.choice([0.3, 1.0, 3.0]) * rng.uniform(0.5, 1.5, len(axes))
+                           * np.cos(2 * np.pi * cycles * m.place[:, None]
+                                    + rng.uniform(0, 2 * np.pi)))
+    return m
+
+
 def before(truth: Truth) -> bool:
     """Tell whether messages were dropped, or doubled, before they were published and numbered."""
-    return bool({'every_kth_dropped', 'dropped_in_turn', 'two_publishers', 'rate_change',
-                 'polled_twice'} & set(truth.faults))
+    return bool({'every_kth_dropped', 'dropped_in_turn', 'one_of_few_dropped', 'two_publishers',
+                 'rate_change', 'polled_twice'} & set(truth.faults))
 
 
 STAMPS: tuple[Fault, ...] = (
@@ -469,6 +506,10 @@ SAMPLES: tuple[Fault, ...] = (
     frozen, not_a_number, knock, coarse_output, constant_axis, accel_declared_absent_later,
     two_publishers, rate_change, polled_twice, spikes, infinite, axes_nan_for_a_while,
     gyro_declared_absent_first, tilt, noise_changes, axis_wakes_late)
+FAULTS = (LOSSES, STAMPS, SAMPLES)
+MORE_FAULTS = ((*LOSSES, *3 * (one_of_few_dropped,)), (*STAMPS, *4 * (header_late,)),
+               (*SAMPLES, *2 * (zero_rows, half_rate_vibration)))
+"""With what was found later, more often than the others."""
 _SHORT_S = 4.0
 _LONG_S = 150.0
 DENSITY_TOLERANCE = 0.03
@@ -477,6 +518,8 @@ MOVES = ('scenario, topic /imu: the IMU moves during most of the recording; reco
          'choose a still part with --start and --duration, or keep everything with --motion keep')
 TWO_PUBLISHERS = ('neighbouring messages differ in turn, as those of two sensors that publish '
                   'with one frame_id do')
+HALF_RATE = ('the values of neighbouring messages differ in turn: a vibration at half the message '
+             'rate, or two sensors that publish with one frame_id')
 OR_TWO = ('or two sensors publish on this topic: ros2 topic info --verbose names the publishers')
 
 
@@ -492,13 +535,13 @@ class Verdict:
     axes: int
 
 
-def compose(seed: int, samples: int = 20_000) -> tuple[Messages, Truth, Generator]:
-    """Draw a scenario."""
+def compose(seed: int, samples: int = 20_000, kinds: Sequence[Sequence[Fault]] = FAULTS
+            ) -> tuple[Messages, Truth, Generator]:
+    """Draw a scenario with faults of some kinds."""
     rng = np.random.default_rng(seed)
     rate_hz = float(rng.choice(RATES))
     count = int(min(samples * rng.uniform(0.3, 1.0), 1200 * rate_hz))
     messages, truth = at_rest(count, rate_hz, rng)
-    kinds = [LOSSES, STAMPS, SAMPLES]
     for kind in rng.permutation(3)[:rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15])]:
         fault = kinds[kind][int(rng.integers(len(kinds[kind])))]
         truth.faults.append(fault.__name__)
@@ -564,6 +607,8 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
     may = max(off, RATE_TOLERANCE)
     if not result.axes and not codes:
         wrong.append('no axes and no word')
+    if rate is None and 'unknown_rate' in codes:
+        told = True
     if (rate is None or not -may - hidden < rate / truth.rate_hz - 1 < may) and not told:
         wrong.append(f'rate {rate}')
     false_terms = 0
@@ -579,16 +624,18 @@ def judge(result: Result, truth: Truth) -> tuple[list[str], int, int]:
                 wrong.append(f'{name} N {density.value / truth.density - 1:+.1%}')
         false_terms += any(axis.coefficients[key].observable
                            for key in ('bias_instability', 'rate_random_walk'))
+    if 'several_publishers' in codes and 'two_publishers' not in truth.faults:
+        wrong.append('one publisher passes for several')
     exact = truth.exact and not told and 'uneven_stamps' not in codes
     if exact and result.timeline.missing != truth.missing:
         wrong.append(f'missing {result.timeline.missing} of {truth.missing}')
     return wrong, false_terms, len(result.axes)
 
 
-def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *,
-            numbered: bool = False) -> Verdict:
+def verdict(seed: int, samples: int = 20_000, axes_there: int = 6, *, numbered: bool = False,
+            kinds: Sequence[Sequence[Fault]] = FAULTS) -> Verdict:
     """Run one scenario; most of its time goes into the fit of the axes that are there."""
-    messages, truth, rng = compose(seed, samples)
+    messages, truth, rng = compose(seed, samples, kinds)
     messages.samples[:, rng.permutation(6)[axes_there:]] = np.nan
     try:
         wrong, false_terms, axes = judge(
