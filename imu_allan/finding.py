@@ -16,9 +16,10 @@ Severity = Literal['act', 'know']
 ACT = frozenset({
     'alternating', 'axis_not_finite', 'batches', 'bias_step', 'clock_changed', 'clock_speed',
     'constant_axis', 'copied_axis', 'deadband', 'field_absent', 'filtered', 'frozen', 'gravity',
-    'high_passed', 'interpolated', 'many_missing', 'mostly_motion', 'noise_level_changed',
-    'not_steady', 'poor_fit', 'rate_changed', 'recordings_disagree', 'saturated', 'several_frames',
-    'several_publishers', 'slow_motion', 'stood_still', 'unknown_rate', 'warm_up'})
+    'high_passed', 'implausible', 'interpolated', 'many_missing', 'mostly_motion',
+    'noise_level_changed', 'not_steady', 'poor_fit', 'rate_changed', 'recordings_disagree',
+    'saturated', 'several_frames', 'several_publishers', 'slow_motion', 'stood_still',
+    'unknown_rate', 'warm_up'})
 """Codes after which the numbers are not what one wants until something is done."""
 
 

@@ -36,6 +36,7 @@ from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Backtest, Result, Signal, Source
+from imu_allan.sensor.plausible import implausible
 from imu_allan.timeline import NoAxes, TimelineOptions, TimelineStage, TimelineSummary
 from imu_allan.tuning.backtest import backtest
 from imu_allan.version import __version__
@@ -298,7 +299,7 @@ class Characterization:
         axes = {name: widened(axis, *summary.density_error) for name, axis in axes.items()}
         unclear.update(summary.turned)
         remarks = [*with_start(remarks, axes, summary.timeline.duration_s),
-                   *tone_findings(axes)]
+                   *tone_findings(axes), *implausible(axes)]
         return axes, remarks + length_remarks(axes, summary, unclear), fits
 
     def _fit_group(self, group: Group, rate: float, remarks: list[Finding], unclear: set[str],

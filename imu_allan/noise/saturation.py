@@ -17,8 +17,8 @@ from scipy.special import ndtr, ndtri
 
 Array = NDArray[np.float64]
 
-_LEAST_SHARE = 0.01
-"""Clipped at 2.33 sigma, where 1 % is cut off, white noise loses 0.9 % of its density."""
+_LEAST_SHARE = 0.005
+"""At either end: clipped at 2.58 sigma, white noise loses 1 % of its density."""
 _COARSEST_STEP = 0.5
 """
 In noise of a sample: beyond it the last cell holds a good part of the record by nature. A knock

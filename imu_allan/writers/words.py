@@ -260,6 +260,13 @@ def _gravity(v: Figures) -> str:
             f'{STANDARD_GRAVITY:.2f}{hint}')
 
 
+def _implausible(v: Figures) -> str:
+    what = {'mean': 'a mean', 'noise_density': 'white noise'}[v['what']]
+    likely = 'raw counts' if v['likely'] == 'counts' else f'{v["likely"]} in place of SI units'
+    return (f'{what} of {v.number("value")} {v["unit"]} is more than any such sensor has at rest '
+            f'({v.number("limit")}): {likely}, or motion')
+
+
 def _slow_motion(v: Figures) -> str:
     more = '' if _end(v, 'count', max) == 1 else f', and {v.number("count", "d")} times in all'
     return (f'the mean moves by {v.number("size", ".2g")} {v["unit"]} for '
@@ -533,6 +540,11 @@ WORDS: Mapping[str, Words] = {
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
         'The mean acceleration is not about 9.81 m/s^2.', _gravity,
         'check the unit and the topic; --accel :g converts', 'check the unit of the driver'),
+    'implausible': Words(
+        'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
+        'A mean or a noise density is far beyond what a sensor of its kind has at rest.',
+        _implausible,
+        'state the unit (--gyro, --accel), or record it at rest', 'check the unit of the driver'),
     # ------------------------------------------------------------------------ messages are lost
     'many_missing': Words(
         'many missing', 'So many samples are interpolated that N may be off.',
