@@ -62,7 +62,7 @@ def implausible(axes: Mapping[str, AxisResult]) -> list[Finding]:
             if value is not None and abs(value) > most:
                 found.append(finding(
                     'implausible', (name,), what=what, value=value, limit=most,
-                    unit=f'{axis.unit}{per_root}',
+                    unit=axis.unit + per_root,
                     likely=limit.unit if abs(value) <= limit.by * most else 'counts'))
                 break
     return found

@@ -30,6 +30,12 @@ def test_a_clipped_axis_is_told_at_either_end(level, step):
     assert cut_off(shown(stepped), 0) is None
 
 
+def test_noise_clipped_at_two_and_a_half_sigma_is_told():
+    rows = np.random.default_rng(4).normal(size=(20_000, 48))
+    finished = shown(np.clip(rows, -2.5, 2.5))
+    assert all(cut_off(finished, axis) is not None for axis in range(48))
+
+
 @pytest.mark.parametrize('samples', [64, 100, 320, 1000, 10_000])
 def test_noise_in_steps_is_not_cut_off(samples):
     # About 320 samples in steps of 1 sigma end in a cell of 6 % of them in one record of ten.
