@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.posterior.courses import CourseKind
 from imu_allan.noise.posterior.likelihood import (
+    ALWAYS,
     FREE,
     HIGH,
     LOW,
@@ -286,7 +287,7 @@ def _regressed(model: Drawn) -> tuple[Array, Array, Array]:
 
 def _ramp(posterior: Posterior) -> Estimate:
     """Estimate the ramp, which is signed; every one of several records has its own."""
-    if posterior.models[0].spectra.along.shape[1] > 1:
+    if posterior.models[0].spectra.records > 1:
         return Estimate(False, 0.0, 0.0, 0.0, np.nan, 0.0)
     values, weights, wanders = [], [], []
     for model in posterior.models:
@@ -351,9 +352,8 @@ def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
 
 def expected(model: Drawn) -> tuple[Array, Array]:
     """Return the expected power of a model by group, and that of its white noise."""
-    lam, slopes, _ = spectrum(model.spectra, model.row, model.row.x)
-    assert slopes is not None
-    return lam[0], slopes[0, 1] / 2
+    lam, slopes, used = spectrum(model.spectra, model.row, model.row.x)
+    return lam[0], slopes[np.searchsorted(used, ALWAYS), 0] / 2
 
 
 def _window(posterior: Posterior) -> float | None:

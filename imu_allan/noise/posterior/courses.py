@@ -326,7 +326,7 @@ def _laid(spectra: Spectra, candidates: Sequence[Candidate]
             occam = share + _occam(sizes[here], found)
             own = replace(rows.take(here), of=np.zeros(len(here), np.int64))
             laid.append((search, CourseSet(
-                found, beside.one(number), replace(
+                found, beside.taken(np.array([number])), replace(
                     own, evidence=own.evidence + occam, prior=own.prior + occam))))
     return laid
 

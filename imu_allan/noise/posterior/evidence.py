@@ -21,7 +21,6 @@ from imu_allan.noise.posterior.likelihood import (
     losses,
     LOW,
     NUISANCES,
-    ranges,
     Rows,
     SLOTS,
     Spectra,
@@ -103,11 +102,10 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
 
 def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     """Which rows have all nuisances inside their ranges: at an end a row is another model."""
-    found = np.ones(len(rows), dtype=bool)
-    for slot, first, last in ranges(spectra.tables, rows):
-        found &= ~rows.has[:, slot] | ((rows.x[:, slot] > first + _AT_END)
-                                       & (rows.x[:, slot] < last - _AT_END))
-    return found
+    first, last = spectra.tables.ranges(rows.family)
+    x = rows.x[:, NUISANCES]
+    found = (x > first + _AT_END) & (x < last - _AT_END)
+    return np.asarray((found | ~rows.has[:, NUISANCES]).all(axis=1))
 
 
 def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
@@ -122,11 +120,10 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
     some = rows.take(filtered)
     for part in batches(some):
         own = some.take(part)
-        lam, slopes, _ = spectrum(spectra, own, own.x)
-        assert slopes is not None
+        lam, slopes, used = spectrum(spectra, own, own.x)
         table = spectra.tables.low_pass
         passed, _ = cubic(table.rows, *table.place(own.family, own.x[:, LOW]))
-        share = slopes[:, ALWAYS] / 2 / lam * (passed > _PASSED)
+        share = slopes[np.searchsorted(used, ALWAYS)] / 2 / lam * (passed > _PASSED)
         inside_edge = np.arange(lam.shape[1]) < own.edge[:, None]
         seen = 0.5 * np.einsum('rg,rg->r', spectra.dof[own.of] * inside_edge, share**2)
         found[filtered[part]] = seen > _LEAST_KNOWN
@@ -170,31 +167,34 @@ class Draws:
 
 def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
     """Draw from every row by importance, `counts` times from each; the same draws every time."""
-    drawn = []
-    for number, count in enumerate(counts.tolist()):
-        row = rows.take(np.array([number]))
-        free = np.flatnonzero(row.has[0])
+    half = np.linalg.cholesky(np.linalg.inv(rows.hessian))
+    spread = 0.5 * np.linalg.slogdet(rows.hessian)[1]
+    many = replace(rows, hessian=rows.x[:, :0]).take(np.repeat(np.arange(len(rows)), counts))
+    ends = np.cumsum(counts)
+    log_t = np.empty(len(many))
+    for number, (end, count) in enumerate(zip(ends.tolist(), counts.tolist(), strict=True)):
+        free = np.flatnonzero(rows.has[number])
         normal, chi = _points(count, len(free))
         stretch = np.sqrt(_TAILS / chi)
-        information = row.hessian[0][np.ix_(free, free)]
-        half = np.linalg.cholesky(np.linalg.inv(information))
-        x = np.tile(row.x[0], (count, 1))
-        x[:, free] += _WIDER * stretch[:, None] * (normal @ half.T)
-        many = replace(row, hessian=row.x[:, :0]).take(np.zeros(count, np.int64))
-        loss = np.concatenate([loss_alone(spectra, many.take(part), x[part])
-                               for part in batches(many)])
-        d = len(free)
-        log_t = (gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
-                 - d * np.log(_WIDER) + 0.5 * np.linalg.slogdet(information)[1]
-                 - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * stretch**2 / _TAILS))
-        log_w = -loss - log_t
-        top = float(log_w.max())
-        weight = np.exp(log_w - top)
+        own, d = slice(end - count, end), len(free)
+        many.x[own, free] += _WIDER * stretch[:, None] * (
+            normal @ half[number][np.ix_(free, free)].T)
+        log_t[own] = (
+            gammaln((_TAILS + d) / 2) - gammaln(_TAILS / 2) - 0.5 * d * np.log(_TAILS * np.pi)
+            - d * np.log(_WIDER) + spread[number]
+            - 0.5 * (_TAILS + d) * np.log1p((normal**2).sum(axis=1) * stretch**2 / _TAILS))
+    log_w = -log_t
+    for part in batches(many):
+        log_w[part] -= loss_alone(spectra, many.take(part), many.x[part])
+    drawn = []
+    for number, own in enumerate(np.split(np.arange(len(many)), ends[:-1])):
+        top = float(log_w[own].max())
+        weight = np.exp(log_w[own] - top)
         share = weight / weight.sum()
-        evidence = float(row.prior[0]) + top + float(np.log(weight.mean()))
+        evidence = float(rows.prior[number]) + top + float(np.log(weight.mean()))
         if 1 / float(share @ share) < _FEWEST_DRAWS:
-            share, evidence = np.full(count, 1 / count), float(row.evidence[0])
-        drawn.append(Draws(x, share, evidence))
+            share, evidence = np.full(len(own), 1 / len(own)), float(rows.evidence[number])
+        drawn.append(Draws(many.x[own], share, evidence))
     return drawn
 
 

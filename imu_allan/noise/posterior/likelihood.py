@@ -53,8 +53,10 @@ _WALL = 0.05
 """How far a nuisance may stand beyond the end of its range, one sigma."""
 _SMALL = 1e-300
 """Power that is none, of which there is a logarithm."""
-_BATCH = 192
-"""Rows of one batch: their arrays then stay in the cache."""
+_COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
+"""Slots that a batch is computed the faster without."""
+_FEW, _BATCH = 24, 96
+"""Rows of one batch: more than what every batch costs anew, and no more than stay in the cache."""
 UNSEEN_LEVEL = 0.2
 """Prior density of the logarithm of the level of a half-octave that no model explains."""
 
@@ -80,11 +82,13 @@ class Spectra:
         Logarithm of what gaps and ends do to a free term.
     sizes : tuple of ndarray, shape (spectra, points)
         By free term, the logarithm of the amplitude the record can just see, along its grid.
+    free : tuple of Table
+        By free term, its power at that amplitude, each spectrum being a shape of the table.
     gentle : ndarray, shape (spectra,)
         Logarithm of the corner of the gentlest roll-off that can be seen.
-    along : ndarray, shape (spectra, records, groups, regressors)
-    among : ndarray, shape (spectra, records, groups, regressors, regressors)
-        As in `Groups`; every record has regressors of its own.
+    products : ndarray, shape (spectra, records * regressors * (1 + regressors), groups)
+        `along` and `among` of `Groups`; every record has regressors of its own.
+    records : int
     tables : Tables
     left : ndarray, shape (spectra, groups + 1)
         Loss of what is left to itself from a group on.
@@ -99,30 +103,23 @@ class Spectra:
     unit: Array
     like: Array
     sizes: tuple[Array, ...]
+    free: tuple[Table, ...]
     gentle: Array
-    along: Array
-    among: Array
+    products: Array
+    records: int
     tables: Tables
     left: Array
 
+    def taken(self, of: Index) -> 'Spectra':
+        """Return some of the spectra."""
+        each = {key: getattr(self, key)[of] for key in (
+            'dof', 'power', 'whole', 'columns', 'unit', 'like', 'gentle', 'products', 'left')}
+        return replace(self, **each, sizes=tuple(size[of] for size in self.sizes),
+                       free=tuple(table.taken(of) for table in self.free))
+
     def beside(self, groups: Sequence[Groups], of: Sequence[int]) -> 'Spectra':
         """Return spectra with other regressors, each that of one of these with other groups."""
-        index = np.array(of)
-        along, among = regressors(groups)
-        return replace(self, dof=self.dof[index], power=self.power[index],
-                       whole=self.whole[index], columns=self.columns[index],
-                       unit=self.unit[index], like=self.like[index],
-                       sizes=tuple(size[index] for size in self.sizes),
-                       gentle=self.gentle[index], along=along, among=among,
-                       left=self.left[index])
-
-    def one(self, number: int) -> 'Spectra':
-        """Return one of the spectra alone."""
-        own = slice(number, number + 1)
-        return replace(self, dof=self.dof[own], power=self.power[own], whole=self.whole[own],
-                       columns=self.columns[own], unit=self.unit[own], like=self.like[own],
-                       sizes=tuple(size[own] for size in self.sizes), gentle=self.gentle[own],
-                       along=self.along[own], among=self.among[own], left=self.left[own])
+        return replace(self.taken(np.array(of)), products=regressors(groups))
 
     def worth(self, dof: Array) -> 'Spectra':
         """Return the same spectra with other degrees of freedom."""
@@ -130,20 +127,17 @@ class Spectra:
         return replace(spectra, left=left_to_itself(self.frequency, dof, self.power, self.whole))
 
 
-def regressors(groups: Sequence[Groups]) -> tuple[Array, Array]:
-    """Products with the regressors of every record of every spectrum."""
-    along, among = [], []
+def regressors(groups: Sequence[Groups]) -> Array:
+    """Products with the regressors of every record, shape (spectra, products, groups)."""
+    found = []
     for one in groups:
         assert one.along is not None
         assert one.among is not None
-        if one.record is None:
-            along.append(one.along[None])
-            among.append(one.among[None])
-        else:
-            own = one.record == np.arange(one.records)[:, None]
-            along.append(np.where(own[:, :, None], one.along, 0.0))
-            among.append(np.where(own[:, :, None, None], one.among, 0.0))
-    return np.stack(along), np.stack(among)
+        products = np.concatenate((one.along, one.among.reshape(len(one.dof), -1)), axis=1).T
+        own: Array | Mask = np.ones((1, 1)) if one.record is None else (
+            one.record == np.arange(one.records)[:, None])
+        found.append((own[:, None] * products).reshape(-1, len(one.dof)))
+    return np.stack(found)
 
 
 def half_octaves(frequency: Array) -> Index:
@@ -213,85 +207,74 @@ class Rows:
 
 
 def batches(rows: Rows) -> list[Index]:
-    """Rows of the same structure, no more to a batch than stay in the cache."""
-    if not len(rows):
-        return []
-    key = rows.has[:, NUISANCES] @ (1 << np.arange(len(NUISANCES)))
+    """Rows of about the same structure, no more to a batch than stay in the cache."""
+    key = rows.has[:, _COSTLY] @ (1 << np.arange(len(_COSTLY)))
     order = np.argsort(key, kind='stable')
-    cuts = np.flatnonzero(np.diff(key[order])) + 1
-    return [part for same in np.split(order, cuts)
-            for part in np.array_split(same, -(-len(same) // _BATCH))]
+    found, begin = [], 0
+    for end in (*(np.flatnonzero(np.diff(key[order])) + 1).tolist(), len(order)):
+        # A few rows are computed sooner with slots that they do not have than on their own.
+        if end - begin >= _FEW or end == len(order) > begin:
+            found += np.array_split(order[begin:end], -(-(end - begin) // _BATCH))
+            begin = end
+    return found
 
 
 def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
-             ) -> tuple[Array, Array | None, Index]:
+             ) -> tuple[Array, Array, Index]:
     """
-    Return the expected power of rows of one structure, and its derivatives by their slots.
+    Return the expected power of rows, and its derivatives by the slots that any of them has.
 
     Returns
     -------
     lam : ndarray, shape (rows, groups)
-    jacobian : ndarray, shape (rows, used slots, groups), or None
+    jacobian : ndarray, shape (used slots, rows, groups)
+        Without `slopes` twice the power of the terms alone.
     used : ndarray of int
-        Slots that any of the rows may have.
+        Its slots.
 
     """
-    has = rows.has[0]
-    theta = np.where(rows.has[:, :PLAIN], np.exp(np.minimum(2 * x[:, :PLAIN], 120.0)), 0.0)
-    parts = spectra.columns[rows.of] * theta[:, :, None]
-    body = parts[:, ~OUTPUT].sum(axis=1)
-    free: list[tuple[int, Array, Array]] = []
-    for k in range(FREE):
+    has, of = rows.has, _shared(rows.of)
+    used = np.flatnonzero(has.any(axis=0))
+    place = {slot: number for number, slot in enumerate(used.tolist())}
+    terms = [slot for slot in place if slot < PLAIN]
+    jacobian = np.empty((len(used) if slopes else len(terms), len(x), spectra.dof.shape[1]))
+    twice = np.where(has[:, :PLAIN], 2 * np.exp(np.minimum(2 * x[:, :PLAIN], 120.0)), 0.0)
+    body, behind = np.zeros(jacobian.shape[1:]), np.zeros(jacobian.shape[1:])
+    for slot in terms:
+        part = np.multiply(spectra.columns[of, slot], twice[:, slot, None],
+                           out=jacobian[place[slot]])
+        total = behind if OUTPUT[slot] else body
+        total += part
+    body *= 0.5
+    for k, table in enumerate(spectra.free):
         slot = PLAIN + 2 * k
-        if not has[slot]:
-            continue
-        table = spectra.tables.terms[k]
-        at, t, per = table.place(np.zeros(len(x), np.int64), x[:, slot + 1])
-        value, slope = cubic(table.rows, at, t, per)
-        size, growth = _along_grid(spectra.sizes[k], rows.of, at, t, per)
-        value = np.exp(np.minimum(2 * (x[:, slot] + size), 120.0)[:, None]
-                       + value + spectra.like[rows.of, k])
-        body = body + value
+        if slot in place:
+            value, slope = cubic(table.rows, *table.place(rows.of, x[:, slot + 1]))
+            value = np.exp(np.minimum(2 * x[:, slot, None], 120.0) + value)
+            value *= has[:, slot, None]
+            body += value
+            if slopes:
+                np.multiply(value, 2, out=jacobian[place[slot]])
+                np.multiply(value, slope, out=jacobian[place[slot + 1]])
+    bends = [(slot, *cubic(table.rows, *table.place(family, x[:, slot])))
+             for slot, table, family in (
+                 (LOW, spectra.tables.low_pass, rows.family),
+                 (HIGH, spectra.tables.high_pass, np.zeros_like(rows.family))) if slot in place]
+    if bends:
+        response = np.exp(sum(value * has[:, slot, None] for slot, value, _ in bends))
+        body *= response
         if slopes:
-            free.append((slot, value, slope + 2 * growth[:, None]))
-    response: Array | None = None
-    bends: list[tuple[int, Array]] = []
-    for slot, table, family in ((LOW, spectra.tables.low_pass, rows.family),
-                                (HIGH, spectra.tables.high_pass, np.zeros(len(x), np.int64))):
-        if has[slot]:
-            value, slope = cubic(table.rows, *table.place(family, x[:, slot]))
-            own = np.exp(value)
-            response = own if response is None else response * own
-            bends.append((slot, slope))
-    if response is not None:
-        body = body * response
-    lam = np.maximum(body + parts[:, OUTPUT].sum(axis=1), _SMALL)
-    used = np.array([*range(PLAIN), *(slot for k in range(FREE) if has[PLAIN + 2 * k]
-                                      for slot in (PLAIN + 2 * k, PLAIN + 2 * k + 1)),
-                     *(slot for slot, _ in bends)])
-    if not slopes:
-        return lam, None, used
-    jacobian = np.empty((len(x), len(used), lam.shape[1]))
-    jacobian[:, :PLAIN] = 2 * parts
-    if response is not None:
-        jacobian[:, :PLAIN][:, ~OUTPUT] *= response[:, None]
-    place = PLAIN
-    for _, value, slope in free:
-        behind = value if response is None else value * response
-        jacobian[:, place] = 2 * behind
-        jacobian[:, place + 1] = behind * slope
-        place += 2
-    for _, slope in bends:
-        jacobian[:, place] = body * slope
-        place += 1
-    return lam, jacobian, used
+            for slot, number in place.items():
+                if slot < LOW and not (slot < PLAIN and OUTPUT[slot]):
+                    jacobian[number] *= response
+            for slot, _, slope in bends:
+                np.multiply(body, slope, out=jacobian[place[slot]])
+    return np.maximum(body + 0.5 * behind, _SMALL), jacobian, used
 
 
-def _along_grid(size: Array, of: Index, at: Index, t: Array, per: Array) -> tuple[Array, Array]:
-    """Interpolate what a record can just see along the grid of a nuisance, by spectrum."""
-    a, b, c, d = size[of, at - 1], size[of, at], size[of, at + 1], size[of, at + 2]
-    p, q, r = c - a, 2 * a - 5 * b + 4 * c - d, 3 * (b - c) + d - a
-    return (b + 0.5 * t * (p + t * (q + t * r)), 0.5 * (p + t * (2 * q + 3 * t * r)) * per)
+def _shared(of: Index) -> Index:
+    """Return what all rows share but once: it is not copied for each of them."""
+    return of[:1] if (of == of[0]).all() else of
 
 
 def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Array]:
@@ -306,20 +289,18 @@ def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Arra
     covariance : ndarray, shape (rows, records, regressors, regressors)
 
     """
-    along, among = spectra.along, spectra.among
-    if along.shape[1] == along.shape[3] == 1:
-        target = np.einsum('rg,rg->r', weight, along[of, 0, :, 0])[:, None, None]
-        gram = np.einsum('rg,rg->r', weight, among[of, 0, :, 0, 0])[:, None, None, None]
-    else:
-        target = np.einsum('rg,rkgi->rki', weight, along[of])
-        gram = np.einsum('rg,rkgij->rkij', weight, among[of])
-    if target.shape[-1] == 1:
+    products = np.matmul(spectra.products[_shared(of)], weight[:, :, None])
+    products = products.reshape(len(of), spectra.records, -1)
+    count = int(np.sqrt(products.shape[2]))
+    target = products[:, :, :count]
+    gram = products[:, :, count:].reshape(*target.shape, count)
+    if count == 1:
         single = np.maximum(gram[..., 0], _SMALL)
         gain = 0.5 * (target**2 / single - np.log(single)).sum(axis=(1, 2))
         return gain, target / single, (1 / single)[..., None]
     norm = np.einsum('...ii->...i', gram)
     scale = np.sqrt(np.where(norm > 0, norm, 1.0))
-    unit = gram / (scale[..., :, None] * scale[..., None, :]) + 1e-10 * np.eye(gram.shape[-1])
+    unit = gram / (scale[..., :, None] * scale[..., None, :]) + 1e-10 * np.eye(count)
     covariance = np.linalg.inv(unit) / (scale[..., :, None] * scale[..., None, :])
     size = np.einsum('...ij,...j->...i', covariance, target)
     gain = 0.5 * np.einsum('mri,mri->m', target, size) - 0.5 * (
@@ -330,105 +311,86 @@ def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Arra
 def residual_power(spectra: Spectra, of: Index, size: Array, covariance: Array) -> Array:
     """Power about the mean as expected of the noise alone, shape (rows, groups)."""
     second = size[..., :, None] * size[..., None, :] + covariance
-    power = spectra.power[of]
-    if size.shape[1] == size.shape[2] == 1:
-        about = power + second[:, 0, 0] * spectra.among[of, 0, :, 0, 0] \
-            - 2 * size[:, 0] * spectra.along[of, 0, :, 0]
-    else:
-        about = power + np.einsum('rkij,rkgij->rg', second, spectra.among[of]) \
-            - 2 * np.einsum('rki,rkgi->rg', size, spectra.along[of])
+    factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
+    power, of = spectra.power[of], _shared(of)
+    about = np.matmul(factors.reshape(len(size), 1, -1), spectra.products[of])[:, 0] + power
     return np.maximum(about, 1e-12 * power)
 
 
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
-    """Minus the logarithm of the posterior of rows of one structure, gradient and information."""
+    """Minus the logarithm of the posterior of rows, gradient and information."""
     lam, jacobian, used = spectrum(spectra, rows, x)
-    assert jacobian is not None
-    weight, logarithms = _weighed(spectra, rows, lam)
+    weight, misfit = _weighed(spectra, rows, lam)
     gain, size, covariance = mean(spectra, rows.of, weight)
     value, slope, bend = log_prior(spectra, rows, x)
-    loss = 0.5 * (logarithms + np.einsum('rg,rg->r', weight, spectra.power[rows.of])) \
-        + spectra.left[rows.of, rows.edge] - gain - value
     half = 0.5 * weight / lam
     about = residual_power(spectra, rows.of, size, covariance)
+    weighed = (jacobian * half).transpose(1, 0, 2)
     gradient, information = -slope, np.zeros((len(x), SLOTS, SLOTS))
-    gradient[:, used] += np.matmul(jacobian, (half * (lam - about))[:, :, None])[..., 0]
-    information[:, used[:, None], used] = np.matmul(jacobian * half[:, None],
-                                                    jacobian.transpose(0, 2, 1))
+    gradient[:, used] += np.matmul(weighed, (lam - about)[:, :, None])[..., 0]
+    information[:, used[:, None], used] = np.matmul(weighed, jacobian.transpose(1, 2, 0))
     diagonal = np.einsum('rii->ri', information)
     diagonal += bend
     gradient[~rows.has] = 0.0
     information *= rows.has[:, :, None] & rows.has[:, None, :]
     diagonal += ~rows.has
-    return loss, gradient, information
+    return misfit - gain - value, gradient, information
 
 
 def loss_alone(spectra: Spectra, rows: Rows, x: Array) -> Array:
-    """Minus the logarithm of the posterior of rows of one structure."""
+    """Minus the logarithm of the posterior of rows."""
     lam, _, _ = spectrum(spectra, rows, x, slopes=False)
-    weight, logarithms = _weighed(spectra, rows, lam)
+    weight, misfit = _weighed(spectra, rows, lam)
     gain, _, _ = mean(spectra, rows.of, weight)
-    return np.asarray(
-        0.5 * (logarithms + np.einsum('rg,rg->r', weight, spectra.power[rows.of]))
-        + spectra.left[rows.of, rows.edge] - gain - log_prior(spectra, rows, x, slopes=False)[0])
+    return np.asarray(misfit - gain - log_prior(spectra, rows, x)[0])
 
 
 def _weighed(spectra: Spectra, rows: Rows, lam: Array) -> tuple[Array, Array]:
-    """Weights of the groups below the edge of each row, and the weighed sum of logarithms."""
-    dof = spectra.dof[rows.of]
+    """Weights of the groups below the edge of each row, and what all of them lose."""
+    of = _shared(rows.of)
+    dof = spectra.dof[of]
     if rows.edge.min() < lam.shape[1]:
         dof = dof * (np.arange(lam.shape[1]) < rows.edge[:, None])
-    return dof / lam, np.einsum('rg,rg->r', dof, np.log(lam))
+    weight = dof / lam
+    each = dof * np.log(lam) + weight * spectra.power[of]
+    return weight, 0.5 * each.sum(axis=1) + spectra.left[rows.of, rows.edge]
 
 
-def log_prior(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
-              ) -> tuple[Array, Array, Array]:
-    """Prior of the parameters of rows of one structure: value, gradient and curvature by slot."""
+def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
+    """Prior of the parameters of rows: value, gradient and curvature by slot."""
     slope, bend = np.zeros(x.shape), np.zeros(x.shape)
     # Uniform in the logarithm of an amplitude above what is seen.
-    there = np.where(rows.has[:, AMPLITUDES] & (AMPLITUDES != ALWAYS), 1.0, 0.0)
-    fall = np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
-    value = -np.einsum('ra,ra->r', there, np.log1p(fall))
-    if slopes:
-        share = there * fall / (1 + fall)
-        slope[:, AMPLITUDES] = 2 * share
-        bend[:, AMPLITUDES] = 4 * share / (1 + fall)
-    has = rows.has[0]
-    if has[PLAIN + 1]:
-        # An exponent about that of flicker.
-        off = (x[:, PLAIN + 1] - 1) / EXPONENT_SPREAD
-        value -= 0.5 * off**2 + np.log(EXPONENT_SPREAD * np.sqrt(2 * np.pi))
+    there = rows.has[:, AMPLITUDES] & (AMPLITUDES != ALWAYS)
+    fall = there * np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
+    value = -np.log1p(fall).sum(axis=1)
+    slope[:, AMPLITUDES] = 2 * fall / (1 + fall)
+    bend[:, AMPLITUDES] = 4 * fall / (1 + fall)**2
+    exponent = rows.has[:, PLAIN + 1]
+    if exponent.any():
+        # About that of flicker.
+        off = exponent * (x[:, PLAIN + 1] - 1) / EXPONENT_SPREAD
+        value -= 0.5 * off**2 + exponent * np.log(EXPONENT_SPREAD * np.sqrt(2 * np.pi))
         slope[:, PLAIN + 1] = -off / EXPONENT_SPREAD
         bend[:, PLAIN + 1] = 1 / EXPONENT_SPREAD**2
-    if has[LOW]:
+    gentle = rows.has[:, LOW] & (rows.family == GENTLE_FAMILY)
+    if gentle.any():
         # A roll-off gentler than what is seen, as an amplitude below.
-        gentle = rows.family == GENTLE_FAMILY
-        fall = np.exp(4 * np.minimum(x[:, LOW] - spectra.gentle[rows.of], 10.0))
-        share = gentle * fall / (1 + fall)
-        value -= gentle * np.log1p(fall)
-        slope[:, LOW] = -4 * share
-        bend[:, LOW] = 16 * share / (1 + fall)
-    for slot, first, last in ranges(spectra.tables, rows):
-        if has[slot]:
-            off = (x[:, slot] - np.clip(x[:, slot], first, last)) / _WALL
-            value -= 0.5 * off**2
-            slope[:, slot] -= off / _WALL
-            # No nuisance is less known than its range tells.
-            bend[:, slot] += 4 / (last - first)**2 + (off != 0) / _WALL**2
+        fall = gentle * np.exp(4 * np.minimum(x[:, LOW] - spectra.gentle[rows.of], 10.0))
+        value -= np.log1p(fall)
+        slope[:, LOW] = -4 * fall / (1 + fall)
+        bend[:, LOW] = 16 * fall / (1 + fall)**2
+    first, last = spectra.tables.ranges(rows.family)
+    nuisance = x[:, NUISANCES]
+    off = rows.has[:, NUISANCES] * (nuisance - np.clip(nuisance, first, last)) / _WALL
+    value -= 0.5 * (off**2).sum(axis=1)
+    slope[:, NUISANCES] -= off / _WALL
+    # No nuisance is less known than its range tells.
+    bend[:, NUISANCES] += 4 / (last - first)**2 + (off != 0) / _WALL**2
     return value, slope, bend
 
 
 EXPONENT_SPREAD = 0.35
 """Standard deviation of the exponent of slow noise about 1 in real sensors."""
-
-
-def ranges(tables: Tables, rows: Rows) -> list[tuple[int, Array, Array]]:
-    """Slot, first and last value of every nuisance, by row."""
-    none = np.zeros(len(rows), np.int64)
-    found: list[tuple[int, Table, Index]] = [
-        (PLAIN + 2 * k + 1, table, none) for k, table in enumerate(tables.terms)]
-    found += [(LOW, tables.low_pass, rows.family), (HIGH, tables.high_pass, none)]
-    return [(slot, table.first[family], table.last[family]) for slot, table, family in found]
 
 
 def structure_prior(tables: Tables, gentle: float, has: Mask, family: int) -> float:

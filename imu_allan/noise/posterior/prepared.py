@@ -3,7 +3,7 @@
 """Grouped spectra of several axes as the posterior takes them, in units of what is seen."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_allan.noise.groups import Groups
 from imu_allan.noise.likelihood import maximise, residual_power
@@ -100,11 +100,12 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         / (TERMS[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))
         for shape in FREE_TERMS], axis=1)
     sizes = tuple(_just_seen(own, like[:, k], information) for k, own in enumerate(table.terms))
-    along, among = regressors(groups)
+    free = tuple(_in_units(own, like[:, k], sizes[k]) for k, own in enumerate(table.terms))
     spectra = Spectra(
-        groups[0].frequency, dof, np.stack(power), whole, design * (unit**1)[:, :, None],
-        np.sqrt(unit), like, sizes, _gentlest(nu, design[:, _WHITE], information, whole), along,
-        among, table, left_to_itself(groups[0].frequency, dof, np.stack(power), whole))
+        groups[0].frequency, dof, np.stack(power), whole, design * unit[:, :, None],
+        np.sqrt(unit), like, sizes, free, _gentlest(nu, design[:, _WHITE], information, whole),
+        regressors(groups), groups[0].records, table,
+        left_to_itself(groups[0].frequency, dof, np.stack(power), whole))
     for number, one in enumerate(groups):
         starts.append(_start(one, unit[number], level[number]))
     return spectra, starts
@@ -143,6 +144,14 @@ def _just_seen(table: Table, like: Array, information: Array) -> Array:
     """Logarithm of the amplitude of a free term that is just seen, by spectrum and grid point."""
     squares = np.exp(2 * (table.rows[None] + like[:, None]))
     return np.asarray(-0.25 * np.log(np.einsum('akg,ag->ak', squares, information)))
+
+
+def _in_units(table: Table, like: Array, size: Array) -> Table:
+    """Return the power of a free term at the amplitude that is just seen, by spectrum."""
+    of = np.zeros(len(like), np.int64)
+    rows = table.rows + like[:, None] + 2 * size[:, :, None]
+    return replace(table.taken(of), rows=rows.reshape(-1, like.shape[1]),
+                   start=np.arange(len(like)) * table.count[0])
 
 
 def _gentlest(nu: Array, white: Array, information: Array, dof: Array) -> Array:

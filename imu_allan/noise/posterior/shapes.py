@@ -9,8 +9,8 @@ corner. All of it is relative to the sample rate and the length of the record.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 from imu_allan.noise import spectrum
 import numpy as np
@@ -174,13 +174,22 @@ class Table:
         return self.start[shape] + i, u - i, 1 / self.step[shape]
 
 
+    def taken(self, shapes: NDArray[np.int64]) -> 'Table':
+        """Return some of the shapes; the rows stay where they are."""
+        return replace(self, **{key: getattr(self, key)[shapes] for key in (
+            'first', 'last', 'step', 'start', 'count')})
+
+
 def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array) -> tuple[Array, Array]:
     """Interpolate rows (Catmull-Rom), shape (n, groups), and the derivative by the nuisance."""
-    t, per = t[:, None], per[:, None]
-    a, b, c, d = rows[at - 1], rows[at], rows[at + 1], rows[at + 2]
-    p, q, r = c - a, 2 * a - 5 * b + 4 * c - d, 3 * (b - c) + d - a
-    value = b + 0.5 * t * (p + t * (q + t * r))
-    return value, 0.5 * (p + t * (2 * q + 3 * t * r)) * per
+    powers = np.stack((np.ones(len(t)), t, t**2, t**3), axis=1)
+    rise = np.stack((np.zeros(len(t)), np.ones(len(t)), 2 * t, 3 * t**2), axis=1) * per[:, None]
+    found = np.matmul(np.stack((powers, rise), axis=1) @ _CATMULL_ROM,
+                      rows[at[:, None] + np.arange(-1, 3)])
+    return found[:, 0], found[:, 1]
+
+
+_CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 
 def tables(frequency: Array, dt: float) -> 'Tables':
@@ -195,6 +204,18 @@ class Tables:
     terms: tuple[Table, ...]
     low_pass: Table
     high_pass: Table
+
+    def ranges(self, family: NDArray[np.int64]) -> tuple[Array, Array]:
+        """First and last value of every nuisance beside low-passes, shape (n, nuisances)."""
+        return self._ranges[0, family], self._ranges[1, family]
+
+    @cached_property
+    def _ranges(self) -> Array:
+        own = [*self.terms, self.low_pass, self.high_pass]
+        shape = (len(self.low_pass.first), len(own))
+        return np.stack([np.stack([np.broadcast_to(end, shape[:1]) for end in ends], axis=1)
+                         for ends in ([table.first for table in own],
+                                      [table.last for table in own])])
 
 
 @lru_cache(maxsize=8)
