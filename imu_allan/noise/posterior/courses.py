@@ -11,6 +11,7 @@ the regression beside the ramp it is (density/2) sqrt(2 pi/g) e^(g/2) of one col
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.posterior.evidence import climb
@@ -35,7 +36,7 @@ from imu_allan.noise.posterior.search import (
 )
 from imu_allan.noise.shapes import cycle, legendre, step, warming
 from imu_allan.noise.temperature_course import TemperatureCourse
-from imu_allan.noise.trends import RecordSpectrum
+from imu_allan.noise.trends import RecordSpectrum, regressors
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,6 +58,8 @@ _WORTH_FITTING = 9.0
 """Gain of a regression from which a course is laid beside the noise."""
 _NEAR = 30.0
 """Nats within which a noise counts as one that a course may stand beside."""
+_COARSE = 0.5
+"""Nats to which a noise is fitted about which a course is looked at more closely."""
 _CLEARER = 2.0
 """Nats by which a course has to beat what is there before another is looked for beside it."""
 
@@ -149,29 +152,44 @@ class CourseSet:
 
 
 class Bank:
-    """All candidates on the slowest coefficients of one axis."""
+    """All candidates on the slowest coefficients of a recording, whichever axis they are laid to."""
 
     def __init__(self, record: RecordSpectrum, kinds: Sequence[CourseKind]) -> None:
-        self.record, self.kinds = record, kinds
-        self.duration_s = record.duration_s
-        self._slow = record.slowest(_SLOWEST)
+        self.kinds, self.duration_s = kinds, record.duration_s
         self.grids = [kind.grid(self.duration_s) for kind in kinds]
-        self._columns = [self._regressors(kind, grid)
-                         for kind, grid in zip(kinds, self.grids, strict=True)]
-        which = record.bins.whole & (record.bins.index <= _SLOWEST)
-        if record.keep is not None:
-            which = which & record.keep
-        self._frequency = record.bins.frequency[which]
+        self._record = record
 
-    def _regressors(self, kind: CourseKind, values: Array) -> Array:
+    @cached_property
+    def columns(self) -> list[Array]:
+        """Transform the candidates of every kind, as soon as they are asked for."""
+        return [self.regressors(kind, grid)
+                for kind, grid in zip(self.kinds, self.grids, strict=True)]
+
+    def regressors(self, kind: CourseKind, values: Array) -> Array:
         """Transform candidates, shape (values, columns of the kind, coefficients)."""
         courses = [kind.columns(float(value), self.duration_s) for value in values]
-        found = self._slow.regressors([course for each in courses for course in each])
+        found = regressors(self._record.pieces, self._record.dt,
+                           [course for each in courses for course in each], _SLOWEST)
         return np.asarray(found.T.reshape(len(values), len(courses[0]), -1))
+
+    def of(self, record: RecordSpectrum) -> 'AxisBank':
+        """Lay the candidates to one axis of the recording."""
+        return AxisBank(self, record)
+
+
+class AxisBank:
+    """Candidates on the slowest coefficients of one axis that are no line."""
+
+    def __init__(self, bank: Bank, record: RecordSpectrum) -> None:
+        self.bank, self.record, self.kinds = bank, record, bank.kinds
+        self._slow = record.slowest(_SLOWEST)
+        slow = record.bins.whole & (record.bins.index <= _SLOWEST)
+        self._frequency = record.bins.frequency[slow][self._slow.which]
 
     def courses(self, found: Sequence[Found]) -> list[Course]:
         """Give the courses themselves."""
-        return [course for one in found for course in one.kind.columns(one.value, self.duration_s)]
+        return [course for one in found
+                for course in one.kind.columns(one.value, self.bank.duration_s)]
 
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
         """Prepare the gains about noise of one spectrum, over the ramp and other courses."""
@@ -182,20 +200,19 @@ class Bank:
             others.append(self._slow.regressors([*self.record.courses, *self.courses(beside)]))
         basis = np.linalg.qr(np.column_stack(others) * root[:, None])[0]
         value = self._slow.coefficient * root
-        return Whitened(self, root, basis, value - basis @ (basis.T @ value))
+        return Whitened(root, basis, value - basis @ (basis.T @ value))
 
     def gains(self, about: 'Whitened', number: int, values: Array | None = None) -> Array:
         """Gain of a kind at the values of its grid, or at others."""
-        kind = self.kinds[number]
-        columns = self._columns[number] if values is None else self._regressors(kind, values)
-        return about.gains(columns)
+        columns = (self.bank.columns[number] if values is None
+                   else self.bank.regressors(self.kinds[number], values))
+        return about.gains(columns[:, :, self._slow.which])
 
 
 @dataclass(frozen=True)
 class Whitened:
     """Coefficients of a record over the root of the noise, without what other courses explain."""
 
-    bank: Bank
     root: Array
     basis: Array
     value: Array
@@ -214,8 +231,8 @@ class Whitened:
 
 
 def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
-                   records: Sequence[RecordSpectrum | None],
-                   kinds: Sequence[CourseKind] = COURSES) -> list[list[CourseSet]]:
+                   records: Sequence[RecordSpectrum | None], bank: Bank
+                   ) -> list[list[CourseSet]]:
     """
     Fit the models of every axis beside each course that promises something, greedily two of them.
 
@@ -229,7 +246,7 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
         Without courses, of each axis the best first.
     records : sequence of RecordSpectrum or None
         Of every axis; none where no course is looked for.
-    kinds : sequence of CourseKind, optional
+    bank : Bank
         What may move the mean.
 
     Returns
@@ -238,7 +255,7 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
         By axis.
 
     """
-    searches = [_Search(spectra, axis, start, of_axis(rows, axis), Bank(record, kinds))
+    searches = [_Search(spectra, axis, start, of_axis(rows, axis), bank.of(record))
                 for axis, (start, record) in enumerate(zip(starts, records, strict=True))
                 if record is not None]
     found: list[list[CourseSet]] = [[] for _ in starts]
@@ -259,7 +276,8 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
 class _Search:
     """The search for courses of one axis."""
 
-    def __init__(self, spectra: Spectra, axis: int, start: Start, rows: Rows, bank: Bank) -> None:
+    def __init__(self, spectra: Spectra, axis: int, start: Start, rows: Rows, bank: AxisBank
+                 ) -> None:
         self.axis, self.bank = axis, bank
         self.chosen: tuple[Found, ...] = ()
         self.tried = _noises(spectra, axis, start, rows)
@@ -315,11 +333,13 @@ def _laid(spectra: Spectra, candidates: Sequence[Candidate]
     laid = []
     for width in sorted(set(widths)):
         same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
-        beside, rows = _climbed(spectra, same)
+        tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
+                             for number, (search, _, _) in enumerate(same)])
+        beside, rows = _climbed(spectra, same, tried, _COARSE)
         # What a strong course leaves passes for noise until it is laid: about that it is nearer.
         same = [_nearer(candidate, beside, of_axis(rows, number))
                 for number, candidate in enumerate(same)]
-        beside, rows = _climbed(spectra, same)
+        beside, rows = _climbed(spectra, same, rows)
         sizes = _sizes(beside, rows, width)
         for number, (search, found, share) in enumerate(same):
             here = np.flatnonzero(rows.of == number)
@@ -331,13 +351,12 @@ def _laid(spectra: Spectra, candidates: Sequence[Candidate]
     return laid
 
 
-def _climbed(spectra: Spectra, same: Sequence[Candidate]) -> tuple[Spectra, Rows]:
-    """Fit the noises of axes beside candidates of as many columns."""
+def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
+             ) -> tuple[Spectra, Rows]:
+    """Fit rows of noises beside candidates of as many columns, each the candidate of its `of`."""
     groups = [search.bank.record.groups(*search.bank.courses(found)) for search, found, _ in same]
     beside = spectra.beside(groups, [search.axis for search, _, _ in same])
-    return beside, climb(beside, Rows.joined([
-        replace(search.tried, of=np.full(len(search.tried), number))
-        for number, (search, _, _) in enumerate(same)]), 12, hopeless=25.0)
+    return beside, climb(beside, rows, 12, hopeless=25.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
@@ -349,7 +368,7 @@ def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
     return search, (*found[:-1], one), share
 
 
-def likeliest(bank: Bank, number: int, about: Whitened) -> tuple[Found, float]:
+def likeliest(bank: AxisBank, number: int, about: Whitened) -> tuple[Found, float]:
     """Find the best value of a nuisance, and what the integral over it adds to the evidence."""
     kind = bank.kinds[number]
     values, gains = _profile(bank, number, about)
@@ -390,9 +409,9 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
     return total
 
 
-def _profile(bank: Bank, number: int, about: Whitened) -> tuple[Array, Array]:
+def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array]:
     """Gains along the nuisance of a kind, closer and closer about the best value."""
-    values, gains = bank.grids[number], bank.gains(about, number)
+    values, gains = bank.bank.grids[number], bank.gains(about, number)
     if not bank.kinds[number].continuous or len(values) < 3:
         return values, gains
     for _ in range(_HALVINGS):

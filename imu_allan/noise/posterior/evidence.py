@@ -17,6 +17,7 @@ from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
     AMPLITUDES,
     batches,
+    beyond,
     loss_alone,
     losses,
     LOW,
@@ -48,6 +49,8 @@ _PASSED = float(np.log(0.5))
 """Logarithm of the response from which on a group lies in the pass band."""
 _LEAST_KNOWN = 16.0
 """Information about the white noise in a pass band: four standard errors."""
+_SAME, _LEAST_ERROR = 0.7, 0.15
+"""Standard errors within which two rows are one, and the least error that counts."""
 _AT_END = 0.02
 """Distance from the end of its range at which a nuisance makes another model of a row."""
 
@@ -57,16 +60,20 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
     """
     Climb to the maximum of every row by damped scoring, and weigh it by Laplace's evidence.
 
-    Rows that promise to stay `hopeless` nats below the best of their axis are left where they are.
+    Rows that promise to stay `hopeless` nats below the best of their axis are left where they are,
+    as are those whose nuisance goes beyond its range. Those that come to where a better one of
+    their structure stands are left out.
     """
     count = len(rows)
     # What is known of the rows so far is not carried along.
     rows = replace(rows, hessian=np.empty((count, 0)))
+    kind = _kinds(rows)
     x, loss = rows.x.copy(), np.empty(count)
     gradient, information = np.empty((count, SLOTS)), np.empty((count, SLOTS, SLOTS))
     for part in batches(rows):
         loss[part], gradient[part], information[part] = losses(spectra, rows.take(part), x[part])
     damping, live = np.full(count, 1e-3), np.arange(count)
+    other = np.ones(count, dtype=bool)
     for step in range(steps):
         damped = information[live].copy()
         diagonal = np.einsum('rii->ri', damped)
@@ -86,18 +93,45 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
         x[better], loss[better] = there[good], new[good]
         gradient[better], information[better] = slope[good], bend[good]
         damping[live] = np.where(good, damping[live] / 6, np.maximum(damping[live], 1e-2) * 8)
-        going = (gained > tolerance) & (damping[live] < 1e6)
+        other &= ~_merged(kind, rows.has, x, loss, information)
+        going = (gained > tolerance) & (damping[live] < 1e6) & other[live] & ~beyond(
+            spectra, some, x[live], gradient[live])
         if step >= 1 and np.isfinite(hopeless):
             score = rows.prior - loss
             best = np.full(int(rows.of.max()) + 1, -np.inf)
             np.maximum.at(best, rows.of, score)
-            going &= score[live] + 10 * promised > best[rows.of[live]] - hopeless
+            going &= score[live] + 3 * promised > best[rows.of[live]] - hopeless
         live = live[going]
         if not len(live):
             break
     evidence = (rows.prior - loss + 0.5 * rows.has.sum(axis=1) * np.log(2 * np.pi)
                 - 0.5 * np.linalg.slogdet(information)[1])
-    return replace(rows, x=x, loss=loss, hessian=information, evidence=evidence)
+    return replace(rows, x=x, loss=loss, hessian=information, evidence=evidence).take(
+        np.flatnonzero(other))
+
+
+def _kinds(rows: Rows) -> Index:
+    """Number rows so that those with equal numbers differ in their parameters alone."""
+    _, found = np.unique(np.column_stack((
+        rows.of, rows.edge, np.where(rows.has[:, LOW], rows.family, -1),
+        rows.has @ (1 << np.arange(SLOTS)))), axis=0, return_inverse=True)
+    return found.ravel()
+
+
+def _merged(kind: Index, has: NDArray[np.bool_], x: Array, loss: Array, information: Array
+            ) -> NDArray[np.bool_]:
+    """Which rows stand within what is known of the best of their kind."""
+    order = np.lexsort((loss, kind))
+    _, first = np.unique(kind[order], return_index=True)
+    best = order[first][kind]
+    near = np.abs(x - x[best]) < _reach(information)[best]
+    return np.asarray((near | ~has).all(axis=1) & (best != np.arange(len(kind))))
+
+
+def _reach(information: Array) -> Array:
+    """Distances within which rows are one, shape (rows, SLOTS)."""
+    known = np.maximum(np.einsum('rii->ri', information), 1e-12)
+    return np.asarray(_SAME * np.maximum(1 / np.sqrt(known), _LEAST_ERROR))
 
 
 def inside(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
@@ -133,13 +167,13 @@ def sees_pass_band(spectra: Spectra, rows: Rows) -> NDArray[np.bool_]:
 def distinct(rows: Rows) -> Rows:
     """Return the best of the rows that came to the same place, the best first."""
     order = np.argsort(-rows.evidence)
-    error = np.maximum(1 / np.sqrt(np.maximum(np.einsum('rii->ri', rows.hessian), 1e-12)), 0.15)
+    reach = _reach(rows.hessian)
     kept: list[int] = []
     for i in order.tolist():
         here = rows.has[i]
         if not any(rows.family[i] == rows.family[k] and rows.edge[i] == rows.edge[k]
                    and rows.of[i] == rows.of[k] and (here == rows.has[k]).all()
-                   and (np.abs(rows.x[i] - rows.x[k]) < 0.7 * error[k])[here].all()
+                   and (np.abs(rows.x[i] - rows.x[k]) < reach[k])[here].all()
                    for k in kept):
             kept.append(i)
     return rows.take(np.array(kept))

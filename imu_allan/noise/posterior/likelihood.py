@@ -389,6 +389,15 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     return value, slope, bend
 
 
+def beyond(spectra: Spectra, rows: Rows, x: Array, gradient: Array) -> Mask:
+    """Which rows have left the range of a nuisance for a maximum that lies farther out still."""
+    first, last = spectra.tables.ranges(rows.family)
+    nuisance = x[:, NUISANCES]
+    off = nuisance - np.clip(nuisance, first, last)
+    outwards = (gradient[:, NUISANCES] - off / _WALL**2) * off < 0
+    return np.asarray((outwards & rows.has[:, NUISANCES]).any(axis=1))
+
+
 EXPONENT_SPREAD = 0.35
 """Standard deviation of the exponent of slow noise about 1 in real sensors."""
 

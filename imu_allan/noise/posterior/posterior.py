@@ -16,6 +16,7 @@ from imu_allan.noise import chi_square
 from imu_allan.noise.groups import Groups
 from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.courses import (
+    Bank,
     beside_courses,
     CourseKind,
     COURSES,
@@ -134,7 +135,9 @@ def posteriors(groups: Sequence[Groups], dt: float,
     spectra, starts = prepared(groups, dt)
     found = searched(spectra, starts, dt)
     alone = [record if isinstance(record, RecordSpectrum) else None for record in records]
-    sets = _sets(spectra, starts, found, alone, kinds)
+    some = next((record for record in alone if record is not None), None)
+    bank = None if some is None else Bank(some, kinds)
+    sets = _sets(spectra, starts, found, alone, bank)
     judged = [_judged(_best(own)) for own in sets]
     factors = np.stack([_doubt(_best(own), one) for own, one in zip(sets, judged, strict=True)])
     doubtful: NDArray[np.bool_] = np.any(factors > 1, axis=1)
@@ -142,7 +145,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
         spectra = spectra.worth(spectra.dof / factors)
         found = again(spectra, found)
         fewer = [record if doubt else None for record, doubt in zip(alone, doubtful, strict=True)]
-        for axis, own in enumerate(_sets(spectra, starts, found, fewer, kinds)):
+        for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
             if doubtful[axis]:
                 sets[axis] = own
     return [Posterior(_drawn(own), one.p_value, one.misfit)
@@ -150,10 +153,11 @@ def posteriors(groups: Sequence[Groups], dt: float,
 
 
 def _sets(spectra: Spectra, starts: Sequence[Start], found: Rows,
-          records: Sequence[RecordSpectrum | None], kinds: Sequence[CourseKind]
-          ) -> list[list[CourseSet]]:
+          records: Sequence[RecordSpectrum | None], bank: Bank | None) -> list[list[CourseSet]]:
     """Models of every axis without courses of the mean, and beside them."""
-    beside = beside_courses(spectra, starts, found, records, kinds)
+    beside: Sequence[Sequence[CourseSet]] = [()] * len(starts)
+    if bank is not None:
+        beside = beside_courses(spectra, starts, found, records, bank)
     return [[CourseSet((), spectra, of_axis(found, axis)), *own]
             for axis, own in enumerate(beside)]
 
