@@ -55,8 +55,9 @@ def every_structure(spectra, starts):
     x[search.HIGH] = high.first[0] + 1.0
     x[search.TIME] = spectra.tables.terms[1].first[0] + 2.1
     x[search.ALPHA] = 0.93
-    for slots in ([1], [0, 1, 2, 3], [1, 4, 5], [1, 2, 6, 7], [1, 2, search.LOW],
-                  [1, 2, search.HIGH], [0, 1, 2, 3, 6, 7, search.LOW]):
+    free, process = (search.LAW, search.ALPHA), (search.PROCESS, search.TIME)
+    for slots in ([1], range(4), [1, *free], [1, 2, *process], [1, 2, search.LOW],
+                  [1, 2, search.HIGH], [*range(5), *process, search.LOW]):
         own.add(slots, x, family=2)
     return own.rows()
 

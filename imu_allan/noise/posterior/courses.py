@@ -152,7 +152,7 @@ class CourseSet:
 
 
 class Bank:
-    """All candidates on the slowest coefficients of a recording, whichever axis they are laid to."""
+    """All candidates on the slowest coefficients of a recording, for any of its axes."""
 
     def __init__(self, record: RecordSpectrum, kinds: Sequence[CourseKind]) -> None:
         self.kinds, self.duration_s = kinds, record.duration_s

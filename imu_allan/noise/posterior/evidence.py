@@ -111,7 +111,7 @@ def climb(spectra: Spectra, rows: Rows, steps: int, hopeless: float = np.inf,
 
 
 def _kinds(rows: Rows) -> Index:
-    """Number rows so that those with equal numbers differ in their parameters alone."""
+    """Give rows the same number that differ in their parameters alone."""
     _, found = np.unique(np.column_stack((
         rows.of, rows.edge, np.where(rows.has[:, LOW], rows.family, -1),
         rows.has @ (1 << np.arange(SLOTS)))), axis=0, return_inverse=True)
@@ -221,14 +221,15 @@ def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
     for part in batches(many):
         log_w[part] -= loss_alone(spectra, many.take(part), many.x[part])
     drawn = []
-    for number, own in enumerate(np.split(np.arange(len(many)), ends[:-1])):
-        top = float(log_w[own].max())
-        weight = np.exp(log_w[own] - top)
+    for number, (x, each) in enumerate(zip(
+            np.split(many.x, ends[:-1]), np.split(log_w, ends[:-1]), strict=True)):
+        top = float(each.max())
+        weight = np.exp(each - top)
         share = weight / weight.sum()
         evidence = float(rows.prior[number]) + top + float(np.log(weight.mean()))
         if 1 / float(share @ share) < _FEWEST_DRAWS:
-            share, evidence = np.full(len(own), 1 / len(own)), float(rows.evidence[number])
-        drawn.append(Draws(many.x[own], share, evidence))
+            share, evidence = np.full(len(x), 1 / len(x)), float(rows.evidence[number])
+        drawn.append(Draws(x, share, evidence))
     return drawn
 
 

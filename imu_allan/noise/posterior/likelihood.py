@@ -314,7 +314,7 @@ def residual_power(spectra: Spectra, of: Index, size: Array, covariance: Array) 
     factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
     power, of = spectra.power[of], _shared(of)
     about = np.matmul(factors.reshape(len(size), 1, -1), spectra.products[of])[:, 0] + power
-    return np.maximum(about, 1e-12 * power)
+    return np.asarray(np.maximum(about, 1e-12 * power))
 
 
 def losses(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Array]:
