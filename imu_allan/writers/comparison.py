@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
+_LONGEST_NAME = 14
+"""Characters of a name in the table: no row is wrapped at 80 columns."""
 MARKERS = 'os^Dv*Ph'
 _DASHES = tuple(DASHES.values())
 
@@ -195,14 +197,23 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
     table = Table(box=box.SIMPLE_HEAD, padding=0, caption_justify='left', caption=(
         'difference in units of the 95 % intervals; of equal sensors one in twenty lies '
         'beyond 1'))
-    for heading in ('axis', 'term', 'unit', 'reference', 'other', 'value', 'ratio', 'difference'):
-        table.add_column(heading, overflow='fold', justify='right' if heading in (
-            'reference', 'value', 'ratio', 'difference') else 'left')
+    others = list(dict.fromkeys(one.other for one in differences))
+    alone = len(others) == 1
+    names = [shorten(printable(name), _LONGEST_NAME)
+             for name in (differences[0].reference, others[0])]
+    for heading in ('axis', 'term', 'unit'):
+        table.add_column(heading)
+    table.add_column(Text(names[0]), justify='right')
+    if not alone:
+        table.add_column('other')
+    for heading in (names[1] if alone else 'value', 'ratio', 'difference'):
+        table.add_column(Text(heading), justify='right')
     for difference in differences:
         beyond = difference.in_intervals is not None and abs(difference.in_intervals) > 1
         table.add_row(
             difference.axis, TERMS[difference.key].symbol, engineering(1.0, difference.unit)[1],
-            shown(difference.coefficients[0]), Text(printable(difference.other)),
+            shown(difference.coefficients[0]),
+            *([] if alone else [Text(shorten(printable(difference.other), _LONGEST_NAME))]),
             shown(difference.coefficients[1]),
             '' if difference.ratio is None else f'{difference.ratio:.4g}',
             Text('' if difference.in_intervals is None else f'{difference.in_intervals:+.2f}',

@@ -98,7 +98,11 @@ def report_html(result: Result) -> str:
         facts=_facts(result), version=printable(result.imu_allan_version),
         cards=[_card(answer) for answer in found], remarks=remarks,
         remark_count=findings_line(result),
-        charts=[chart for answer in found for chart in _charts(result, answer)],
+        allan=[chart for answer in found for chart in [allan_chart(
+            answer.sensor, axes_of(result, answer.sensor), result.timeline)] if chart is not None],
+        charts=[chart for kind in zip(*(_charts(result, answer) for answer in found), strict=True)
+                for chart in kind if chart is not None],
+        rest=duration(result.timeline.rest_s),
         constant=named(constant) if constant else '',
         tables=[_table(result, sensor) for sensor in sensors_of(result)],
         outlook=outlook_of(result),
@@ -202,14 +206,13 @@ def _card_row(figure: Figure, name: str) -> dict[str, Any]:
             'si_unit': typeset(figure.si_unit)}
 
 
-def _charts(result: Result, answer: Answer) -> list[Chart]:
+def _charts(result: Result, answer: Answer) -> list[Chart | None]:
+    """Return all charts of a sensor but the first, in the order of the page."""
     axes = axes_of(result, answer.sensor)
     tunings = {} if answer.tuned is None else answer.tuned.tunings
-    charts = (signal_chart(result, answer.sensor, axes),
-              allan_chart(answer.sensor, axes, result.timeline),
-              density_chart(answer.sensor, axes, result.timeline),
-              drift_chart(answer.sensor, axes, tunings), segment_chart(answer.sensor, axes))
-    return [chart for chart in charts if chart is not None]
+    return [signal_chart(result, answer.sensor, axes),
+            density_chart(answer.sensor, axes, result.timeline),
+            drift_chart(answer.sensor, axes, tunings), segment_chart(answer.sensor, axes)]
 
 
 @dataclass(frozen=True)

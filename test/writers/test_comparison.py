@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
+import io
 from math import sqrt
 from pathlib import Path
 
@@ -80,7 +81,7 @@ def test_the_table_has_a_row_for_each_difference(result, make_result, tmp_path):
     with (tmp_path / 'out').open('w') as file:
         Console(file=file, width=140).print(difference_table(differences))
     shown = (tmp_path / 'out').read_text()
-    assert shown.count('[bold]\\x1b[2J') == len(differences)
+    assert shown.count('[bold]\\x1b[2J') == 1
     assert '\x1b' not in shown
 
 
@@ -107,3 +108,16 @@ def test_what_differs_is_said_first_and_of_all_axes_together(make_result, make_a
                     'recordings of one sensor, one coefficient in twenty does so by chance')
     assert verdicts(compare({'A': unit(1e-3, 1e-5), 'B': unit(1e-3, 1e-5)})) == [
         '0 of 12 coefficients differ by more than the 95 % intervals']
+
+
+@pytest.mark.parametrize('others', [1, 2])
+def test_no_row_is_wrapped_at_eighty_columns(make_result, others):
+    names = [f'a_unit_with_a_name_of_many_letters_{number}' for number in range(1 + others)]
+    differences = compare({name: make_result(scale=1 + 0.1 * place)
+                           for place, name in enumerate(names)})
+    out = io.StringIO()
+    Console(file=out, width=80).print(difference_table(differences))
+    lines = out.getvalue().splitlines()
+    assert sum(line.strip().startswith(('gyro_', 'accel_')) for line in lines) == len(differences)
+    assert len([line for line in lines if '_' in line]) == len(differences) + 1
+    assert max(map(len, lines)) <= 80

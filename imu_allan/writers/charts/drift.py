@@ -87,7 +87,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
 
     name = f'{sensor}-drift'
     tested = any(axis.backtest is not None for axis in known.values())
-    return Chart(name, f'{SENSORS[sensor]}: left without correction',
+    return Chart(name, f'{SENSORS[sensor]}: unaided drift',
                  'Line: what a filter with the tuned numbers gets wrong, as the drift model has '
                  'it. Dashed: what that filter claims.' + (
                      ' Points: what happened in the part of the recording that the model was not '
