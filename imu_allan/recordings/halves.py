@@ -200,22 +200,19 @@ def _united(recording: Recording, topic: str) -> list[Stream]:
         return [Stream(topic)]
     samples = np.concatenate([block.samples for block in blocks])
     stamps = np.concatenate([block.header_ns for block in blocks])
-    repeated = {half: _is_repeated(samples[:, columns]) for half, columns in _COLUMNS.items()}
-    if all(repeated.values()) and _come_in_turn(samples):
-        recording.remark(
-            'repeated_half', topic=printable(topic), half=None)
-        return [Stream(topic, half, only_new=True) for half in _OTHER]
-    for half, other in _OTHER.items():
-        if repeated[half] and not repeated[other]:
-            streams = [Stream(topic, half, only_new=True), Stream(topic, other)]
-            recording.remark(
-                'repeated_half', topic=printable(topic), half=half)
-            return streams if half == 'gyro' else streams[::-1]
-        on_lines = _lies_on_lines(samples[:, _COLUMNS[half]], stamps) and not _lies_on_lines(
-            samples[:, _COLUMNS[other]], stamps)
-        if on_lines or _beats(samples[:, _COLUMNS[half]]):
-            recording.remark(
-                'interpolated', topic=printable(topic), half=half)
+    made = {half: _made_of_fewer(samples[:, columns], stamps)
+            for half, columns in _COLUMNS.items()}
+    if made['gyro'] == made['accel']:
+        if made['gyro'] == 'repeated' and _come_in_turn(samples):
+            recording.remark('repeated_half', topic=printable(topic), half=None)
+            return [Stream(topic, half, only_new=True) for half in _OTHER]
+        return [Stream(topic)]
+    for half in _OTHER:
+        if made[half] == 'repeated':
+            recording.remark('repeated_half', topic=printable(topic), half=half)
+            return [Stream(topic, each, only_new=each == half) for each in _OTHER]
+        if made[half] == 'interpolated':
+            recording.remark('interpolated', topic=printable(topic), half=half)
     return [Stream(topic)]
 
 
@@ -241,18 +238,29 @@ def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
                 break
 
 
-def _is_repeated(half: NDArray[np.float64]) -> bool:
+@np.errstate(over='ignore', invalid='ignore')
+def _made_of_fewer(half: NDArray[np.float64], stamps: NDArray[np.int64],
+                   ) -> Literal['repeated', 'interpolated'] | None:
     """
-    Whether samples are held until the next one.
+    Tell how a half was made of fewer samples: many then follow from those beside them.
 
-    A coarse sensor at rest repeats itself, too, but as chance will have it; a sample that is held
-    is held for k or k + 1 messages.
+    A sample that is held is held for k or k + 1 messages; a coarse sensor at rest repeats itself,
+    too, but as chance will have it. One that is interpolated lies on the line between two others,
+    where three fit between two samples of the sensor; else its variance goes up and down.
     """
-    same = (half[1:] == half[:-1]).all(axis=1)
-    if not _REPEATED <= same.mean() < 1:
-        return False
-    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]])))[1:-1]
-    return len(lengths) > 0 and np.ptp(np.percentile(lengths, [5, 95])) <= 1
+    news = np.diff(half, axis=0)
+    same = (news == 0).all(axis=1)
+    if _REPEATED <= same.mean() < 1:
+        lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]])))[1:-1]
+        if len(lengths) and np.ptp(np.percentile(lengths, [5, 95])) <= 1:
+            return 'repeated'
+    steps = np.diff(stamps) * 1e-9
+    if not same.any() and (steps > 0).all():
+        bends = np.abs(np.diff(news / steps[:, np.newaxis], axis=0)).max(axis=1)
+        usual = np.percentile(bends, 90)
+        if usual > 0 and (bends < _BENT * usual).mean() >= _STRAIGHT:
+            return 'interpolated'
+    return 'interpolated' if _beats(half) else None
 
 
 @np.errstate(over='ignore', invalid='ignore', divide='ignore')
@@ -322,16 +330,3 @@ def _stands_out(beat: NDArray[np.complex128], at: int, bounds: tuple[float, floa
     return bool(total[at] > clear * np.median(total) and total[at] > 4 * beside.max()
                 and bounds[0] < amplitude.min() and amplitude.max() < bounds[1]
                 and np.abs(beat[at].sum()) > 0.9 * amplitude.sum())
-
-
-@np.errstate(over='ignore', invalid='ignore')
-def _lies_on_lines(half: NDArray[np.float64], stamps: NDArray[np.int64]) -> bool:
-    """Whether many samples lie on a straight line with their neighbours in time."""
-    steps = np.diff(stamps) * 1e-9
-    if not (steps > 0).all():
-        return False
-    slopes = np.diff(half, axis=0) / steps[:, np.newaxis]
-    bends = np.abs(np.diff(slopes, axis=0)).max(axis=1)
-    usual = np.percentile(bends, 90)
-    return bool(usual > 0 and (bends < _BENT * usual).mean() >= _STRAIGHT
-                and not (np.diff(half, axis=0) == 0).all(axis=1).any())
