@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from itertools import pairwise
 import os
 from pathlib import Path
 import sqlite3
@@ -269,37 +270,37 @@ class SqliteRecording(FileRecording):
                  'FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
                  "AND typeof(topic_id) = 'integer' "
                  f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
-        ends = [0, 2**63 - 1]
+        ends = [0, 0]
         for end, order in enumerate(('ASC', 'DESC')):
             with suppress(sqlite3.Error):
                 for [ends[end]] in database.execute(
                         f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
                     pass
         first, last = ends
-        stretch = (last - first) // _STRETCHES + 1
-        messages = before = 0
-        position = 0
+        stretch = max(last - first, 0) // _STRETCHES + 1
+        # In a damaged file rows may lie beyond its ends.
+        edges = [-2**63, *range(first + stretch, last + 1, stretch), 2**63]
+        messages = before = position = 0
         start = first
         try:
-            for start in range(first, last + 1, stretch):
+            for place, (start, stop) in enumerate(pairwise(edges)):
                 before = messages
-                cursor = database.execute(
-                    query.format(''), (start, min(start + stretch - 1, last)))
+                position = self.size_bytes * place // (len(edges) - 1)
+                cursor = database.execute(query.format(''), (start, stop - 1))
                 while rows := cursor.fetchmany(_FETCH):
                     messages += len(rows)
                     yield rows, position
-                position = self.size_bytes * (start + stretch - first) // (last - first + 1)
             return
         except sqlite3.Error as error:
             reason = error
         # Again from the last statement on, one by one: what fails takes the rows before it along.
         seen = messages - before
-        number, step, places = start - 1, 0, 0
+        number, step, places = max(start, first) - 1, 0, 0
         while step < _LONGEST_STEP and places < _MOST_PLACES and not budget.exhausted:
             rows = []
             try:
                 for *row, found in database.execute(query.format(', rowid'), (
-                        min(number + step + 1, last), last)):
+                        min(number + step + 1, 2**63 - 1), 2**63 - 1)):
                     # Damaged pages may lead back to rows that were read already.
                     if found <= number:
                         continue

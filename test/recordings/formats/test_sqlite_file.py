@@ -167,6 +167,23 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
         f'{len(after):,} messages of /imu could be read, the others are lost')
 
 
+def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
+    path = write_db3(tmp_path / 'a.db3', MESSAGES)
+    with sqlite3.connect(path) as database:
+        [[root]] = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
+    database.close()
+    data = bytearray(path.read_bytes())
+    # The page of a branch: its last child in the head, its first in the cell named first.
+    page = (root - 1) * 4096
+    cell = page + int.from_bytes(data[page + 12:page + 14], 'big')
+    last = page + 8
+    data[last:last + 4], data[cell:cell + 4] = data[cell:cell + 4], data[last:last + 4]
+    path.write_bytes(data)
+    after, _ = read(path)
+    assert 4000 < len(after) <= 5000
+    assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
+
+
 @pytest.mark.parametrize(('data', 'reason'), [
     (b'SQLite format 3\0' + bytes(200), 'file is not a database'),
     (b'SQLite format 3\0', 'file is not a database'),
