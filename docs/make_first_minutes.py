@@ -42,7 +42,7 @@ STEPS = (
      'imu_allan analyze too_short | head -2',
      'imu_allan analyze imu_at_rest --start 30s --duration 5min | head -4'),
     ('A table of numbers without names, from somewhere else.',
-     "awk 'BEGIN { for (i = 1; i <= 20000; i++) print i / 100, rand(), rand(), rand() }' > t.csv",
+     "awk 'BEGIN { srand(1); while (++i < 2e4) print i / 100, rand(), rand(), rand() }' > t.csv",
      'imu_allan analyze t.csv --columns time=1,gyro_x=2,gyro_y=3,gyro_z=4 | head -3'),
     ('Mistakes are one line that says what there is.',
      'imu_allan analyze imu_at_rset',

@@ -221,10 +221,14 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     rests = ', '.join(f'{rest["hours"]:.1f} h at {rest["coldest_c"]:.1f} to '
                       f'{rest["warmest_c"]:.1f} °C' for rest in found['rests'])
     yield f'**Whale tag, x axes**, {len(found["rests"])} rests: {rests}.\n'
-    rows = [[str(number), name, *cells(found['tools'][tool]['answers'][f'rest {number}'],
-                                       ('gyro_x', 'accel_x'))]
-            for number in range(1, len(found['rests']) + 1) for tool, name in called.items()]
-    yield table(['rest', 'tool', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'],
+    numbers = range(1, len(found['rests']) + 1)
+    rows = []
+    for tool, name in called.items():
+        each = [cells(found['tools'][tool]['answers'][f'rest {number}'], ('gyro_x', 'accel_x'),
+                      interval=False) for number in numbers]
+        rows.append([name, *(', '.join(dict.fromkeys(column) if len({*column}) == 1 else column)
+                             for column in zip(*each, strict=True))])
+    yield table(['tool, by rest', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'],
                 rows)
     yield ('Findings of `imu_allan` beside its numbers ([what they mean](findings.md)):\n')
     yield '\n'.join(f'- *{part}*: ' + (', '.join(dict.fromkeys(
@@ -232,20 +236,22 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
         for part, lines in found['findings'].items()) + '\n'
 
 
-def cells(answer: Mapping[str, Any], axes: tuple[str, ...]) -> list[str]:
+def cells(answer: Mapping[str, Any], axes: tuple[str, ...], *, interval: bool = True
+          ) -> list[str]:
     """Return N, B and K of the axes with intervals, bounds, or the word of refusal."""
     if 'refused' in answer:
         return ['refused'] * 3 * len(axes)
-    return [written(answer['axes'].get(axis, {}).get(key, [None, None, None])) for axis in axes
-            for key in ('noise_density', 'bias_instability', 'rate_random_walk')]
+    return [written(answer['axes'].get(axis, {}).get(key, [None, None, None]), interval)
+            for axis in axes for key in ('noise_density', 'bias_instability', 'rate_random_walk')]
 
 
-def written(numbers: list[float | None]) -> str:
+def written(numbers: list[float | None], interval: bool = True) -> str:
     """Return a coefficient as a cell."""
     value, low, high = numbers
     if value is None:
         return '–' if high is None else f'< {high:.2g}'
-    return f'{value:.3g}' + ('' if low is None else f' ({low:.3g}, {high:.3g})')
+    return f'{value:.3g}' + (
+        '' if low is None or not interval else f' ({low:.3g}, {high:.3g})')
 
 
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:

@@ -72,7 +72,7 @@ class Announcements:
                    f'the messages on {topic} are of one publisher again; call ~/reset if it is '
                    'another IMU')
         self._turn('namesakes', facts.namesakes > 0,
-                   'another node has the same name: their topics and services cannot be told '
+                   'another node has the same name: their topics and services cannot be kept '
                    'apart; start one of them with another name',
                    'no other node has the same name any more')
         self._turn('looping', facts.looping,

@@ -75,8 +75,8 @@ SETTINGS = (
             'unusable', choices=('auto', 'header', 'receive'), read_only=True),
     Setting('expected_rate', 0.0, 'Rate of the IMU in Hz, for the size of the queue and a warning '
             'where another is measured; 0 is unknown', 0.0, 100_000.0, read_only=True),
-    Setting('gap_tolerance', 5, 'Missing samples in a row that are bridged; more of them begin a '
-            'new stretch', 0, 1000, read_only=True),
+    Setting('gap_tolerance', 5, 'Missing samples in a row that are interpolated; more of them '
+            'begin a new segment', 0, 1000, read_only=True),
     Setting('export_for', ('kalibr',), "Filters whose configuration ~/save writes; [''] writes "
             'none', choices=tuple(CONSUMERS)),
     Setting('aiding_interval', 0.1, 'Seconds from one correction of the filter to the next, for '
@@ -108,7 +108,7 @@ SETTINGS = (
     Setting('spec_file', '', 'Datasheet (YAML) that the IMU is held against all the time; empty '
             'is none', read_only=True),
     Setting('reference', '', 'Result file of the same IMU from before; a departure from it is '
-            'told; empty is none', read_only=True),
+            'reported; empty is none', read_only=True),
 )
 
 SIMULATOR_SETTINGS = (

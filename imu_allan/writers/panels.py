@@ -311,7 +311,7 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
                        markeredgewidth=0.6, markeredgecolor=colours['paper'])
         panel.grid(True)
         panel.locator_params(axis='y', nbins=4)
-        parts = [(f'mean of each stretch less the mean of all [{typeset(shown)}]',
+        parts = [(f'mean of each segment less the mean of all [{typeset(shown)}]',
                   colours['ink'])]
     else:
         panel.set_yticks([])

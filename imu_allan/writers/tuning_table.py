@@ -117,17 +117,17 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
         # The rows of the coefficients have a walk whatever the filter takes its bias for.
         second = ('K', f'K {walk}') if bias == 'random_walk' else (
             'sigma, Tc', f'sigma {axis.unit}, K {walk}')
-        parts.append(Text(f'\n{title}: N {noise}, {second[1]}, claimed {axis.unit}'))
-        table = bare_table('', 'numbers', 'N', second[0], 'NIS', 'error', 'claimed')
+        parts.append(Text(f'\n{title}: N {noise}, {second[1]}, predicted {axis.unit}'))
+        table = bare_table('', 'numbers', 'N', second[0], 'NIS', 'error', 'predicted')
         for name, axis in axes.items():
             for i, choice in enumerate(choices(axis, aiding_s, coast_s, bias)):
                 table.add_row(name[-1] if i == 0 else '', *_cells(choice, bias))
         parts.append(table)
     parts.append(Text(
-        f'NIS: mean squared innovation over what is claimed; error: squared error after '
-        f'{duration(coast_s)} without correction over what is claimed. 1 is right, above 1 '
-        'overconfident, far below 1 useless as a bound. Claimed: the error itself, one standard '
-        'deviation.', 'dim'))
+        f'NIS: mean squared innovation over what the filter predicts; error: squared error after '
+        f'{duration(coast_s)} unaided over what it predicts. 1 is right, above 1 overconfident, '
+        'far below 1 useless as a bound. Predicted: the error itself, one standard deviation.',
+        'dim'))
     return Group(*parts)
 
 

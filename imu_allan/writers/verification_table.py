@@ -48,9 +48,9 @@ def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[
     return Group(
         Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
              f'{other}, {parts}:'), table,
-        Text('NIS: mean squared innovation over what is claimed, of means over that time: 1 is '
+        Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
              'right, above 1 overconfident. Off after: root mean square error of the mean over '
-             'that time without correction; in brackets where 95 % of such errors should lie if '
+             'that time unaided; in brackets where 95 % of such errors should lie if '
              'the sensor were as the first recording has it.', 'dim'))
 
 

@@ -28,8 +28,8 @@ def test_the_four_ways_stand_side_by_side(result_file, capsys):
     out, err = capsys.readouterr()
     assert out.splitlines()[0] == (
         'Numbers for a filter that is corrected every 1 s and must do without for 20 s:')
-    for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), claimed rad/s',
-                'Accelerometer: N m/s^2/sqrt(Hz), K m/s^3/sqrt(Hz), claimed m/s^2',
+    for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), predicted rad/s',
+                'Accelerometer: N m/s^2/sqrt(Hz), K m/s^3/sqrt(Hz), predicted m/s^2',
                 'x tuned ', 'conservative', 'as measured', 'ten times K', 'full model'):
         assert row in out
     said = Varying('One minute without correction costs about <number>° of heading (<number> to '
@@ -277,8 +277,8 @@ def test_an_exported_file_says_what_the_recording_does_not_know(result_file, cap
     for option, widened in ((), 'the numbers are'), (('--as-measured',), 'what is expected is'):
         assert main(['export', str(result_file), '--for', 'kalibr', '--coast', '3h',
                      *option]) == 0
-        assert (f'# This recording knows 100 s at most; beyond it {widened} widened.'
-                in capsys.readouterr().out.splitlines())
+        assert (f'# WARNING: this recording knows 100 s at most; beyond it {widened} widened, and '
+                'K may be' in capsys.readouterr().out.splitlines())
 
 
 @pytest.mark.parametrize('bad', ['N', '2', 'B=2', 'N=0', 'N=2,N=3', 'K=nan', ''])

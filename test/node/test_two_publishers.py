@@ -162,7 +162,7 @@ def test_two_nodes_of_one_name_are_told(ros: Ros) -> None:
     nodes = [ros.start('imu_allan_node') for _ in range(2)]
     for node in nodes:
         ros.until(lambda node=node: (
-            'another node has the same name: their topics and services cannot be told apart; '
+            'another node has the same name: their topics and services cannot be kept apart; '
             'start one of them with another name') in node.lines)
 
 

@@ -763,9 +763,9 @@ def test_the_comment_says_what_was_tuned_for_and_what_is_expected(drifting):
     lines = export_as_wished(drifting, 'kalibr').text.splitlines()
     assert ('# Tuned for a correction every 50 ms (camera frames at 20 Hz) and 60 s without one.'
             in lines)
-    assert Varying('# gyro: expected NIS <number> to <number>; squared error over 60 s without '
-                   'correction <number> to <number> times what is claimed (1 is right, above 1 '
-                   'overconfident).') in lines
+    assert Varying('# gyro: expected NIS <number> to <number>; squared error after 60 s '
+                   'unaided <number> to <number> times what the filter predicts (1 is right, '
+                   'above 1 overconfident).') in lines
     assert ('# Coefficients as measured (IEEE Std 952), not tuned.'
             in export(drifting, 'kalibr').text.splitlines())
 
@@ -896,8 +896,8 @@ def test_inflated_numbers_of_a_process_say_what_they_reach(drifting, consumer):
     def expected(factor):
         text = export_as_wished(drifting, consumer, None,
                                 Wishes(inflate={'K': factor} if factor > 1 else {})).text
-        nis, coast = re.search(r'gyro: expected NIS (\S+)(?: to \S+)?; squared error over \S+ '
-                               r's without correction (\S+)', text).groups()
+        nis, coast = re.search(r'gyro: expected NIS (\S+)(?: to \S+)?; squared error after \S+ '
+                               r's unaided (\S+)', text).groups()
         return float(nis), float(coast)
 
     (nis, coast), (inflated_nis, inflated_coast) = expected(1), expected(5)
@@ -951,8 +951,8 @@ def test_one_correlation_time_serves_all_axes_of_kf_gins(drifting):
 
 def said(text: str) -> dict[str, list[float]]:
     """Read the range of the expected NIS, and of the squared error, of each sensor."""
-    found = re.findall(r'(gyro|accel): expected NIS (\S+)(?: to (\S+))?; squared error over '
-                       r'[^;]*?correction (\S+)(?: to (\S+))? times', text)
+    found = re.findall(r'(gyro|accel): expected NIS (\S+)(?: to (\S+))?; squared error after '
+                       r'[^;]*?unaided (\S+)(?: to (\S+))? times', text)
     return {sensor: [float(low), float(high or low), float(least), float(most or least)]
             for sensor, low, high, least, most in found}
 

@@ -59,7 +59,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
         main = drawing.panel((left, top, right, split), (0, length / scale, False),
                              _wander(known, factor))
         _shade(main, result.timeline, scale, known)
-        main.frame('', f'mean of each stretch less the mean of all [{typeset(shown)}]',
+        main.frame('', f'mean of each segment less the mean of all [{typeset(shown)}]',
                    x_labels=False, most_y=6)
         courses = [(name[-1], *wander(axis)) for name, axis in known.items()]
         lines = [group(letter, f'axis-{letter}', [main.line(time / scale, mean * factor, 'curve')])
@@ -92,7 +92,7 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
                 drawing.text(right + 4, y0 + strip / 2 - 1, tag, f'tag {kind}')
 
     name = f'{sensor}-signal'
-    text = ('Mean and extremes of equal stretches of the recording. A drift, a warm-up or a knock '
+    text = ('Mean and extremes of equal segments of the recording. A drift, a warm-up or a knock '
             'shows here before any fit.')
     shades = [label for label, spans in (('Grey: gap.', result.timeline.gaps),
                                          ('Yellow: motion, left out.', result.timeline.motion))

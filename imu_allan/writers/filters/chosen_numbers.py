@@ -365,8 +365,8 @@ class Numbers:
     def _choice(self, expected: bool) -> list[str]:
         lines = []
         if self.share == 'model':
-            lines.append('The whole drift model, as measured: NIS and squared errors without '
-                         'correction are expected to be what is claimed.')
+            lines.append('The whole drift model, as measured: NIS and squared unaided errors '
+                         'are expected to be what it predicts.')
             lines += [f'{name}: ' + ', '.join(
                 f'{key} {self.measured(name, key)}' for key in self._as_measured[name])
                 for name in self.result.axes if self._as_measured[name]]
@@ -446,8 +446,8 @@ def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
         low, high = f'{values[0]:.2g}', f'{values[-1]:.2g}'
         return low if low == high else f'{low} to {high}'
 
-    return (f'{sensor}: expected NIS {span(nis)}; squared error over '
-            f'{duration(found[0].coast_s)} without correction {span(coast)} times what is claimed '
+    return (f'{sensor}: expected NIS {span(nis)}; squared error after '
+            f'{duration(found[0].coast_s)} unaided {span(coast)} times what the filter predicts '
             '(1 is right, above 1 overconfident).')
 
 

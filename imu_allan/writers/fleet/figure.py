@@ -69,7 +69,7 @@ def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
             max(1, len(sensors)), 3, left=0.075, right=0.925, wspace=0.09, hspace=0.3,
             bottom=0.55 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
         _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme,
-                 'in colour: what sticks out' if len(fleet.population.units) > _MOST_NAMED else
+                 'in colour: outliers' if len(fleet.population.units) > _MOST_NAMED else
                  'each unit in its colour')
         for row, sensor in enumerate(sensors):
             names = [axis for axis in AXES if axis.startswith(sensor) and _axes(fleet, axis)]
@@ -169,7 +169,7 @@ def units_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
             max(1, len(rows)), 3, left=0.075, right=0.985, wspace=0.3, hspace=0.62,
             bottom=0.5 / figure.get_figheight(), top=1 - 0.95 / figure.get_figheight())
         _heading(figure, 'Coefficients of every unit', theme,
-                 'in colour: what sticks out · small arrow: upper bound')
+                 'in colour: outliers · small arrow: upper bound')
         for row, (sensor, key) in enumerate(rows):
             for column, name in enumerate(n for n in names if n.startswith(sensor)):
                 panel = figure.add_subplot(grid[row, column])

@@ -79,7 +79,7 @@ def _facts(fleet: Fleet) -> list[str]:
         shortest, longest = duration(min(lengths)), duration(max(lengths))
         facts.append(shortest if shortest == longest else f'{shortest} to {longest} each')
     odd, failed = len(fleet.population.odd_units), len(fleet.failures)
-    facts.append('none sticks out' if not odd else f'{odd} {"stick" if odd > 1 else "sticks"} out')
+    facts.append('no outlier' if not odd else f'{odd} outlier{"s" if odd > 1 else ""}')
     if failed:
         facts.append(f'{failed} not counted')
     return facts
