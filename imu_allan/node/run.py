@@ -142,7 +142,7 @@ class Lane:
 class Run:
     """One lane, or that of the gyroscope and that of the accelerometer."""
 
-    def __init__(self, *lanes: Lane) -> None:
+    def __init__(self, *lanes: Lane, looks: SequentialLooks | None = None) -> None:
         self.lanes = lanes
         # Messages that are in the last fit and checkpoint, and the time the fit spans.
         self.fitted = self.checkpointed = 0
@@ -151,7 +151,7 @@ class Run:
         self.over = False
         # Both are kept by the thread that fits.
         self.looks = Looks()
-        self.sequential = SequentialLooks()
+        self.sequential = SequentialLooks() if looks is None else looks
         self._backtests: Backtests | None = None
         self._tested = 0
 
@@ -221,7 +221,8 @@ def pack(run: Run, setup: Setup) -> dict[str, NDArray[Any]]:
     lanes = [{'known': lane.known.to_plain(),
               'in_g': None if lane.unit is None else lane.unit.decision} for lane in run.lanes]
     about = json.dumps({'topic': setup.topics, 'options': asdict(setup.options),
-                        'messages': setup.messages, 'boot': boot_id(), 'lanes': lanes})
+                        'messages': setup.messages, 'boot': boot_id(), 'lanes': lanes,
+                        'looks': run.sequential.to_plain()})
     return {**{f'{_prefix(number)}{key}': array for number, lane in enumerate(run.lanes)
                for key, array in {
                    **lane.characterization.to_state(),
@@ -246,6 +247,8 @@ def unpack(state: State, setup: Setup) -> Run:
         lanes = [_lane(state, number, half, saved, setup) for number, ((_, half), saved)
                  in enumerate(zip(setup.streams, about['lanes'], strict=True))]
         boot, before = boot_id(), about['boot']
+        # A state of an earlier release has none.
+        looks = SequentialLooks.from_plain(about['looks']) if 'looks' in about else None
     except (ImuAllanError, ArithmeticError, ValueError, TypeError, KeyError, IndexError,
             AttributeError) as error:
         why = f'{error.args[0]} is missing' if isinstance(error, KeyError) else error
@@ -263,7 +266,7 @@ def unpack(state: State, setup: Setup) -> Run:
         except (ValueError, TypeError, IndexError, ArithmeticError) as error:
             raise UnusableState('damaged', f'its arrays do not belong together ({error})'
                                 ) from error
-    return Run(*lanes)
+    return Run(*lanes, looks=looks)
 
 
 def new_run(setup: Setup) -> Run:

@@ -3,26 +3,28 @@
 """
 What may be published of the fits of a growing record, in one place because each is a look at it.
 
-A test that is made sixty times is passed by chance more often than one that is made once. The
-odds for a term that is not there are a martingale: they ever reach n to 1 with a probability of
-1/n at most, however often one looks (Ville). So where a fit tells how probable a term is, it is
-observable once that is sure enough for all terms of a run together. Where it does not, once every
-fit has shown it since the record was `GROWTH` times shorter: a record has few such stretches.
+A test that is made sixty times is passed by chance more often than one that is made once. So a
+term is observable once every fit has shown it since the record was `GROWTH` times shorter: however
+many fits there are, a record has few such stretches. Where the fit tells how probable a term is,
+it has to be probable, too.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from imu_allan.result import Coefficient, Result
 
-FALSE_RUNS = 0.01
-"""Share of runs that may show any term that is not there."""
 GROWTH = 3.0
 """The record grows by this while every fit has to show a term, which costs as much time. Of 44
 runs of 60 fits of drawn records 31 showed a term that is not there or an interval that misses, and
 99 of 134 terms vanished again; with 2 it were 10 runs and 12 of 45 terms, with 3 5 and 5 of 26."""
+PROBABLE = 0.9
+"""Of 12 runs of ten minutes, half of whose axes have a random walk, 12 showed a term that is not
+there at some fit, 1 by `GROWTH` alone, none with this; the walks came as early. A probability of
+1 - 0.01 / 24 at any one fit, which would be enough by Ville, let 2 pass and told 3 walks of 36."""
 ONE_LOOK_S = 600.0
-"""The first look at a record of so long, as after a restart, is one; a shorter one is followed by
-others at once."""
+"""The first look at a record of so long is one; a shorter one is followed by others at once."""
 RECEDES = 1.25
 """A time that is expected may move so much while the record grows by `GROWTH`, as by chance."""
 _LEAST_USED = 0.1
@@ -40,17 +42,31 @@ class SequentialLooks:
         self._record_s = 0.0
         self._first_s = 0.0
         self._growing = True
-        self._doubt = 0.0
         self._hidden_s: dict[_Key, float] = {}
         self._shown: set[_Key] = set()
         self._expected: dict[_Key, list[tuple[float, float]]] = {}
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return what JSON can hold of it: after a restart a look is one more, not the first."""
+        return {'messages': self._messages, 'record_s': self._record_s, 'first_s': self._first_s,
+                'hidden_s': [[*key, time] for key, time in self._hidden_s.copy().items()],
+                'shown': sorted(self._shown.copy())}
+
+    @classmethod
+    def from_plain(cls, plain: Mapping[str, Any]) -> 'SequentialLooks':
+        """Go on from `to_plain`; KeyError, TypeError or ValueError if it is none of it."""
+        looks = cls()
+        looks._messages = int(plain['messages'])
+        looks._record_s, looks._first_s = float(plain['record_s']), float(plain['first_s'])
+        looks._hidden_s = {(str(axis), str(term)): float(time)
+                           for axis, term, time in plain['hidden_s']}
+        looks._shown = {(str(axis), str(term)) for axis, term in plain['shown']}
+        return looks
 
     def judged(self, result: Result, *, more_comes: bool = True) -> Result:
         """Return the result as it may be published; nothing is expected where no more comes."""
         self._see_growth(result)
         self._growing &= more_comes
-        self._doubt = FALSE_RUNS / max(1, sum(
-            term != _AT_ONCE for axis in result.axes.values() for term in axis.coefficients))
         return replace(result, axes={name: replace(axis, coefficients={
             term: self._coefficient((name, term), found)
             for term, found in axis.coefficients.items()})
@@ -75,14 +91,14 @@ class SequentialLooks:
             self._shown.discard(key)
             return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
         presence: float | None = getattr(found, 'presence', None)
+        probable = presence is None or presence >= PROBABLE
         wait_s = GROWTH * self._hidden_s.get(key, self._first_s) - self._record_s
-        sure = wait_s <= 0 if presence is None else 1 - presence <= self._doubt
-        if sure or key in self._shown or key[1] == _AT_ONCE:
+        if (probable and wait_s <= 0) or key in self._shown or key[1] == _AT_ONCE:
             self._shown.add(key)
             return found
         bound = None if found.ci95 is None else max(map(abs, found.ci95))
         return replace(found, observable=False, value=None, ci95=None, upper95=bound,
-                       observable_in_s=wait_s if self._growing and presence is None else None,
+                       observable_in_s=wait_s if self._growing and probable else None,
                        ci_halves_in_s=None, between=None)
 
     def _steady_wait(self, key: _Key, wait_s: float | None) -> float | None:
