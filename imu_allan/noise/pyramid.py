@@ -59,7 +59,7 @@ class Pyramid:
         # and of those behind the last ones.
         self._odd: list[int] = [0]
         self._tails: list[Array] = []
-        self._work: Array = np.empty((5, axes, 0))
+        self._work: Array = np.empty((3, axes, 0))
 
     def start_stretch(self) -> None:
         """Forget the last samples: no difference is taken across this point."""
@@ -77,8 +77,9 @@ class Pyramid:
 
         """
         known, n = self._newest.shape[1], rows.shape[1]
+        # What is read lies in one of the last two arrays, what is written in the other.
         room = self._room(known + n)
-        window = room[0][:, :known + n]
+        window = room[2][:, :known + n]
         window[:, :known], window[:, known:] = self._newest, rows
         self._newest = window[:, -_TAIL:].copy()
         for octave in range(OVERLAP_OCTAVE):
@@ -86,7 +87,7 @@ class Pyramid:
             # Differences that end at a sample already seen have been counted.
             self._add(octave, window, m, n)
             left = max(window.shape[1] - m, 0)
-            window = np.add(window[:, m:], window[:, :left], out=room[2 + octave][:, :left])
+            window = np.add(window[:, m:], window[:, :left], out=room[1 + octave % 2][:, :left])
         track, new = window, min(n, window.shape[1])
         for stage in range(_MAX_STAGES):
             known, end = track.shape[1] - new, max(track.shape[1] - OVERLAP, 0)
@@ -101,7 +102,7 @@ class Pyramid:
             if stage == len(self._tails):
                 self._grow(stage + 1)
             known = self._tails[stage].shape[1]
-            track = room[2 + stage % 2][:, :known + new]
+            track = room[2 - stage % 2][:, :known + new]
             track[:, :known] = self._tails[stage]
             np.add(low, high, out=track[:, known:])
             self._tails[stage] = track[:, -OVERLAP:].copy()
@@ -112,15 +113,15 @@ class Pyramid:
         new = min(new, left)
         if new:
             d = np.subtract(track[:, left + apart - new:], track[:, left - new:left],
-                            out=self._work[1][:, :new])
+                            out=self._work[0][:, :new])
             self.sums[octave] += _square_sums(d)
             self.counts[octave] += new
         return new
 
     def _room(self, length: int) -> Array:
-        """Return working memory for five arrays of `length` columns."""
+        """Return working memory for differences, sums, and the sums made of them."""
         if self._work.shape[2] < length:
-            self._work = np.empty((5, self.sums.shape[1], length))
+            self._work = np.empty((3, self.sums.shape[1], length))
         return self._work
 
     def _grow(self, stages: int) -> None:
@@ -143,7 +144,7 @@ class Pyramid:
         """Let go of all other axes."""
         self.sums, self._newest = self.sums[:, axes], self._newest[axes]
         self._tails = [tail[axes] for tail in self._tails]
-        self._work = np.empty((5, len(axes), 0))
+        self._work = np.empty((3, len(axes), 0))
 
     def merge(self, other: 'Pyramid') -> None:
         """Add the sums of another record of the same axes."""
@@ -192,7 +193,7 @@ class Pyramid:
             raise ValueError('arrays of the pyramid do not fit together')
         self._tails = [tail[:, :n].copy() for tail, n in zip(tails, lengths, strict=True)]
         self._odd = odd.tolist()
-        self._work = np.empty((5, axes, 0))
+        self._work = np.empty((3, axes, 0))
         return self
 
 

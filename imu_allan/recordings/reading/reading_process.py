@@ -40,8 +40,8 @@ WORTHWHILE_BYTES = 1 << 26
 """Bytes of the smallest recording that is read by a process of its own."""
 SLOT_MESSAGES = 1 << 13
 """Messages that fit into a slot."""
-SLOTS = 8
-"""So far may the reader be ahead, 65,536 messages in 4.3 MB of shared memory."""
+SLOTS = 4
+"""So far may the reader be ahead, 32,768 messages in 2.2 MB of shared memory."""
 
 _SLOT = np.dtype([
     ('header_ns', np.int64, SLOT_MESSAGES), ('receive_ns', np.int64, SLOT_MESSAGES),
