@@ -8,10 +8,7 @@ repeat them, they were polled faster than the sensor samples (*held*), or the dr
 without the sensor (*frozen*). A coarse output repeats itself by nature and is left alone.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-import json
-from typing import Any
 
 from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
 from imu_allan.timeline.record import Record
@@ -108,19 +105,10 @@ class Content(Record):
         moving = [count for count in self.changed if count > _LIVELY_SHARE * self.changes]
         return len(moving) >= min(_LIVELY_AXES, sum(count > 0 for count in self.changed))
 
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'Content':
-        """Go on from `to_state`."""
-        content = cls.from_plain(json.loads(str(state['content'])))
-        if len(content.last) not in (0, 6):
-            raise ValueError('the newest values are not those of six axes')
-        if np.array(content.noise, dtype=np.float64).shape not in ((0,), (6,)):
-            raise ValueError('the noise is not that of six axes')
-        return content
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Everything needed to go on later."""
-        return {'content': np.array(json.dumps(self.to_plain()))}
+    def check(self) -> None:
+        """Refuse values of another number of axes."""
+        if {len(self.last), len(self.noise)} - {0, 6}:
+            raise ValueError('values are not those of six axes')
 
     def is_fresh(self, samples: Floats) -> bool:
         """Tell at a glance whether there cannot be more repeats than by chance."""

@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a timeline has counted of its messages, for the report alone: nothing is decided by it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from imu_allan.timeline.clock import SECOND, Stamps
 from imu_allan.timeline.record import Record
@@ -97,13 +95,6 @@ class Counts(Record):
     paced_steps: int = 0
     gravity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     gravity_samples: int = 0
-
-    @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> 'Counts':
-        """Take the fields as JSON gives them, see `Record`."""
-        counts = super().from_plain(plain)
-        counts.listed_gaps = [(float(start), float(lasts)) for start, lasts in counts.listed_gaps]
-        return counts
 
     def forget(self) -> None:
         """Call all samples so far rejected: they were one value, repeated."""

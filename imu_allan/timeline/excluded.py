@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was cut out as motion, what was kept as rest, and how much louder the one is."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field
+
+from imu_allan.timeline.record import Record
 
 LISTED_SPANS = 1000
 """Spans that are listed one by one."""
@@ -16,7 +16,7 @@ _LISTED_CHANGES = 9
 
 
 @dataclass
-class MotionSummary:
+class MotionSummary(Record):
     """
     What was cut out, brought up to date in place by its detector: every window counts.
 
@@ -59,17 +59,15 @@ class MotionSummary:
     changes: tuple[tuple[float, float], ...] = ()
 
 
-class Excluded:
+@dataclass
+class Excluded(Record):
     """
     Keeps the account of spans and rests.
 
-    Parameters
+    Attributes
     ----------
     interval_s : float
         Sample interval.
-
-    Attributes
-    ----------
     summary : MotionSummary
         Brought up to date in place.
     rest_end, span_end : int
@@ -81,44 +79,12 @@ class Excluded:
 
     """
 
-    def __init__(self, interval_s: float) -> None:
-        self.interval_s = interval_s
-        self.summary = MotionSummary()
-        self.rest_end = -1
-        self.rest_lasts = 0.0
-        self.span_end = -1
-        self.span_end_s = -_LATELY_S
-
-    def copy(self) -> 'Excluded':
-        """Give an independent copy."""
-        twin = Excluded(self.interval_s)
-        twin.follow(self)
-        twin.summary = replace(self.summary)
-        return twin
-
-    def follow(self, before: 'Excluded') -> None:
-        """Go on with the account of another one, which is used no more."""
-        self.summary = before.summary
-        self.rest_end, self.rest_lasts = before.rest_end, before.rest_lasts
-        self.span_end, self.span_end_s = before.span_end, before.span_end_s
-
-    def to_plain(self) -> dict[str, Any]:
-        """Give everything for JSON."""
-        return {'summary': asdict(self.summary), 'span_end': self.span_end,
-                'rest_end': self.rest_end, 'rest_lasts': self.rest_lasts,
-                'span_end_s': self.span_end_s}
-
-    @classmethod
-    def from_plain(cls, plain: Mapping[str, Any], interval_s: float) -> 'Excluded':
-        """Go on from `to_plain`; KeyError, TypeError or ValueError if it is damaged."""
-        account = cls(interval_s)
-        summary = plain['summary']
-        for name in ('spans', 'rests', 'changes'):
-            summary[name] = tuple((float(a), float(b)) for a, b in summary[name])
-        account.summary = MotionSummary(**summary)
-        account.rest_end, account.rest_lasts = int(plain['rest_end']), float(plain['rest_lasts'])
-        account.span_end, account.span_end_s = int(plain['span_end']), float(plain['span_end_s'])
-        return account
+    interval_s: float
+    summary: MotionSummary = field(default_factory=MotionSummary)
+    rest_end: int = -1
+    rest_lasts: float = 0.0
+    span_end: int = -1
+    span_end_s: float = -_LATELY_S
 
     def keep(self, first: int, rows: int, start_s: float) -> None:
         """Note rows at rest, as part of the stretch before if they follow it."""

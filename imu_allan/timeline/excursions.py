@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slow turns and tilts, too slow for a detector of motion: the mean goes away and comes back."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from imu_allan.timeline.record import Record
 import numpy as np
@@ -58,13 +56,11 @@ class Excursions(Record):
     highest: list[float] = field(default_factory=list)
     found: list[list[float]] = field(default_factory=list)
 
-    @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> 'Excursions':
-        """Take the fields as JSON gives them, see `Record`."""
-        excursions = super().from_plain(plain)
-        np.array(excursions.blocks, dtype=np.float64).reshape(-1, 7)
-        np.array(excursions.found, dtype=np.float64).reshape(-1, 4)
-        return excursions
+    def check(self) -> None:
+        """Refuse tables of another width."""
+        if ({len(block) for block in self.blocks} - {7} or {len(one) for one in self.found} - {4}
+                or {len(self.lowest), len(self.highest)} - {0, 6}):
+            raise ValueError('excursions are not those of six axes')
 
     def take(self, means: Floats, start_s: float, window_s: float) -> None:
         """

@@ -8,10 +8,7 @@ are decided on the first messages. Of the others those with unusable values, and
 twice, are left out.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-import json
-from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.clock import (
@@ -48,6 +45,7 @@ from imu_allan.timeline.pace import (
 from imu_allan.timeline.pending import Window
 from imu_allan.timeline.pieces import Messages
 from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
 
@@ -80,7 +78,7 @@ class NoAxes(ImuAllanError):
     """None of the first messages has a value; those that come later may."""
 
 
-class Intake:
+class Intake(Record):
     """
     Decides what the messages are, and gives the usable ones.
 
@@ -100,36 +98,6 @@ class Intake:
         self.content = Content()
         self.presence = Presence()
         self.late_axes = LateAxes()
-
-    def copy(self, counts: Counts) -> 'Intake':
-        """Give an independent copy, which counts in `counts`."""
-        twin = Intake(self._options, counts)
-        twin.decision, twin.content = self.decision.copy(), self.content.copy()
-        twin.presence, twin.late_axes = self.presence.copy(), self.late_axes.copy()
-        return twin
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Everything needed to go on later, as a flat dict of arrays."""
-        return {'decision': np.array(json.dumps(self.decision.to_plain())),
-                'presence': np.array(json.dumps(self.presence.to_plain())),
-                'sleepers': np.array(json.dumps(self.late_axes.to_plain())),
-                **self.content.to_state()}
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]], options: TimelineOptions,
-                   counts: Counts) -> 'Intake':
-        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
-        intake = cls(options, counts)
-        intake.decision = Decision.from_plain(json.loads(str(state['decision'])))
-        intake.content = Content.from_state(state)
-        # A state from before axes could come and go knows those of the first messages alone.
-        intake.presence = (
-            Presence.from_plain(json.loads(str(state['presence']))) if 'presence' in state
-            else Presence(there=list(intake.decision.present or [True] * 6)))
-        # One from before axes could come to life late calls them awake with their next change.
-        if 'sleepers' in state:
-            intake.late_axes = LateAxes.from_plain(json.loads(str(state['sleepers'])))
-        return intake
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
         """Stamps of the chosen clock, and of the other one."""

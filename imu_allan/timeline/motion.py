@@ -7,18 +7,15 @@ Windows go into stretches, are measured, judged against the level of rest with t
 known, and given or cut with a margin.
 """
 
-from collections.abc import Mapping
-from copy import copy as shallow_copy
-from dataclasses import replace
+from dataclasses import dataclass, field
 from itertools import pairwise
-import json
 from math import log
-from typing import Any
 
 from imu_allan.block import EvenBlock
 from imu_allan.timeline.excluded import Excluded, MotionSummary
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.pieces import EvenPiece
+from imu_allan.timeline.record import Record
 from imu_allan.timeline.rest_level import RestLevel
 from imu_allan.timeline.sensor_at_rest import QUIETER
 from imu_allan.timeline.windows import FARTHEST_LAG, Stretch, Windows
@@ -36,27 +33,33 @@ _CONTEXT = _MARGIN + FARTHEST_LAG + 1
 """Windows before the ones to be judged that these are held against."""
 
 
-class MotionDetector:
+@dataclass
+class MotionDetector(Record):
     """
     Leaves out motion and knocks, some windows late, in constant memory.
 
-    Parameters
+    Attributes
     ----------
     interval_s : float
         Sample interval; a window is half a second, 25 rows at least.
+    axes : tuple of bool
+        Those it judges by.
 
     """
 
-    def __init__(self, interval_s: float) -> None:
-        self.interval_s = interval_s
-        self._windows = Windows(interval_s)
-        self._size = self._windows.size
-        self._level = RestLevel(self._windows)
-        self._excluded = Excluded(interval_s)
-        self._excursions = Excursions()
-        self._held: list[Stretch] = []
-        self._run_pending = False
-        self._void = False
+    interval_s: float
+    axes: tuple[bool, ...] = (True,) * 6
+    _windows: Windows = field(init=False)
+    _level: RestLevel = field(default_factory=RestLevel)
+    _excluded: Excluded = field(init=False)
+    _excursions: Excursions = field(default_factory=Excursions)
+    _held: list[Stretch] = field(default_factory=list)
+    _run_pending: bool = False
+    _void: bool = False
+
+    def __post_init__(self) -> None:
+        """Begin without windows."""
+        self._windows, self._excluded = Windows(self.interval_s), Excluded(self.interval_s)
 
     @property
     def summary(self) -> MotionSummary:
@@ -78,87 +81,18 @@ class MotionDetector:
         """Whether the baseline rests on enough windows to be gone on with another time."""
         return self._level.is_known
 
-    def copy(self) -> 'MotionDetector':
-        """Give an independent copy; arrays are shared, for they are never written to."""
-        twin = shallow_copy(self)
-        twin._windows = shallow_copy(self._windows)
-        twin._level = self._level.copy(twin._windows)
-        twin._excluded = self._excluded.copy()
-        twin._held = [replace(stretch, rows=list(stretch.rows)) for stretch in self._held]
-        twin._excursions = self._excursions.copy()
-        return twin
-
     def follow(self, before: 'MotionDetector') -> None:
         """Go on with what another detector, of other axes, has told; it is flushed."""
-        self._excluded.follow(before._excluded)
+        self._excluded = before._excluded.copy()
         self._excursions.found = before._excursions.found
         self._run_pending, self._void = before._run_pending, before._void
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Everything needed to go on later, as a flat dict of arrays."""
-        held = self._held
-        stretches = [{'first_index': s.first_index, 'start_s': s.start_s, 'new_run': s.new_run,
-                      'closed': s.closed, 'given': s.given, 'base': s.base, 'held': s.held,
-                      'windows': len(s.means), 'judged': len(s.moving),
-                      'bridged': len(s.bridged)} for s in held]
-        text = json.dumps({
-            'interval_s': self.interval_s, **self._excluded.to_plain(),
-            'run_pending': self._run_pending, 'void': self._void,
-            'quieter': self._level.quieter, 'stretches': stretches,
-            'excursions': self._excursions.to_plain()})
-        empty = np.empty((0, 6))
-        return {
-            'motion': np.array(text),
-            'motion_rows': np.concatenate([empty, *(s.joined() for s in held)]),
-            'motion_means': np.concatenate([empty, *(s.means for s in held)]),
-            'motion_loudness': np.concatenate(
-                [np.empty((0, 12)), *(s.loudness for s in held)]),
-            'motion_moving': np.concatenate(
-                [np.empty(0, dtype=bool), *(s.moving for s in held)]),
-            'motion_bridged': np.concatenate(
-                [np.empty(0, dtype=np.int64), *(s.bridged for s in held)]),
-            'motion_recent': self._windows.recent,
-            **self._level.to_state()}
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'MotionDetector':
-        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
-        plain = json.loads(str(state['motion']))
-        detector = cls(float(plain['interval_s']))
-        detector._excluded = Excluded.from_plain(plain, detector.interval_s)
-        detector._run_pending = bool(plain['run_pending'])
-        detector._void = bool(plain['void'])
-
-        def table(name: str, columns: int) -> Floats:
-            return np.asarray(state[f'motion_{name}'], dtype=np.float64).reshape(-1, columns)
-
-        rows, means, loudness = table('rows', 6), table('means', 6), table('loudness', 12)
-        moving = np.asarray(state['motion_moving'], dtype=bool).reshape(-1)
-        bridged = np.asarray(state['motion_bridged'], dtype=np.int64).reshape(-1)
-        for stretch in plain['stretches']:
-            held, windows = int(stretch['held']), int(stretch['windows'])
-            judged, filled = int(stretch['judged']), int(stretch['bridged'])
-            if (len(rows) < held or len(means) < windows or len(loudness) < windows
-                    or len(moving) < judged or len(bridged) < filled):
-                raise ValueError('rows are missing')
-            detector._held.append(Stretch(
-                int(stretch['first_index']), float(stretch['start_s']),
-                bool(stretch['new_run']), [rows[:held]], held, bridged[:filled],
-                bool(stretch['closed']), int(stretch['given']), int(stretch['base']),
-                means[:windows], loudness[:windows], moving[:judged]))
-            rows, means, loudness = rows[held:], means[windows:], loudness[windows:]
-            moving, bridged = moving[judged:], bridged[filled:]
-        detector._windows.recent = table('recent', 14)
-        detector._level = RestLevel.from_state(state, int(plain['quieter']), detector._windows)
-        detector._excursions = Excursions.from_plain(plain['excursions'])
-        return detector
 
     def push(self, piece: EvenPiece) -> list[EvenBlock]:
         """Take even rows, give those decided to be at rest."""
         last = self._held[-1] if self._held else None
         if last is not None and (
-                piece.new_run or last.closed
-                or piece.first_index != last.first_index + last.given * self._size + last.held):
+                piece.new_run or last.closed or piece.first_index
+                != last.first_index + last.given * self._windows.size + last.held):
             last.closed = True
             last = None
         if last is None:
@@ -181,14 +115,14 @@ class MotionDetector:
 
     def _decide(self, final: bool) -> list[EvenBlock]:
         if self._level.baseline is None:
-            windows = sum(stretch.held // self._size for stretch in self._held)
+            windows = sum(stretch.held // self._windows.size for stretch in self._held)
             rows = sum(stretch.held for stretch in self._held)
-            if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._size
+            if (windows < START_WINDOWS and rows < 2 * START_WINDOWS * self._windows.size
                     and not final):
                 return []
             for stretch in self._held:
                 self._windows.measure(stretch)
-            self._level.begin(self._held)
+            self._level.begin(self._held, self._windows)
         blocks: list[EvenBlock] = []
         for stretch in self._held:
             self._windows.measure(stretch)
@@ -206,14 +140,15 @@ class MotionDetector:
             return
         loudness = stretch.loudness[first:last]
         wander = stretch.wander()[first:last]
-        short = stretch.given == 0 and stretch.held < self._size
-        shorter = self._size / stretch.held if short else 1.0
+        short = stretch.given == 0 and stretch.held < self._windows.size
+        shorter = self._windows.size / stretch.held if short else 1.0
         beyond = windows.implausible(stretch, first)[:last - first]
         if stretch.closed or stretch.base + first < windows.farthest:
             beyond |= windows.beyond_before(stretch, first, last)
-        level.refine_where_awake(stretch, first, last)
+        level.refine_where_awake(stretch, first, last, self._windows.size)
         moving = beyond | level.unlike(loudness, wander, shorter)
-        if moving.any() and level.refine_resolution(stretch, np.flatnonzero(moving) + first):
+        if moving.any() and level.refine_resolution(
+                stretch, np.flatnonzero(moving) + first, self._windows.size):
             moving = beyond | level.unlike(loudness, wander, shorter)
         stretch.moving = np.concatenate([stretch.moving, moving])
         if not short and (begins := level.deeper_rest(stretch, first, last)) is not None:
@@ -227,7 +162,7 @@ class MotionDetector:
                 self._excluded.add_contrast(*contrast)
         if len(rest) and not short:
             self._excursions.take(rest, windows.time(stretch, stretch.base + first),
-                                  self._size * self.interval_s)
+                                  self._windows.size * self.interval_s)
         if not short:
             level.learn(np.hstack([loudness, wander]), moving, beyond,
                         windows.time(stretch, stretch.base + last), self._excluded)
@@ -241,13 +176,13 @@ class MotionDetector:
         stretch.moving[first:] = (
             self._windows.implausible(stretch, first)[:last - first]
             | self._level.unlike(stretch.loudness[first:last], stretch.wander()[first:last], 1.0))
-        self._excluded.cut_all(stretch.first_index + stretch.given * self._size)
-        windows = max(self._excluded.summary.seen // self._size, 1)
+        self._excluded.cut_all(stretch.first_index + stretch.given * self._windows.size)
+        windows = max(self._excluded.summary.seen // self._windows.size, 1)
         self._excluded.add_contrast(windows * log(QUIETER), windows)
 
     def _give(self, stretch: Stretch) -> list[EvenBlock]:
         """Give the rows at rest of the windows whose margin is known."""
-        size = self._size
+        size = self._windows.size
         judged = stretch.base + len(stretch.moving)
         upto = judged if stretch.closed else judged - _MARGIN
         count = upto - stretch.given

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that wait until enough of them have come to be worked off together."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from imu_allan.block import ImuBlock
+from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,14 +40,14 @@ class Window:
     numbers: Ints | None = None
 
 
-class Pending:
+@dataclass
+class Pending(Record):
     """Messages in the order they came, whatever blocks they came in."""
 
-    def __init__(self) -> None:
-        self._blocks: list[ImuBlock] = []
-        # Beside the blocks: asking each for its length again costs more than its messages.
-        self._lengths: list[int] = []
-        self._messages = 0
+    _blocks: list[ImuBlock] = field(default_factory=list)
+    # Beside the blocks: asking each for its length again costs more than its messages.
+    _lengths: list[int] = field(default_factory=list)
+    _messages: int = 0
 
     def __len__(self) -> int:
         """Messages that wait."""
@@ -61,34 +60,11 @@ class Pending:
         self._lengths.append(n)
         self._messages += n
 
-    def copy(self) -> 'Pending':
-        """Give an independent copy; arrays are shared, for they are never written to."""
-        twin = Pending()
-        twin._blocks, twin._lengths = list(self._blocks), list(self._lengths)
-        twin._messages = self._messages
-        return twin
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Messages that wait, as a flat dict of arrays."""
+    def joined(self, frame_id: str) -> list[ImuBlock]:
+        """Give all messages in one block, if there are any."""
         window = self.look(len(self))
-        numbers = {} if window.numbers is None else {'numbers': window.numbers}
-        return {'header_ns': window.header, 'receive_ns': window.receive,
-                'samples': window.samples, 'absent': window.absent, **numbers}
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]], frame_id: str) -> 'Pending':
-        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
-        pending = cls()
-        samples = np.asarray(state['samples'], dtype=np.float64).reshape(-1, 6)
-        n = len(samples)
-        if n:
-            pending.append(ImuBlock(
-                np.asarray(state['header_ns'], dtype=np.int64).reshape(n),
-                np.asarray(state['receive_ns'], dtype=np.int64).reshape(n),
-                samples, np.asarray(state['absent'], dtype=bool).reshape(n, 2), frame_id,
-                np.asarray(state['numbers'], dtype=np.int64).reshape(n) if 'numbers' in state
-                else None))
-        return pending
+        return [ImuBlock(window.header, window.receive, window.samples, window.absent, frame_id,
+                         window.numbers)] if len(self) else []
 
     def look(self, n: int) -> Window:
         """Give the first `n` messages; they go on waiting."""

@@ -8,12 +8,10 @@ jumps; stretches at another rate are left out; steps on the grid are counted, sh
 and long ones listed.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-import json
 from math import isnan, sqrt
-from typing import Any
 
 from imu_allan.noise.bridges import NEIGHBOURS
 from imu_allan.timeline.bridging import even_pieces
@@ -115,7 +113,7 @@ class Cursor(Record):
         return self.fresh_run or self.last_ns is None
 
 
-class Placing:
+class Placing(Record):
     """
     Puts usable messages on the grid.
 
@@ -134,32 +132,13 @@ class Placing:
         self._options = options
         self._counts = counts
         self._decision = decision
-        self._tail = np.empty((0, 6))
+        self.tail = np.empty((0, 6))
         self.cursor = Cursor()
 
     @property
     def newest(self) -> Floats | None:
         """Return the last sample placed in this run, shape (6,)."""
-        return self._tail[-1] if len(self._tail) else None
-
-    def copy(self, counts: Counts, decision: Decision) -> 'Placing':
-        """Give an independent copy; arrays are shared, for they are never written to."""
-        twin = Placing(self._options, counts, decision)
-        twin._tail, twin.cursor = self._tail, self.cursor.copy()
-        return twin
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Everything needed to go on later, as a flat dict of arrays."""
-        return {'cursor': np.array(json.dumps(self.cursor.to_plain())), 'tail': self._tail}
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]], options: TimelineOptions,
-                   counts: Counts, decision: Decision) -> 'Placing':
-        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
-        placing = cls(options, counts, decision)
-        placing.cursor = Cursor.from_plain(json.loads(str(state['cursor'])))
-        placing._tail = np.asarray(state['tail'], dtype=np.float64).reshape(-1, 6)
-        return placing
+        return self.tail[-1] if len(self.tail) else None
 
     def change_clock(self) -> None:
         """Begin a new run by the other clock."""
@@ -429,7 +408,7 @@ class Placing:
         if new_run:
             self._begin_run(int(stamps[0]), int(messages.other[0]), interval)
             steps[0] = 1
-            self._tail = np.empty((0, 6))
+            self.tail = np.empty((0, 6))
         reference = int(stamps[0]) if new_run or cursor.last_ns is None else cursor.last_ns
         tolerated = self._options.gap_tolerance + 1
         known = steps[:c]
@@ -446,7 +425,7 @@ class Placing:
         paced_steps = int(index[-1]) - cursor.index - (1 if new_run else 0) - left_out
         counts.missing += missing - empty
         if missing:
-            pieces = even_pieces(self._tail, messages.samples, steps, index, elapsed, interval,
+            pieces = even_pieces(self.tail, messages.samples, steps, index, elapsed, interval,
                                  tolerated, new_run)
             counts.bridged += sum(len(piece.bridged) for piece in pieces)
         else:
@@ -473,8 +452,8 @@ class Placing:
         cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
         mean = float(np.add.reduce(late)) / len(late)
         cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
-        self._tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
-                      np.concatenate([self._tail, messages.samples[:c]])[-NEIGHBOURS:])
+        self.tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
+                      np.concatenate([self.tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((self._decision.present or [False])[3:]):
             some = messages.samples[:c:SPARSE, 3:]
             total = some.sum(axis=0).tolist()

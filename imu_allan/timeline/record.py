@@ -1,55 +1,150 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the parts of a timeline remember: plain numbers and text, which JSON keeps."""
+"""
+What the parts of a timeline remember, and how it is copied, saved and gone on with.
+
+A record is a dataclass of numbers, text, arrays, other dataclasses, and lists, tuples and dicts of
+these. Its state is a flat dict: a text of JSON for each field, and beside it arrays by their path.
+"""
 
 from collections.abc import Mapping
 from copy import copy as shallow_copy
-from typing import Any, TypeVar
+from dataclasses import fields, is_dataclass
+from functools import cache
+import json
+from types import NoneType, UnionType
+from typing import Any, cast, get_args, get_origin, get_type_hints, Literal, TypeVar, Union
 
-Kind = TypeVar('Kind', bound='Record')
+import numpy as np
+from numpy.typing import NDArray
+
+Kind = TypeVar('Kind')
+State = dict[str, NDArray[Any]]
 
 
 class Record:
-    """Base of dataclasses whose fields all have defaults and are plain numbers and text."""
+    """Base of what changes as messages come."""
 
     def copy(self: Kind) -> Kind:
-        """Give an independent copy."""
-        twin = shallow_copy(self)
-        for name, value in vars(self).items():
-            if isinstance(value, (list, dict)):
-                setattr(twin, name, value.copy())
-        return twin
+        """Give an independent copy; arrays are shared, for they are never written to."""
+        return cast(Kind, _copied(self, {}))
 
-    def to_plain(self) -> dict[str, Any]:
-        """Give the fields for JSON."""
-        return vars(self)
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
 
-    @classmethod
-    def from_plain(cls: type[Kind], plain: Mapping[str, Any]) -> Kind:
-        """
-        Take the fields as JSON gives them.
 
-        Raises
-        ------
-        TypeError
-            If a field is unknown or of another type.
+def _copied(value: Any, seen: dict[int, Any]) -> Any:
+    """Copy records, lists and dicts, each once."""
+    if isinstance(value, Record):
+        if id(value) not in seen:
+            twin = seen[id(value)] = shallow_copy(value)
+            for name, part in vars(value).items():
+                setattr(twin, name, _copied(part, seen))
+        return seen[id(value)]
+    if isinstance(value, list):
+        return [_copied(part, seen) for part in value]
+    if isinstance(value, dict):
+        return {key: _copied(part, seen) for key, part in value.items()}
+    return value
 
-        """
-        record = cls(**plain)
-        for name, default in vars(cls()).items():
-            if not _fits(getattr(record, name), default):
-                raise TypeError(f'{name} is {getattr(record, name)!r}')
+
+def state_of(record: Any) -> State:
+    """Give everything that a dataclass holds."""
+    arrays: State = {}
+    plain = _plain(record, '', arrays)
+    return {name: np.array(json.dumps(value)) for name, value in plain.items()
+            if value is not None or name not in arrays} | arrays
+
+
+def _plain(value: Any, path: str, arrays: State) -> Any:
+    """Give what JSON keeps of a value; arrays go beside."""
+    if isinstance(value, np.ndarray):
+        arrays[path] = value
+        return None
+    within = f'{path}/' if path else ''
+    if is_dataclass(value):
+        return {part.name: _plain(getattr(value, part.name), within + part.name, arrays)
+                for part in fields(value)}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part, f'{within}{at}', arrays) for at, part in enumerate(value)]
+    return value
+
+
+def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
+    """
+    Go on from `state_of`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If a part is missing, unknown, or not of its type.
+
+    """
+    arrays = {name: array for name, array in state.items() if array.dtype.kind != 'U'}
+    plain = {name: None if name in arrays else json.loads(str(state[name]))
+             for name in _hints(cast(Any, kind))}
+    return cast(Kind, _built(kind, plain, arrays, ''))
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    return {part.name: hints[part.name] for part in fields(cast(Any, kind))}
+
+
+def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
+    """Give a value of a type from what was saved of it."""
+    origin, parts = get_origin(kind), get_args(kind)
+    within = f'{path}/' if path else ''
+    if kind is Any or (origin is Literal and plain in parts):
+        return plain
+    if origin in (Union, UnionType):
+        if plain is None and path not in arrays and NoneType in parts:
+            return None
+        kind = next(part for part in parts if part is not NoneType)
+        return _built(kind, plain, arrays, path)
+    if origin is np.ndarray:
+        array = arrays[path]
+        if array.dtype != np.dtype(get_args(parts[1])[0]):
+            raise TypeError(f'{path} is of {array.dtype}')
+        return array
+    make: Any = kind
+    if is_dataclass(kind):
+        hints = _hints(make)
+        if set(plain) != set(hints):
+            raise KeyError(f'parts of {path}')
+        built = {name: _built(hint, plain[name], arrays, within + name)
+                 for name, hint in hints.items()}
+        record = make(**{part.name: built[part.name] for part in fields(kind) if part.init})
+        for part in fields(kind):
+            if not part.init:
+                setattr(record, part.name, built[part.name])
+        if isinstance(record, Record):
+            _like_defaults(record, path)
+            record.check()
         return record
+    if origin is list and isinstance(plain, list):
+        return [_built(parts[0], part, arrays, f'{within}{at}') for at, part in enumerate(plain)]
+    if origin is tuple and isinstance(plain, list):
+        each = parts[:1] * len(plain) if parts[-1] is Ellipsis else parts
+        return tuple(_built(part, value, arrays, f'{within}{at}') for at, (part, value)
+                     in enumerate(zip(each, plain, strict=True)))
+    if origin is dict and isinstance(plain, dict):
+        return {str(key): _built(parts[1], value, arrays, path) for key, value in plain.items()}
+    if kind is float and type(plain) in (int, float):
+        return float(plain)
+    if type(plain) is kind:
+        return plain
+    raise TypeError(f'{path} is {plain!r:.40}')
 
 
-def _fits(value: Any, default: Any) -> bool:
-    """Whether a value that was saved is of the kind of a field's default."""
-    if default is None:
-        return value is None or isinstance(value, (int, float, str, list))
-    if isinstance(default, float):
-        return isinstance(value, (float, int))
-    if isinstance(default, list) and default:
-        # What is not empty at first has a number for each axis, never more or fewer.
-        return (isinstance(value, list) and len(value) == len(default)
-                and all(isinstance(number, (int, float)) for number in value))
-    return isinstance(value, type(default))
+def _like_defaults(record: Record, path: str) -> None:
+    """Refuse lists and arrays that are not of the size that they have from the start."""
+    for part in fields(cast(Any, record)):
+        if not callable(part.default_factory):
+            continue
+        default, value = part.default_factory(), getattr(record, part.name)
+        wrong = (isinstance(default, list) and default and len(value) != len(default)) or (
+            isinstance(default, np.ndarray) and value.shape[1:] != default.shape[1:])
+        if wrong or (isinstance(default, np.ndarray) and value.ndim != default.ndim):
+            raise ValueError(f'{path}/{part.name} has another size')

@@ -7,12 +7,10 @@ Windows are compared with those before them, in the terms of
 `imu_allan.timeline.sensor_at_rest`.
 """
 
-from collections.abc import Mapping
-from copy import copy as shallow_copy
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from imu_allan.timeline.excluded import Excluded
+from imu_allan.timeline.record import Record
 from imu_allan.timeline.sensor_at_rest import (
     Baseline,
     baseline_of,
@@ -55,83 +53,50 @@ _REST_WINDOWS = 6
 """Three seconds in a row: between two bumps of a road there is less."""
 
 
-class RestLevel:
+@dataclass
+class RestLevel(Record):
     """
     What the sensor at rest looks like, as far as it was seen.
-
-    Parameters
-    ----------
-    windows : Windows
-        How rows are cut.
 
     Attributes
     ----------
     baseline : Baseline or None
         None before the first windows were looked at.
+    first : ndarray, shape (12,), or None
+        Loudness by which the noise was last told.
+    past, news : ndarray, shape (windows, 18), and list of such
+        Loudness and wander of the windows at rest of the baseline, and of those since.
+    lately : ndarray, shape (windows, 19)
+        The same of all windows since motion began, with the verdict.
+    quieter : int
+        Windows in a row that are far quieter than the baseline.
 
     """
 
-    def __init__(self, windows: Windows) -> None:
-        self._windows = windows
-        self.baseline: Baseline | None = None
-        self._first: Floats | None = None
-        self._past = np.empty((0, 18))
-        self._news: list[Floats] = []
-        self._lately = np.empty((0, 19))
-        self._quieter = 0
+    baseline: Baseline | None = None
+    first: Floats | None = None
+    past: Floats = field(default_factory=lambda: np.empty((0, 18)))
+    news: list[Floats] = field(default_factory=list)
+    lately: Floats = field(default_factory=lambda: np.empty((0, 19)))
+    quieter: int = 0
 
     @property
     def is_known(self) -> bool:
         """Whether the baseline is one of enough windows, and all axes, to be gone on with."""
-        return (len(self._past) >= _FEW_WINDOWS and self.baseline is not None
+        return (len(self.past) >= _FEW_WINDOWS and self.baseline is not None
                 and not self.baseline.any_constant)
 
-    def copy(self, windows: Windows) -> 'RestLevel':
-        """Give an independent copy; arrays are shared, for they are never written to."""
-        twin = shallow_copy(self)
-        twin._windows = windows
-        twin._news = list(self._news)
-        return twin
+    def check(self) -> None:
+        """Refuse tables of another width."""
+        if any(rows.ndim != 2 or rows.shape[1] != 18 for rows in self.news) or (
+                self.first is not None and self.first.shape != (12,)) or (
+                self.baseline is not None and [part.shape for part in vars(self.baseline).values()]
+                != [(12,), (12,), (6,), (6,)]):
+            raise ValueError('the level of rest is not that of six axes')
 
-    def to_state(self) -> dict[str, NDArray[Any]]:
-        """Everything but `quieter` needed to go on later, as a flat dict of arrays."""
-        baseline, first = self.baseline, self._first
-        empty = np.empty((0, 6))
-        return {
-            'motion_past': self._past,
-            'motion_news': np.concatenate([np.empty((0, 18)), *self._news]),
-            'motion_lately': self._lately,
-            'motion_baseline': empty if baseline is None else np.concatenate(
-                [baseline.loudness, baseline.spread, baseline.wander, baseline.resolution]),
-            'motion_first': empty if first is None else first}
-
-    @property
-    def quieter(self) -> int:
-        """Windows in a row that are far quieter than the baseline."""
-        return self._quieter
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, NDArray[Any]], quieter: int, windows: Windows
-                   ) -> 'RestLevel':
-        """Go on from `to_state`; KeyError, TypeError or ValueError if it is damaged."""
-        def table(name: str, columns: int) -> Floats:
-            return np.asarray(state[f'motion_{name}'], dtype=np.float64).reshape(-1, columns)
-
-        level = cls(windows)
-        level._past, level._lately = table('past', 18), table('lately', 19)
-        news = table('news', 18)
-        level._news = [news] if len(news) else []
-        baseline, first = table('baseline', 36), table('first', 12)
-        if len(baseline):
-            level.baseline = Baseline(*np.split(baseline[0], [12, 24, 30]))
-        if len(first):
-            level._first = first[0]
-        level._quieter = quieter
-        return level
-
-    def begin(self, held: list[Stretch]) -> None:
+    def begin(self, held: list[Stretch], windows: Windows) -> None:
         """Find the first baseline in the windows held back."""
-        size = self._windows.size
+        size = windows.size
         full = [stretch for stretch in held if stretch.held >= size]
         quiet = Baseline(*np.split(np.full(36, np.inf), [12, 24, 30]))
         if not full:
@@ -148,14 +113,14 @@ class RestLevel:
         resolution = np.full(6, np.inf)
         for stretch in full[:4]:
             resolution = np.minimum(resolution, resolution_of(stretch.joined()[:8 * 1024]))
-        still = ~np.concatenate([self._windows.implausible(stretch, 0) for stretch in full])
+        still = ~np.concatenate([windows.implausible(stretch, 0) for stretch in full])
         if np.count_nonzero(still) < _FEWEST_WINDOWS:
             still[:] = True
         if len(loudness) < _FEWEST_WINDOWS and full[0].held < size:
             self.baseline = _of_few(loudness, resolution)
             return
         if len(loudness) < _FEWEST_WINDOWS:
-            centre = np.median(self._windows.fifths(full), axis=0)
+            centre = np.median(windows.fifths(full), axis=0)
             self.baseline = Baseline(centre, _FIFTH_SPREAD * centre, np.full(6, np.inf),
                                      resolution)
             return
@@ -167,14 +132,14 @@ class RestLevel:
             self.baseline = replace(
                 few, wander=found.wander if np.count_nonzero(still) >= _FEWEST_WINDOWS
                 else few.wander)
-            self._first = self.baseline.loudness
-            self._past = np.hstack([loudness, wander])[still]
-            self._past = self._past[~np.isnan(self._past).any(axis=1)]
+            self.first = self.baseline.loudness
+            self.past = np.hstack([loudness, wander])[still]
+            self.past = self.past[~np.isnan(self.past).any(axis=1)]
             return
         self.baseline, rest = settle(loudness[still], wander[still], resolution)
-        self._first = self.baseline.loudness
-        self._past = np.hstack([loudness, wander])[still][rest]
-        self._past = self._past[~np.isnan(self._past).any(axis=1)]
+        self.first = self.baseline.loudness
+        self.past = np.hstack([loudness, wander])[still][rest]
+        self.past = self.past[~np.isnan(self.past).any(axis=1)]
 
     def unlike(self, loudness: Floats, wander: Floats, shorter: float) -> Bools:
         """Tell windows too loud for rest; `shorter`: a window over the rows at hand."""
@@ -186,7 +151,7 @@ class RestLevel:
         unlike = (loudness > loudest).any(axis=1) | (np.abs(wander) > widest).any(axis=1)
         return np.asarray(unlike)
 
-    def refine_resolution(self, stretch: Stretch, windows: Ints) -> bool:
+    def refine_resolution(self, stretch: Stretch, windows: Ints, size: int) -> bool:
         """
         Look for smaller steps in the rows of `windows`; tell whether there are any.
 
@@ -194,7 +159,7 @@ class RestLevel:
         before they show how small their step is.
         """
         assert self.baseline is not None
-        rows, size = stretch.joined(), self._windows.size
+        rows = stretch.joined()
         known = self.baseline.resolution
         smaller = known
         for window in (windows + stretch.base - stretch.given).tolist():
@@ -205,14 +170,14 @@ class RestLevel:
         self.baseline = replace(self.baseline, resolution=smaller)
         return True
 
-    def refine_where_awake(self, stretch: Stretch, first: int, last: int) -> None:
+    def refine_where_awake(self, stretch: Stretch, first: int, last: int, size: int) -> None:
         """Look for the steps of an axis that was constant until these windows."""
         assert self.baseline is not None
         if self.baseline.any_constant:
             constant = np.isinf(self.baseline.resolution)
             awake = np.any(stretch.loudness[first:last, :6][:, constant] > 0, axis=1)
             if awake.any():
-                self.refine_resolution(stretch, np.flatnonzero(awake) + first)
+                self.refine_resolution(stretch, np.flatnonzero(awake) + first, size)
 
     def contrast(self, loudness: Floats) -> tuple[float, int] | None:
         """Give by how much windows are louder, as a sum of logarithms, and how many they are."""
@@ -232,7 +197,7 @@ class RestLevel:
         """
         assert self.baseline is not None
         if not (stretch.loudness[first:last] < self.baseline.far_quieter).any():
-            self._quieter = 0
+            self.quieter = 0
             return None
         loud = self.baseline.loudness
         known = (loud > 0) & np.isfinite(loud)
@@ -246,8 +211,8 @@ class RestLevel:
             stretch.loudness[first:last] > self.baseline.loudest(), axis=1) if known.any() else (
             np.zeros(last - first, dtype=bool))
         for at in range(first, last):
-            self._quieter = self._quieter + 1 if quieter[at - first] else 0
-            if self._quieter == _REST_WINDOWS and at + 1 >= _REST_WINDOWS:
+            self.quieter = self.quieter + 1 if quieter[at - first] else 0
+            if self.quieter == _REST_WINDOWS and at + 1 >= _REST_WINDOWS:
                 return at + 1 - _REST_WINDOWS
         return None
 
@@ -259,9 +224,9 @@ class RestLevel:
         # A few windows tell a spread to a factor of two.
         self.baseline = replace(found, spread=2 * found.spread,
                                 wander=2 * found.wander)
-        self._first = found.loudness
-        self._quieter = 0
-        self._past, self._news, self._lately = np.empty((0, 18)), [], self._lately[:0]
+        self.first = found.loudness
+        self.quieter = 0
+        self.past, self.news, self.lately = np.empty((0, 18)), [], self.lately[:0]
 
     def learn(self, windows: Floats, moving: Bools, beyond: Bools, time_s: float,
               told: Excluded) -> None:
@@ -270,35 +235,35 @@ class RestLevel:
         inner = ~np.isnan(windows[:, 12])
         rest = windows[inner & ~moving]
         if len(rest):
-            self._news.append(rest)
-        if sum(map(len, self._news)) >= _REFRESH:
-            self._past = np.concatenate([self._past, *self._news])[-_REMEMBERED:]
-            self._news = []
-            self._adopt(baseline_of(self._past[:, :12], self._past[:, 12:],
+            self.news.append(rest)
+        if sum(map(len, self.news)) >= _REFRESH:
+            self.past = np.concatenate([self.past, *self.news])[-_REMEMBERED:]
+            self.news = []
+            self._adopt(baseline_of(self.past[:, :12], self.past[:, 12:],
                                     self.baseline.resolution), time_s, told)
-        if len(self._lately) or moving.any():
+        if len(self.lately) or moving.any():
             verdict = np.where(beyond, 2.0, moving)
-            self._lately = np.concatenate(
-                [self._lately, np.column_stack([windows, verdict])[inner]])
-            if len(self._lately) >= _PERSISTENT:
+            self.lately = np.concatenate(
+                [self.lately, np.column_stack([windows, verdict])[inner]])
+            if len(self.lately) >= _PERSISTENT:
                 self._accept_change(time_s, told)
-                self._lately = self._lately[:0]
+                self.lately = self.lately[:0]
 
     def _accept_change(self, time_s: float, told: Excluded) -> None:
         """Take a new steady level for the sensor's own, if it is not much louder."""
         assert self.baseline is not None
-        verdict = self._lately[:, 18]
+        verdict = self.lately[:, 18]
         share = float(np.mean(verdict))
         if np.any(verdict > 1) or share < _LEAST_SHARE:
             return
-        baseline, still = settle(self._lately[:, :12], self._lately[:, 12:18],
+        baseline, still = settle(self.lately[:, :12], self.lately[:, 12:18],
                                  self.baseline.resolution)
         if share < _PERSISTENT_SHARE and not still.all():
             return
         little = _ADOPTED_RATIO ** (2 / 3) * self.baseline.loudest()
         if np.mean(still) > _ADOPTED_SHARE and np.all(baseline.loudness < little):
-            self._past = self._lately[still, :18]
-            self._news = []
+            self.past = self.lately[still, :18]
+            self.news = []
             self._adopt(baseline, time_s, told)
 
     def _adopt(self, baseline: Baseline, time_s: float, told: Excluded) -> None:
@@ -306,16 +271,16 @@ class RestLevel:
         if self.baseline is not None:
             baseline = baseline.kept_alive(self.baseline)
         self.baseline = baseline
-        if self._first is None:
-            self._first = baseline.loudness
+        if self.first is None:
+            self.first = baseline.loudness
             return
-        known = (self._first > 0) & (baseline.loudness > 0)
-        ratio = (baseline.loudness[known] / self._first[known]) ** 1.5
+        known = (self.first > 0) & (baseline.loudness > 0)
+        ratio = (baseline.loudness[known] / self.first[known]) ** 1.5
         if not len(ratio):
             return
         most = ratio[np.argmax(np.abs(np.log(ratio)))]
         if abs(np.log(most)) > np.log(_TOLD_RATIO):
-            self._first = baseline.loudness
+            self.first = baseline.loudness
             told.note_change(time_s, float(most))
 
 

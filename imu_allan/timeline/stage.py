@@ -10,22 +10,26 @@ motion detector leaves out what is not at rest.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
-import json
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
+from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
+from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import clock_changed
 from imu_allan.timeline.intake import Intake
+from imu_allan.timeline.late_axes import LateAxes
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pending import Pending, Window
 from imu_allan.timeline.pieces import EvenPiece, Messages
-from imu_allan.timeline.placing import Placing
+from imu_allan.timeline.placing import Cursor, Placing
+from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.record import Record, restored, State, state_of
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +44,35 @@ WINDOW = 4096
 _DEFAULTS = TimelineOptions()
 
 
-class TimelineStage:
+@dataclass
+class _Saved(Record):
+    """All that a stage remembers."""
+
+    options: TimelineOptions
+    counts: Counts
+    pending: list[ImuBlock]
+    decision: Decision
+    content: Content
+    presence: Presence
+    late_axes: LateAxes
+    cursor: Cursor
+    tail: NDArray[np.float64]
+    motion: MotionDetector | None
+    waiting: list[MotionDetector]
+
+    def check(self) -> None:
+        """Refuse messages whose parts are not as many."""
+        for block in self.pending:
+            n = len(block)
+            if (block.header_ns.shape, block.receive_ns.shape, block.samples.shape,
+                    block.absent.shape) != ((n,), (n,), (n, 6), (n, 2)) or (
+                    block.numbers is not None and block.numbers.shape != (n,)):
+                raise ValueError('messages are missing')
+        if self.tail.ndim != 2 or self.tail.shape[1] != 6:
+            raise ValueError('the newest samples are not those of six axes')
+
+
+class TimelineStage(Record):
     """
     Even samples out of messages as they came, in constant memory.
 
@@ -63,9 +95,8 @@ class TimelineStage:
         self._intake = Intake(options, self._counts)
         self._placing = Placing(options, self._counts, self._intake.decision)
         self._motion: MotionDetector | None = None
-        # Axes that the detector judges by, and those that wait for theirs to come back.
-        self._axes: Axes | None = None
-        self._waiting: dict[Axes, MotionDetector] = {}
+        # Those that wait for their axes to come back.
+        self._waiting: list[MotionDetector] = []
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
         """
@@ -129,32 +160,13 @@ class TimelineStage:
         self._placing.cursor.fresh_run = True
         return blocks
 
-    def copy(self) -> 'TimelineStage':
-        """Give an independent copy; arrays are shared, for they are never written to."""
-        twin = TimelineStage(self._options)
-        twin._pending = self._pending.copy()
-        twin._counts = self._counts.copy()
-        twin._intake = self._intake.copy(twin._counts)
-        twin._placing = self._placing.copy(twin._counts, twin._intake.decision)
-        twin._motion = self._motion.copy() if self._motion is not None else None
-        twin._axes = self._axes
-        twin._waiting = {axes: motion.copy() for axes, motion in self._waiting.items()}
-        return twin
-
-    def to_state(self) -> dict[str, NDArray[Any]]:
+    def to_state(self) -> State:
         """Everything needed to go on later, as a flat dict of arrays."""
-        state = {'options': np.array(json.dumps(asdict(self._options))),
-                 'counts': np.array(json.dumps(self._counts.to_plain())),
-                 **self._pending.to_state(), **self._intake.to_state(),
-                 **self._placing.to_state()}
-        if self._motion is not None:
-            state |= self._motion.to_state()
-        if self._axes is not None:
-            state['axes'] = np.array([self._axes, *self._waiting])
-        for number, detector in enumerate(self._waiting.values()):
-            state |= {f'waiting{number}/{key}': value
-                      for key, value in detector.to_state().items()}
-        return state
+        intake, placing = self._intake, self._placing
+        return state_of(_Saved(
+            self._options, self._counts, self._pending.joined(intake.decision.frame_id or ''),
+            intake.decision, intake.content, intake.presence, intake.late_axes, placing.cursor,
+            placing.tail, self._motion, self._waiting))
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
@@ -168,24 +180,19 @@ class TimelineStage:
 
         """
         try:
-            stage = cls(TimelineOptions(**json.loads(str(state['options']))))
-            stage._counts = Counts.from_plain(json.loads(str(state['counts'])))
-            stage._intake = Intake.from_state(state, stage._options, stage._counts)
-            decision = stage._intake.decision
-            stage._placing = Placing.from_state(state, stage._options, stage._counts, decision)
-            stage._pending = Pending.from_state(state, decision.frame_id or '')
-            if 'motion' in state:
-                stage._motion = MotionDetector.from_state(state)
-                # A state from before axes could come and go has those of the first messages.
-                table = np.asarray(state.get('axes', [decision.present]), dtype=bool)
-                stage._axes, *others = map(tuple, table.reshape(-1, 6).tolist())
-                for number, axes in enumerate(others[:_MOST_WAITING]):
-                    mark = f'waiting{number}/'
-                    stage._waiting[axes] = MotionDetector.from_state({
-                        key[len(mark):]: value for key, value in state.items()
-                        if key.startswith(mark)})
+            saved = restored(_Saved, state)
+            stage = cls(saved.options)
+            for block in saved.pending:
+                stage._pending.append(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ImuAllanError(f'saved timeline is damaged: {error}') from error
+        intake = stage._intake = Intake(saved.options, saved.counts)
+        intake.decision, intake.content = saved.decision, saved.content
+        intake.presence, intake.late_axes = saved.presence, saved.late_axes
+        stage._counts = saved.counts
+        stage._placing = Placing(saved.options, saved.counts, saved.decision)
+        stage._placing.cursor, stage._placing.tail = saved.cursor, saved.tail
+        stage._motion, stage._waiting = saved.motion, saved.waiting
         return stage
 
     def summary(self) -> TimelineSummary:
@@ -239,7 +246,7 @@ class TimelineStage:
         messages = intake.usable(window, repeats, placing.newest)
         if repeats.woke:
             self._counts.forget()
-            self._motion, self._axes, self._waiting = None, None, {}
+            self._motion, self._waiting = None, []
             intake.decision.restart = placing.cursor.fresh_run = True
         return self._at_rest(placing.place(messages))
 
@@ -257,8 +264,7 @@ class TimelineStage:
                 continue
             at_rest: list[EvenBlock] = []
             if self._motion is None:
-                self._motion = MotionDetector(first_interval_ns / SECOND)
-                self._axes = _axes_of(piece)
+                self._motion = MotionDetector(first_interval_ns / SECOND, _axes_of(piece))
             elif self._intake.presence.changed:
                 at_rest += self._judge_by(_axes_of(piece))
             at_rest += self._motion.push(piece)
@@ -271,17 +277,20 @@ class TimelineStage:
 
     def _judge_by(self, axes: Axes) -> list[EvenBlock]:
         """Go on with the detector of some axes: what it knows of rest is not that of others."""
-        assert self._motion is not None
-        if axes == self._axes or self._axes is None:
+        before = self._motion
+        assert before is not None
+        if axes == before.axes:
             return []
-        blocks = self._motion.flush()
-        if self._motion.knows_rest:
-            self._waiting[self._axes] = self._motion
-        if len(self._waiting) > _MOST_WAITING:
-            del self._waiting[next(iter(self._waiting))]
-        found = self._waiting.pop(axes, None) or MotionDetector(self._motion.interval_s)
-        found.follow(self._motion)
-        self._motion, self._axes = found, axes
+        blocks = before.flush()
+        if before.knows_rest:
+            self._waiting = [*self._waiting, before][-_MOST_WAITING:]
+        found = next((motion for motion in self._waiting if motion.axes == axes), None)
+        if found is None:
+            found = MotionDetector(before.interval_s, axes)
+        else:
+            self._waiting = [motion for motion in self._waiting if motion is not found]
+        found.follow(before)
+        self._motion = found
         return blocks
 
     def _marked(self, blocks: list[EvenBlock]) -> list[EvenBlock]:

@@ -10,6 +10,7 @@ A test that knows physics needs no learning: no sensor at rest changes its mean 
 from dataclasses import dataclass, field
 from math import sqrt
 
+from imu_allan.timeline.record import Record
 from imu_allan.timeline.sensor_at_rest import describe
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ _PLAUSIBLE_SIGMAS = 10.0
 
 
 @dataclass
-class Stretch:
+class Stretch(Record):
     """
     Even rows without a gap between them, of which the verdict is still open.
 
@@ -59,6 +60,13 @@ class Stretch:
     loudness: Floats = field(default_factory=lambda: np.empty((0, 12)))
     moving: Bools = field(default_factory=lambda: np.empty(0, dtype=bool))
 
+    def check(self) -> None:
+        """Refuse rows and windows that do not belong together."""
+        if (sum(map(len, self.rows)) != self.held or len(self.means) != len(self.loudness)
+                or len(self.moving) > len(self.means) or any(
+                    rows.ndim != 2 or rows.shape[1] != 6 for rows in self.rows)):
+            raise ValueError('rows are missing')
+
     def joined(self) -> Floats:
         """Give all rows held, as one array."""
         if len(self.rows) > 1:
@@ -78,34 +86,34 @@ class Stretch:
         return second
 
 
-class Windows:
+@dataclass
+class Windows(Record):
     """
     How rows are cut into windows, and what is known of their means.
 
-    Parameters
+    Attributes
     ----------
     interval_s : float
         Sample interval; a window is half a second, 25 rows at least.
-
-    Attributes
-    ----------
+    recent : ndarray, shape (windows, 14)
+        Place, rows, means and noise of the newest windows of stretches that are closed.
     part, size : int
         Rows in a part of a window, and in a window.
     lags : tuple of int
         Windows apart whose means are held against each other.
-    recent : ndarray, shape (windows, 14)
-        Place, rows, means and noise of the newest windows of stretches that are closed.
 
     """
 
-    def __init__(self, interval_s: float) -> None:
-        self.interval_s = interval_s
-        self.part = max(round(PART_S / interval_s), 1)
+    interval_s: float
+    recent: Floats = field(default_factory=lambda: np.empty((0, 14)))
+
+    def __post_init__(self) -> None:
+        """Work out how many rows a window has."""
+        self.part = max(round(PART_S / self.interval_s), 1)
         self.size = _PARTS * self.part
         self.lags = tuple(lag for lag in _LAGS
-                          if lag * self.size * interval_s < _LONGEST_LAG_S)
+                          if lag * self.size * self.interval_s < _LONGEST_LAG_S)
         self.farthest = max(self.lags, default=0)
-        self.recent = np.empty((0, 14))
 
     def time(self, stretch: Stretch, window: int) -> float:
         """Give when a window of a stretch begins, in seconds."""

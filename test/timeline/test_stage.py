@@ -529,10 +529,13 @@ def test_short_streams_give_all_their_samples(count):
     lambda state: state.update(decision=np.array('no json')),
     lambda state: state.update(counts=np.array(
         str(state['counts']).replace('"messages": 4032', '"messages": "many"'))),
-    lambda state: state.update(header_ns=state['header_ns'][:-1]),
-    lambda state: state.update(samples=np.zeros(5)),
+    lambda state: state.update({'pending/0/header_ns': state['pending/0/header_ns'][:-1]}),
+    lambda state: state.update({'pending/0/samples': np.zeros(5)}),
+    lambda state: state.update(tail=state['tail'][:, :5]),
+    lambda state: state.pop('presence'),
     lambda state: state.update(motion=np.array('[]')),
-    lambda state: state.update(motion_rows=state['motion_rows'][:-1]),
+    lambda state: state.pop('motion/_held/0/means'),
+    lambda state: state.update({'motion/_held/0/rows/0': state['motion/_held/0/rows/0'][:-1]}),
 ])
 def test_a_damaged_state_is_refused(damage):
     stage = TimelineStage()
