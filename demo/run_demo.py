@@ -262,6 +262,7 @@ class Screen:
         self._live = (Live(console=CONSOLE, auto_refresh=False)
                       if CONSOLE.is_terminal else None)
         self._began: float | None = None
+        self._said: dict[str, dict[str, str]] = {}
         self._shown = time.monotonic()
         self._every = 0.25 if self._live is not None else 5.0
 
@@ -290,18 +291,23 @@ class Screen:
         text = (f'{samples / self._rate / 60:6.1f} of {self._seconds / 60:g} simulated minutes'
                 f'{pace if not last else ""}')
         if self._live is None:
-            CONSOLE.print(f'{text}: {self._one_line(heard)}', soft_wrap=True)
+            CONSOLE.print(f'{text}: {self._changed(heard, everything=last)}', soft_wrap=True)
         else:
             self._live.update(Group(Text(text), *self._tables(heard)), refresh=True)
 
-    def _one_line(self, heard: Mapping[str, Mapping[str, str]]) -> str:
+    def _changed(self, heard: Mapping[str, Mapping[str, str]], *, everything: bool) -> str:
+        """Say what the node says of the gyroscope otherwise than in the line before."""
         parts = []
         for key in SHOWN_TERMS:
-            cells = [cell(heard.get(axis, {}), self._model, axis, key).plain.split('\n')[0]
-                     for axis in ('gyro_x', 'gyro_y', 'gyro_z')]
-            truth, unit = true_value(self._model, 'gyro_x', key)
-            parts.append(f'{TERMS[key].symbol} {" ".join(cells)} (true {truth} {unit})')
-        return 'gyro ' + ', '.join(parts)
+            said = {axis: cell(heard.get(axis, {}), self._model, axis, key).plain.split('\n')[0]
+                    for axis in ('gyro_x', 'gyro_y', 'gyro_z')}
+            before = {} if everything else self._said.get(key, {})
+            if cells := [f'{axis[-1]} {value}' for axis, value in said.items()
+                         if value != before.get(axis)]:
+                truth, unit = true_value(self._model, 'gyro_x', key)
+                parts.append(f'{TERMS[key].symbol} {", ".join(cells)} (true {truth} {unit})')
+            self._said[key] = said
+        return f'gyro {"; ".join(parts)}' if parts else 'as before'
 
     def _tables(self, heard: Mapping[str, Mapping[str, str]]) -> Iterable[Table]:
         for sensor, title in (('gyro', 'Gyroscope'), ('accel', 'Accelerometer')):
