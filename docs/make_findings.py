@@ -48,9 +48,13 @@ def sentences(code: str, words: Words) -> Iterator[str]:
         yield f'**{words.title}.**'
     yield words.means
     yield f'*Found:* {words.found}'
-    for name, advice in (('Do', words.do), ('Live', words.live)):
-        if isinstance(advice, str) and advice:
-            yield f'*{name}:* {advice}.'
+    do = words.do if isinstance(words.do, str) else ''
+    live = words.live or ''
+    if do:
+        yield f'*Do:* {do}.'
+    if live:
+        same = bool(do) and live.startswith(do)
+        yield f'*Live:* {"the same" + live[len(do):] if same else live}.'
 
 
 if __name__ == '__main__':
