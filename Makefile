@@ -10,7 +10,7 @@
 # make coverage         the everyday tests, with the branches that none of them takes
 # make lint             ruff, mypy --strict, ament_flake8 and ament_pep257
 # make docs             the documentation as HTML, warnings are errors
-# make bench            speed and memory;  make bench-accuracy  coefficients against the bound
+# make bench            speed and memory, BASE=checkout beside it; make bench-accuracy  coefficients
 # make bench-filter     what a filter with these numbers is worth on data nobody fitted
 # make bench-peers      other Allan tools beside ours: writes docs/peers.md, in an hour or two
 # make battery          what is said of a frozen set of sensors (BASE=checkout tells where it differs)
@@ -55,7 +55,7 @@ DEMO_EXTRAS := ros
 DEMO_STAMP := $(if $(STAMP),$(VENV)/.installed-demo)
 
 # What is timed; what is drawn by the hundred has other targets, or is run by name.
-SPEED := analyze reading messages timeline report node
+SPEED := reading messages timeline report node
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-fast test-slow mutation coverage lint docs bench bench-accuracy bench-filter \
@@ -124,6 +124,7 @@ docs: $(STAMP)
 	$(RUN)/python -m sphinx --fail-on-warning --keep-going -n -q docs docs/_build/html
 
 bench: $(STAMP)
+	$(RUN)/python bench/bench_analyze.py $(if $(BASE),--base '$(BASE)')
 	@for script in $(SPEED:%=bench/bench_%.py); do \
 		echo "== $$script"; $(RUN)/python $$script || exit 1; done
 

@@ -5,18 +5,18 @@ Time and memory of `imu_allan analyze`, whole process, over a plain pass through
 
 The plain pass is a process of its own that reads and decompresses every chunk with the library
 imu_allan uses (MCAP), or fetches every row (sqlite3), and looks at nothing. Both alternate, so
-that what else the machine does falls on both; the medians of the ratios are printed. An
-uncompressed MCAP has two plain passes: over its bytes, chunk by chunk, and over its messages,
-record by record with the library of the format, which takes so long that it is timed once, on one
-eighth of the messages. Memory is the largest resident size of any one process, at one eighth of
-the messages and at all of them.
+that what else the machine does falls on both; the medians of the ratios are printed beside the
+limits that they are held to. With --base another checkout takes its turn, too: a loss of some per
+cent is seen by whoever causes it. An uncompressed MCAP has two plain passes: over its bytes, chunk
+by chunk, and over its messages, record by record with the library of the format, which takes so
+long that it is timed once, on one eighth of the messages. Memory is the largest resident size of
+any one process, at one eighth of the messages and at all of them.
 
     python bench/bench_analyze.py                       # 10.8 million messages: 1 kHz for 3 h
-    python bench/bench_analyze.py --messages 1000000
+    python bench/bench_analyze.py --messages 1000000 --base ../older
 """
 
 import argparse
-from importlib.util import find_spec
 import os
 from pathlib import Path
 import shutil
@@ -34,7 +34,9 @@ from bench_reading import (
 )
 from imu_allan.recordings.write import write_recording
 
-KINDS = (('mcap', 'zstd', 2.0), ('mcap', '', 3.0), ('sqlite3', '', 3.0))
+ROOT = Path(__file__).resolve().parents[1]
+KINDS = (('mcap', 'zstd', 1.5), ('mcap', '', None), ('sqlite3', '', 1.3))
+"""Containers, and how many times as long as the plain pass they may take."""
 _BY_A_THREAD = """
 import sys
 from imu_allan.cli.main import main
@@ -42,41 +44,21 @@ from imu_allan.recordings.reading import reading_process
 reading_process.WORTHWHILE_BYTES = sys.maxsize
 sys.exit(main())
 """
-_PEER = """
-import sys
-from pathlib import Path
-import numpy as np
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
-with AnyReader([Path(sys.argv[1])],
-               default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-    rows = []
-    for connection, _, raw in reader.messages():
-        m = reader.deserialize(raw, connection.msgtype)
-        w, a = m.angular_velocity, m.linear_acceleration
-        rows.append((w.x, w.y, w.z, a.x, a.y, a.z))
-samples = np.array(rows)
-if sys.argv[2] == 'allantools':
-    import allantools
-    for axis in samples.T:
-        allantools.oadev(axis, rate=1000, data_type='freq', taus='octave')
-else:
-    import allan_variance
-    tau, avar = allan_variance.compute_avar(samples, 0.001)
-    allan_variance.estimate_parameters(tau, avar)
-"""
+MOST_CPU_US, MOST_MB = 3.5, 100
+"""Processor time of ten messages of a zstd MCAP, and resident memory, at most."""
 
 
-def measured(command: list[str]) -> tuple[float, float]:
-    """Wall time in seconds and largest resident size in MB of a process."""
+def measured(command: list[str], checkout: Path = ROOT) -> tuple[float, float, float]:
+    """Wall and processor time in seconds, and largest resident size in MB, of a process."""
     begin = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL,
+                               env={**os.environ, 'PYTHONPATH': str(checkout)})
     _, status, usage = os.wait4(process.pid, 0)
     wall = time.perf_counter() - begin
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise SystemExit(f'{" ".join(command)} failed')
-    return wall, usage.ru_maxrss / 1024
+    return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
 
 
 def main() -> int:
@@ -87,8 +69,8 @@ def main() -> int:
     parser.add_argument('--repeats', type=int, default=3)
     parser.add_argument('--plain-pass', metavar='PATH', help=argparse.SUPPRESS)
     parser.add_argument('--records', action='store_true', help=argparse.SUPPRESS)
-    parser.add_argument('--peers', type=int, metavar='MESSAGES', default=300_000,
-                        help='time peers fed by rosbags, on so many messages (0: none)')
+    parser.add_argument('--base', metavar='CHECKOUT', type=Path,
+                        help='another checkout of imu_allan, which takes its turn')
     options = parser.parse_args()
     if options.plain_pass:
         file = Path(options.plain_pass)
@@ -106,41 +88,34 @@ def main() -> int:
                                 compression=compression)
                 [file] = (path for path in bag.iterdir() if path.suffix != '.yaml')
                 plain = [sys.executable, __file__, '--plain-pass', str(file)]
-                ours, ratios, peaks = [], [], []
+                rows = []
                 for _ in range(options.repeats):
-                    base, _ = measured(plain)
-                    wall, peak = measured([*analyze, str(bag)])
-                    ours.append(wall)
-                    ratios.append(wall / base)
-                    peaks.append(peak)
-                memory[messages] = median(peaks)
-                print(f'{name:12} {messages:>10} messages: {median(ours):7.2f} s, '
-                      f'{median(ratios):.2f} x plain pass (aim {aim:g}), '
-                      f'{1e6 * median(ours) / messages:.2f} us a message, '
-                      f'{median(peaks):.0f} MB', flush=True)
+                    base, _, _ = measured(plain)
+                    wall, cpu, peak = measured([*analyze, str(bag)])
+                    older = (measured([*analyze, str(bag)], options.base.resolve())
+                             if options.base else (wall, cpu, peak))
+                    rows.append((wall, wall / base, cpu, peak, wall / older[0], cpu / older[1]))
+                wall, ratio, cpu, memory[messages], *to_base = map(
+                    median, zip(*rows, strict=True))
+                limits = (f' (limit {aim:g})' if aim else '',
+                          f' (limit {MOST_CPU_US:g})' if compression else '')
+                print(f'{name:12} {messages:>10} messages: {wall:.2f} s, {ratio:.2f} x plain pass'
+                      f'{limits[0]}; processor {1e7 * cpu / messages:.2f} us per ten{limits[1]}; '
+                      f'{memory[messages]:.0f} MB (limit {MOST_MB})', flush=True)
+                if options.base:
+                    print(f'{name:12} {messages:>10} messages: over {options.base}: '
+                          f'{to_base[0]:.2f} wall, {to_base[1]:.2f} processor', flush=True)
                 if (storage, compression) == ('mcap', 'zstd') and messages == options.messages:
-                    wall, _ = measured([sys.executable, '-c', _BY_A_THREAD, 'analyze', str(bag)])
+                    wall, *_ = measured([sys.executable, '-c', _BY_A_THREAD, 'analyze', str(bag)])
                     print(f'{name:12} {messages:>10} messages: read by a thread instead of a '
                           f'process {wall:.2f} s', flush=True)
                 if (storage, compression) == ('mcap', '') and messages < options.messages:
-                    base, _ = measured([*plain, '--records'])
+                    base, *_ = measured([*plain, '--records'])
                     print(f'{name:12} {messages:>10} messages: record by record {base:.2f} s, of '
-                          f'which imu_allan takes {median(ours) / base:.3f}', flush=True)
+                          f'which imu_allan takes {wall / base:.3f}', flush=True)
                 shutil.rmtree(bag)
             small, large = memory.values()
             print(f'{name:12} memory at eight times the length: {large / small:.2f} times')
-        if options.peers:
-            bag = Path(folder) / 'peers'
-            write_recording(bag, white_noise(options.peers), storage='mcap', compression='zstd')
-            ours, _ = measured([*analyze, str(bag)])
-            print(f'{options.peers} messages: imu_allan {ours:.2f} s')
-            for peer in ('allantools', 'allan_variance'):
-                if find_spec(peer) is None:
-                    print(f'  {peer}: not installed; pip install {peer.replace("_", "-")}')
-                    continue
-                wall, peak = measured([sys.executable, '-c', _PEER, str(bag), peer])
-                print(f'  rosbags + {peer:15} {wall:7.2f} s = {wall / ours:.0f} times, '
-                      f'{peak:.0f} MB')
     return 0
 
 
