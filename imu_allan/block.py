@@ -15,6 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+NEIGHBOURS = 8
+"""Samples on each side of a short gap whose mean bridges it."""
+
 
 @dataclass(frozen=True)
 class ImuBlock:

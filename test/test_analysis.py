@@ -3,6 +3,8 @@
 """A recording in, a result out: where it begins."""
 
 from functools import partial
+import subprocess
+import sys
 
 from imu_allan import predicted_drift, state_space, tune
 from imu_allan.analysis import analyze
@@ -122,3 +124,11 @@ def test_a_whole_result_is_no_axis(written):
         with refused("expected an axis of a result, such as result.axes['gyro_x'], not Result",
                      TypeError):
             takes_an_axis(result)
+
+
+def test_what_reads_is_there_before_scipy_is_imported():
+    # Half the time of a start: a process of its own reads meanwhile.
+    done = subprocess.run(
+        [sys.executable, '-c', 'import sys, imu_allan.analysis; print("scipy" in sys.modules)'],
+        capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == 'False'

@@ -12,14 +12,13 @@ in turn.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from imu_allan.block import NEIGHBOURS
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, dst
 
 Array = NDArray[np.float64]
 
-NEIGHBOURS = 8
-"""Samples on each side of a gap whose mean bridges it."""
 LAGS = 256
 """Places apart: with two of three lost, what two stand-ins share ends after some hundred."""
 

@@ -4,7 +4,7 @@
 
 from itertools import pairwise
 
-from imu_allan.noise.bridges import NEIGHBOURS
+from imu_allan.block import NEIGHBOURS
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.grid import bridge
 from imu_allan.timeline.pieces import EvenPiece

@@ -11,7 +11,7 @@ one place unchanged.
 
 from math import sqrt
 
-from imu_allan.noise.bridges import NEIGHBOURS
+from imu_allan.block import NEIGHBOURS
 from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     FIRM_PHASE,

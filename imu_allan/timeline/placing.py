@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import isnan, sqrt
 
-from imu_allan.noise.bridges import NEIGHBOURS
+from imu_allan.block import NEIGHBOURS
 from imu_allan.timeline.bridging import even_pieces
 from imu_allan.timeline.clock import (
     in_order,
