@@ -141,19 +141,6 @@ def curves_csv(result: Result) -> str:
     return text.getvalue()
 
 
-def save_curves(result: Result, path: str | os.PathLike[str]) -> None:
-    """
-    Write the Allan deviation curves as CSV.
-
-    Raises
-    ------
-    ImuAllanError
-        If `path` cannot be written.
-
-    """
-    write_atomically(path, curves_csv(result).encode())
-
-
 def _whole(digits: str) -> int | float:
     # Further digits than 64 bits hold are no count and no stamp; as a float they are checked.
     return int(digits) if len(digits) < 20 else float(digits)

@@ -6,11 +6,11 @@ import json
 
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.errors import ImuAllanError
+from imu_allan.writers.folder import save_folder
 from imu_allan.writers.result_file import (
     curves_csv,
     is_result,
     load_result,
-    save_curves,
     save_result,
 )
 import pytest
@@ -148,7 +148,7 @@ def test_the_json_is_that_of_the_library_with_each_series_on_one_line(result):
 
 
 def test_the_curve_table_reads_back_exactly(result, tmp_path):
-    save_curves(result, tmp_path / 'curve.csv')
+    save_folder(result, tmp_path)
     with (tmp_path / 'curve.csv').open(newline='') as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == sum(len(axis.curve.tau_s) for axis in result.axes.values())

@@ -5,6 +5,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import json
+from typing import Any
 
 from imu_allan.errors import printable
 from imu_allan.wording import is_table
@@ -130,6 +131,24 @@ def triples(numbers: Numbers, names: Mapping[Pair, str], scale: Scale = unscaled
 def _letter(numbers: Numbers, key: Key, scaling: str) -> str:
     letter = f'filter {LETTERS[key]}' if numbers.tunings else LETTERS[key]
     return letter + ('' if not scaling else scaling if scaling[0] == '^' else f' {scaling}')
+
+
+def document(numbers: Numbers, names: Mapping[Pair, str], *, notes: Sequence[str] = (),
+             opens: Sequence[str] = (), indent: int = 0, ends: Sequence[str] = (),
+             begin: Sequence[str] = (), **how: Any) -> str:
+    """
+    Return a file of one section: heading, notes, what opens the section, its numbers and ends.
+
+    `begin` stands before the heading; `notes` are comments; `how` is for `pairs`.
+    """
+    return joined([*begin, *heading(numbers), *(f'# {note}' for note in notes), *opens,
+                   *indented([*pairs(numbers, names, **how), *ends], indent)])
+
+
+def with_topic(numbers: Numbers, key: str) -> list[str]:
+    """Return the line of the topic after an empty one; nothing where none is known."""
+    topic = topic_of(numbers)
+    return ['', f'{key}: {topic}'] if topic else []
 
 
 def topic_of(numbers: Numbers) -> str | None:

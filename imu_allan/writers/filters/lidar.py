@@ -3,9 +3,11 @@
 """Filters and smoothers that a lidar corrects."""
 
 from math import sqrt
+from typing import Any
 
 from imu_allan.writers.filters.chosen_numbers import K, N, Numbers, Sensor
 from imu_allan.writers.filters.layout import (
+    document,
     heading,
     indented,
     joined,
@@ -15,6 +17,7 @@ from imu_allan.writers.filters.layout import (
     SAMPLE_UNITS,
     times,
     topic_of,
+    with_topic,
     worst,
 )
 
@@ -32,12 +35,8 @@ def lio_sam(numbers: Numbers) -> str:
     imuPreintegration.cpp squares the noises into GTSAM's continuous covariances and scales the
     biases by ``sqrt(deltaTij)``.
     """
-    lines = [*heading(numbers), '/**:', '  ros__parameters:']
-    body = pairs(numbers, _LIO_SAM)
-    topic = topic_of(numbers)
-    if topic:
-        body += ['', f'imuTopic: {topic}']
-    return joined([*lines, *indented(body, 4)])
+    return document(numbers, _LIO_SAM, opens=['/**:', '  ros__parameters:'], indent=4,
+                    ends=with_topic(numbers, 'imuTopic'))
 
 
 def lio_sam_ros1(numbers: Numbers) -> str:
@@ -46,16 +45,12 @@ def lio_sam_ros1(numbers: Numbers) -> str:
 
     utility.h reads ``lio_sam/imuAccNoise`` and so on from the parameter server.
     """
-    lines = [*heading(numbers), 'lio_sam:']
-    body = pairs(numbers, _LIO_SAM)
-    topic = topic_of(numbers)
-    if topic:
-        body += ['', f'imuTopic: {topic}']
-    return joined([*lines, *indented(body, 2)])
+    return document(numbers, _LIO_SAM, opens=['lio_sam:'], indent=2,
+                    ends=with_topic(numbers, 'imuTopic'))
 
 
-_IN_G = ('# The program scales what it measures at rest to 9.81 m/s^2: the same numbers for a '
-         'driver', '# that gives accelerations in g, such as that of Livox.')
+_IN_G = ('The program scales what it measures at rest to 9.81 m/s^2: the same numbers for a '
+         'driver', 'that gives accelerations in g, such as that of Livox.')
 
 
 def fast_lio(numbers: Numbers) -> str:
@@ -65,15 +60,22 @@ def fast_lio(numbers: Numbers) -> str:
     ``esekf::predict`` (esekfom.hpp) adds ``dt^2 Q`` at each step.
     """
     f = numbers.rate()
-    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.',
-             *_IN_G, '# The ports to ROS 2 want mapping: under /**: ros__parameters:', 'mapping:']
-    lines += indented(pairs(numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov',
-                                      ('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'},
-                            lambda value: value**2 * f, '^2 f', _SQUARED), 2)
+    return document(
+        numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov', ('accel', K): 'b_acc_cov',
+                  ('gyro', K): 'b_gyr_cov'},
+        notes=[f'Variances per sample at f = {f:g} Hz: N^2 f and K^2 f.', *_IN_G,
+               'The ports to ROS 2 want mapping: under /**: ros__parameters:'],
+        opens=['mapping:'], indent=2, **_variances(f)) + _common(numbers, 2)
+
+
+def _variances(rate_hz: float) -> dict[str, Any]:
+    """Return how `pairs` writes N^2 f and K^2 f."""
+    return {'scale': lambda value: value**2 * rate_hz, 'scaling': '^2 f', 'units': _SQUARED}
+
+
+def _common(numbers: Numbers, indent: int) -> str:
     topic = topic_of(numbers)
-    if topic:
-        lines += ['', 'common:', f'  imu_topic: {topic}']
-    return joined(lines)
+    return f'\ncommon:\n{"":{indent}}imu_topic: {topic}\n' if topic else ''
 
 
 def point_lio(numbers: Numbers) -> str:
@@ -95,12 +97,9 @@ def point_lio(numbers: Numbers) -> str:
         {('accel', N): 'imu_meas_acc_cov', ('gyro', N): 'imu_meas_omg_cov'},
         {('accel', K): 'b_acc_cov', ('gyro', K): 'b_gyr_cov'})
     for names in parts:
-        lines += indented(pairs(numbers, names, lambda value: value**2 * f, '^2 f', _SQUARED), 4)
+        lines += indented(pairs(numbers, names, **_variances(f)), 4)
     lines += ['', '    # [s], the sample interval', f'    imu_time_inte: {real(1 / f)}']
-    topic = topic_of(numbers)
-    if topic:
-        lines += ['', 'common:', f'    imu_topic: {topic}']
-    return joined(lines)
+    return joined(lines) + _common(numbers, 4)
 
 
 def fast_livo2(numbers: Numbers) -> str:
@@ -111,15 +110,12 @@ def fast_livo2(numbers: Numbers) -> str:
     ``b_acc_cov`` and ``b_gyr_cov`` are never read from the file.
     """
     f = numbers.rate()
-    lines = [*heading(numbers), f'# Variances per sample at f = {f:g} Hz: N^2 f. The program has '
-             'its bias variances in its', '# source and reads none: b_acc_cov and b_gyr_cov have '
-             'no effect and are not written.', *_IN_G, 'imu:', '  imu_en: true']
-    lines += indented(pairs(numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov'},
-                            lambda value: value**2 * f, '^2 f', _SQUARED), 2)
-    topic = topic_of(numbers)
-    if topic:
-        lines += ['', 'common:', f'  imu_topic: {topic}']
-    return joined(lines)
+    return document(
+        numbers, {('accel', N): 'acc_cov', ('gyro', N): 'gyr_cov'},
+        notes=[f'Variances per sample at f = {f:g} Hz: N^2 f. The program has its bias variances '
+               'in its', 'source and reads none: b_acc_cov and b_gyr_cov have no effect and are '
+               'not written.', *_IN_G],
+        opens=['imu:', '  imu_en: true'], indent=2, **_variances(f)) + _common(numbers, 2)
 
 
 def glim(numbers: Numbers) -> str:

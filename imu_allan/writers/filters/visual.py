@@ -7,6 +7,7 @@ from math import sqrt
 
 from imu_allan.writers.filters.chosen_numbers import K, N, Numbers
 from imu_allan.writers.filters.layout import (
+    document,
     each,
     heading,
     indented,
@@ -19,8 +20,11 @@ from imu_allan.writers.filters.layout import (
     times,
     topic_of,
     UNITS,
+    with_topic,
 )
 
+_OPENCV = ('%YAML:1.0',)
+"""First line of what OpenCV's FileStorage reads."""
 _KALIBR: dict[Pair, str] = {
     ('accel', N): 'accelerometer_noise_density', ('accel', K): 'accelerometer_random_walk',
     ('gyro', N): 'gyroscope_noise_density', ('gyro', K): 'gyroscope_random_walk'}
@@ -33,8 +37,7 @@ def kalibr(numbers: Numbers) -> str:
     ``ImuParameters`` of Kalibr's ConfigReader.py divides the noise density by ``sqrt(dt)`` itself,
     takes the random walk as it is, and refuses values that are not above zero.
     """
-    lines = [*heading(numbers), *pairs(numbers, _KALIBR), '', *_topic_and_rate(numbers)]
-    return joined(lines)
+    return document(numbers, _KALIBR, ends=['', *_topic_and_rate(numbers)])
 
 
 def openvins(numbers: Numbers) -> str:
@@ -46,7 +49,7 @@ def openvins(numbers: Numbers) -> str:
     N^2 dt and K^2 dt. The file is read by OpenCV's FileStorage; the geometry in it is the identity
     that OpenVINS ships.
     """
-    lines = ['%YAML:1.0', *heading(numbers), '', 'imu0:']
+    lines = [*_OPENCV, *heading(numbers), '', 'imu0:']
     identity = ('[1.0, 0.0, 0.0]', '[0.0, 1.0, 0.0]', '[0.0, 0.0, 1.0]')
     body = ['# Geometry: no more than the identity, put in what your calibration found.', 'T_i_b:',
             *(f'  - [{", ".join("1.0" if i == j else "0.0" for j in range(4))}]'
@@ -68,13 +71,12 @@ def orb_slam3(numbers: Numbers) -> str:
     the walks by it. ``Preintegrated::IntegrateNewMeasurement`` (ImuTypes.cc) adds dt^2 times the
     square of the first and once that of the second at each sample: N^2 dt and K^2 dt.
     """
-    lines = ['%YAML:1.0', *heading(numbers),
-             '# Part of a settings file: put these lines in place of its IMU noise section.']
-    lines += pairs(numbers, {('gyro', N): 'IMU.NoiseGyro', ('accel', N): 'IMU.NoiseAcc',
-                             ('gyro', K): 'IMU.GyroWalk', ('accel', K): 'IMU.AccWalk'})
-    lines += ['', '# [Hz], a real number in settings of File.version 1.0; '
-              'older versions want a whole number', f'IMU.Frequency: {real(numbers.rate())}']
-    return joined(lines)
+    return document(
+        numbers, {('gyro', N): 'IMU.NoiseGyro', ('accel', N): 'IMU.NoiseAcc',
+                  ('gyro', K): 'IMU.GyroWalk', ('accel', K): 'IMU.AccWalk'}, begin=_OPENCV,
+        notes=['Part of a settings file: put these lines in place of its IMU noise section.'],
+        ends=['', '# [Hz], a real number in settings of File.version 1.0; older versions want a '
+              'whole number', f'IMU.Frequency: {real(numbers.rate())}'])
 
 
 def vins_fusion(numbers: Numbers) -> str:
@@ -84,7 +86,7 @@ def vins_fusion(numbers: Numbers) -> str:
     ``IntegrationBase::midPointIntegration`` (integration_base.h) adds ``(dt value)^2`` at each
     step.
     """
-    lines = ['%YAML:1.0', *heading(numbers), *_vins_lines(numbers),
+    lines = [*_OPENCV, *heading(numbers), *_vins_lines(numbers),
              '# The midpoint step counts each sample twice by half, as if the halves were '
              'independent: it uses',
              '# half the variance written here, so that its NIS may be twice that expected above. '
@@ -101,7 +103,7 @@ def vins_fusion_midpoint(numbers: Numbers) -> str:
     ``midPointIntegration`` weighs the noises of the two ends of a step by 0.5 each and adds their
     squares as if they were independent, which halves the variance of a step.
     """
-    lines = ['%YAML:1.0', *heading(numbers), *_vins_lines(numbers),
+    lines = [*_OPENCV, *heading(numbers), *_vins_lines(numbers),
              '# acc_n and gyr_n times sqrt(2), which the midpoint step halves in variance again.']
     lines += _vins_pairs(numbers, sqrt(2))
     return joined(lines)
@@ -121,8 +123,7 @@ def _vins_pairs(numbers: Numbers, midpoint: float) -> list[str]:
         names: dict[Pair, str] = {('accel', key): f'acc_{"n" if key == N else "w"}',
                                   ('gyro', key): f'gyr_{"n" if key == N else "w"}'}
         lines += pairs(numbers, names, times(factor), scaling, SAMPLE_UNITS)
-    topic = topic_of(numbers)
-    return lines + (['', f'imu_topic: {topic}'] if topic else [])
+    return lines + with_topic(numbers, 'imu_topic')
 
 
 def basalt(numbers: Numbers) -> str:
@@ -156,13 +157,11 @@ def msckf_vio(numbers: Numbers) -> str:
     ``MsckfVio::loadParameters`` (msckf_vio.cpp) squares them and ``MsckfVio::processModel``
     multiplies by dt: N^2 dt and K^2 dt.
     """
-    lines = [*heading(numbers),
-             '# In the launch file: <rosparam command="load" file="msckf_vio_noise.yaml"/> inside '
-             'the node, and no',
-             '# <param name="noise/..."> of the same names after it.', 'noise:']
-    lines += indented(pairs(numbers, {('gyro', N): 'gyro', ('accel', N): 'acc',
-                                      ('gyro', K): 'gyro_bias', ('accel', K): 'acc_bias'}), 2)
-    return joined(lines)
+    return document(
+        numbers, {('gyro', N): 'gyro', ('accel', N): 'acc', ('gyro', K): 'gyro_bias',
+                  ('accel', K): 'acc_bias'}, opens=['noise:'], indent=2,
+        notes=['In the launch file: <rosparam command="load" file="msckf_vio_noise.yaml"/> inside '
+               'the node, and no', '<param name="noise/..."> of the same names after it.'])
 
 
 def isaac_ros_vslam(numbers: Numbers) -> str:
@@ -178,16 +177,15 @@ def isaac_ros_vslam(numbers: Numbers) -> str:
     (libs/imu/imu_preintegration.cpp) adds dt^2 times the first and once the second at each sample:
     N^2 dt and K^2 dt where the frequency is that of the samples.
     """
-    lines = [*heading(numbers), '# cuVSLAM makes values per sample of them itself, by '
-             'calibration_frequency, which has to be the rate of the',
-             '# IMU. The node takes the IMU with enable_imu_fusion: true, in newer releases with '
-             'tracking_mode: 1.',
-             '/**:', '  ros__parameters:']
-    body = pairs(numbers, {('gyro', N): 'gyro_noise_density', ('gyro', K): 'gyro_random_walk',
-                           ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'})
-    body += ['', '# [Hz], the rate of the recording',
-             f'calibration_frequency: {real(numbers.rate())}']
-    return joined([*lines, *indented(body, 4)])
+    return document(
+        numbers, {('gyro', N): 'gyro_noise_density', ('gyro', K): 'gyro_random_walk',
+                  ('accel', N): 'accel_noise_density', ('accel', K): 'accel_random_walk'},
+        notes=['cuVSLAM makes values per sample of them itself, by calibration_frequency, which '
+               'has to be the rate of the', 'IMU. The node takes the IMU with enable_imu_fusion: '
+               'true, in newer releases with tracking_mode: 1.'],
+        opens=['/**:', '  ros__parameters:'], indent=4,
+        ends=['', '# [Hz], the rate of the recording',
+              f'calibration_frequency: {real(numbers.rate())}'])
 
 
 def okvis2(numbers: Numbers) -> str:
@@ -198,14 +196,13 @@ def okvis2(numbers: Numbers) -> str:
     ``sigma_bg`` and ``sigma_ba`` of config/euroc.yaml are priors of the bias at the start, no bias
     instability: they are left to the user. ``tau`` is read no more.
     """
-    lines = ['%YAML:1.0', *heading(numbers),
-             '# Part of a settings file: put these lines in place of those in its section. '
-             'sigma_bg and sigma_ba are',
-             '# priors of the bias at the start (turn-on bias), not bias instability: leave them.',
-             'imu_parameters:']
-    body = pairs(numbers, {('gyro', N): 'sigma_g_c', ('accel', N): 'sigma_a_c',
-                           ('gyro', K): 'sigma_gw_c', ('accel', K): 'sigma_aw_c'})
-    return joined([*lines, *indented(body, 4)])
+    return document(
+        numbers, {('gyro', N): 'sigma_g_c', ('accel', N): 'sigma_a_c', ('gyro', K): 'sigma_gw_c',
+                  ('accel', K): 'sigma_aw_c'}, begin=_OPENCV, opens=['imu_parameters:'], indent=4,
+        notes=['Part of a settings file: put these lines in place of those in its section. '
+               'sigma_bg and sigma_ba are',
+               'priors of the bias at the start (turn-on bias), not bias instability: leave '
+               'them.'])
 
 
 def kimera(numbers: Numbers) -> str:
@@ -215,14 +212,11 @@ def kimera(numbers: Numbers) -> str:
     ``ImuParams::parseYAML`` (ImuFrontendParams.cpp) reads them with ``rate_hz``; the
     preintegration multiplies the walks by the root of the time between keyframes.
     """
-    lines = ['%YAML:1.0', *heading(numbers),
-             '# Part of ImuParams.yaml: put these lines in place of those of the same names.']
-    lines += pairs(numbers, {('gyro', N): 'gyroscope_noise_density',
-                             ('accel', N): 'accelerometer_noise_density',
-                             ('gyro', K): 'gyroscope_random_walk',
-                             ('accel', K): 'accelerometer_random_walk'})
-    lines += ['', f'rate_hz: {real(numbers.rate())}']
-    return joined(lines)
+    return document(
+        numbers, dict(sorted(_KALIBR.items(), key=lambda pair: (pair[0][1] == K,
+                                                                pair[0][0] != 'gyro'))),
+        begin=_OPENCV, ends=['', f'rate_hz: {real(numbers.rate())}'],
+        notes=['Part of ImuParams.yaml: put these lines in place of those of the same names.'])
 
 
 def maplab(numbers: Numbers) -> str:
@@ -233,12 +227,11 @@ def maplab(numbers: Numbers) -> str:
     imu-integrator-rk4 (imu-integrator.cc, imu-integrator-inl.h) squares them and takes that as the
     rate at which the covariance grows.
     """
-    lines = [*heading(numbers), 'sensor_type: IMU', 'sigmas:']
-    body = pairs(numbers, {('gyro', N): 'gyro_noise_density',
-                           ('gyro', K): 'gyro_bias_random_walk_noise_density',
-                           ('accel', N): 'acc_noise_density',
-                           ('accel', K): 'acc_bias_random_walk_noise_density'})
-    return joined([*lines, *indented(body, 2)])
+    return document(numbers, {('gyro', N): 'gyro_noise_density',
+                              ('gyro', K): 'gyro_bias_random_walk_noise_density',
+                              ('accel', N): 'acc_noise_density',
+                              ('accel', K): 'acc_bias_random_walk_noise_density'},
+                    opens=['sensor_type: IMU', 'sigmas:'], indent=2)
 
 
 def rovio(numbers: Numbers) -> str:
@@ -272,15 +265,13 @@ def svo_pro(numbers: Numbers) -> str:
     (imu_error.cpp) adds dt times their squares. ``acc_bias_sigma`` and ``omega_bias_sigma`` are
     priors of the bias at the start.
     """
-    lines = [*heading(numbers),
-             '# Part of a calibration: put these lines in place of those in its section. '
-             'acc_bias_sigma and',
-             '# omega_bias_sigma of imu_initialization are priors of the turn-on bias: leave '
-             'them.', 'imu_params:']
-    body = pairs(numbers, {('gyro', N): 'sigma_omega_c', ('accel', N): 'sigma_acc_c',
-                           ('gyro', K): 'sigma_omega_bias_c', ('accel', K): 'sigma_acc_bias_c'})
-    body += ['', f'imu_rate: {real(numbers.rate())}']
-    return joined([*lines, *indented(body, 2)])
+    return document(
+        numbers, {('gyro', N): 'sigma_omega_c', ('accel', N): 'sigma_acc_c',
+                  ('gyro', K): 'sigma_omega_bias_c', ('accel', K): 'sigma_acc_bias_c'},
+        notes=['Part of a calibration: put these lines in place of those in its section. '
+               'acc_bias_sigma and', 'omega_bias_sigma of imu_initialization are priors of the '
+               'turn-on bias: leave them.'],
+        opens=['imu_params:'], indent=2, ends=['', f'imu_rate: {real(numbers.rate())}'])
 
 
 def rtabmap(numbers: Numbers) -> str:
