@@ -11,6 +11,8 @@ import numpy as np
 LISTED_GAPS = 1000
 """Gaps that are listed one by one; more are only counted."""
 
+SPARSE = 16
+"""Every so many samples go into the mean acceleration, which needs no more."""
 _LISTED_FRAMES = 9
 """Other frame_ids that are named: a fault can make any number of them."""
 

@@ -14,14 +14,13 @@ from typing import Any
 
 from imu_allan.finding import Finding, finding
 from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.timeline.alive import Content, LateAxes, Presence
 from imu_allan.timeline.clock import SECOND
-from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Decision
 from imu_allan.timeline.excluded import MotionSummary
-from imu_allan.timeline.late_axes import LateAxes
+from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.presence import Presence
 import numpy as np
 
 _GRAVITY_TOLERANCE = 0.5
@@ -60,16 +59,14 @@ Facts = dict[str, dict[str, Any]]
 """Figures of findings about the recording as a whole, by code."""
 
 
-def remarks_of(counts: Counts, decision: Decision, content: Content, presence: Presence,
-               late_axes: LateAxes, options: TimelineOptions, motion: MotionSummary,
-               excursions: Sequence[Sequence[float]] = ()) -> tuple[Finding, ...]:
+def remarks_of(memory: Memory) -> tuple[Finding, ...]:
     """
     Collect what the user should know about.
 
     Parameters
     ----------
-    counts, decision, content, presence, late_axes, options, motion, excursions
-        As `imu_allan.timeline.summary.summarize`.
+    memory : Memory
+        What the timeline remembers.
 
     Returns
     -------
@@ -77,10 +74,13 @@ def remarks_of(counts: Counts, decision: Decision, content: Content, presence: P
         Of the recording as a whole, each code once.
 
     """
-    values = (_late_axes(counts, content, late_axes)
+    motion = MotionSummary() if memory.motion is None else memory.motion.summary
+    values = (_late_axes(memory.counts, memory.content, memory.late_axes)
               + [finding(code, **found) for code, found in _facts(
-                  counts, decision, content, options, motion).items()])
-    return (*_presence_findings(counts, decision, presence), *values, *_slow_turns(excursions))
+                  memory.counts, memory.decision, memory.content, memory.options,
+                  motion).items()])
+    return (*_presence_findings(memory.counts, memory.decision, memory.presence), *values,
+            *_slow_turns(memory.excursions))
 
 
 def receive_clock(flaw: str) -> Facts:

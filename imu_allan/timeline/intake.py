@@ -11,6 +11,7 @@ twice, are left out.
 from dataclasses import replace
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
     bounded,
     in_order,
@@ -22,9 +23,6 @@ from imu_allan.timeline.clock import (
     SECOND,
     Stamps,
 )
-from imu_allan.timeline.content import Content, Repeats
-from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.findings import (
     alternating,
     counted_samples,
@@ -33,8 +31,8 @@ from imu_allan.timeline.findings import (
     several_publishers,
 )
 from imu_allan.timeline.foreign_samples import alternates, LARGEST, takes_turns
-from imu_allan.timeline.late_axes import LateAxes
-from imu_allan.timeline.options import RATE_TOLERANCE, TimelineOptions
+from imu_allan.timeline.memory import Memory
+from imu_allan.timeline.options import RATE_TOLERANCE
 from imu_allan.timeline.pace import (
     longest_at_one_rate,
     measure_pace,
@@ -44,7 +42,6 @@ from imu_allan.timeline.pace import (
 )
 from imu_allan.timeline.pending import Window
 from imu_allan.timeline.pieces import Messages
-from imu_allan.timeline.presence import Presence
 from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
@@ -84,20 +81,15 @@ class Intake(Record):
 
     Parameters
     ----------
-    options : TimelineOptions
-        What the user decided.
-    counts : Counts
-        Where messages and faults are counted.
+    memory : Memory
+        What is decided, where messages and faults are counted, and which axes are alive.
 
     """
 
-    def __init__(self, options: TimelineOptions, counts: Counts) -> None:
-        self._options = options
-        self._counts = counts
-        self.decision = Decision()
-        self.content = Content()
-        self.presence = Presence()
-        self.late_axes = LateAxes()
+    def __init__(self, memory: Memory) -> None:
+        self._options, self._counts = memory.options, memory.counts
+        self.decision, self.content = memory.decision, memory.content
+        self.presence, self.late_axes = memory.presence, memory.late_axes
 
     def stamps(self, window: Window) -> tuple[Stamps, Stamps]:
         """Stamps of the chosen clock, and of the other one."""

@@ -9,7 +9,6 @@ and long ones listed.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from math import isnan, sqrt
 
@@ -23,15 +22,14 @@ from imu_allan.timeline.clock import (
     SECOND,
     Stamps,
 )
-from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import Decision
+from imu_allan.timeline.counts import SPARSE
 from imu_allan.timeline.grid import (
     count_steps,
     EVEN_JITTER,
     RATE_BLOCKS,
     rate_changes,
 )
-from imu_allan.timeline.options import TimelineOptions
+from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.pace import measure_pace, Pace
 from imu_allan.timeline.pieces import EvenPiece, Messages, NONE_BRIDGED
 from imu_allan.timeline.record import Record
@@ -41,9 +39,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-SPARSE = 16
-"""Every so many samples go into the mean acceleration, which needs no more."""
 
 _CLOCK_STEP_S = 1.0
 """A leap of one clock alone by more is a step of that clock."""
@@ -63,82 +58,26 @@ _BESIDE_GAP = 3
 """Steps on each side by which jitter may misplace a gap; the mean interval leaves them out."""
 
 
-@dataclass
-class Cursor(Record):
-    """
-    Where on the grid a timeline stands.
-
-    Attributes
-    ----------
-    first_ns, last_ns : int or None
-        Stamps of the first sample placed and of the last.
-    other_ns : int
-        The last one's stamp of the other clock.
-    late_ns : float
-        How far the last stamp lies behind its place.
-    jitter : float or None
-        Standard deviation of the latest stamps about their places, in intervals.
-    tied_to : int or None, ties : int
-        Last receive stamp, and how many messages before shared it.
-    index : int
-        Place of the last sample.
-    elapsed_ns : int
-        Time since the first sample, which goes on where the clock jumps.
-    fresh_run, jumped : bool
-        The next sample begins a new run; because the clock jumped.
-    other_rate : bool
-        The messages come at another rate than the first ones.
-    number : int or None
-        Publication number of the last message, where it tells how many were lost behind it.
-
-    """
-
-    first_ns: int | None = None
-    last_ns: int | None = None
-    other_ns: int = 0
-    late_ns: float = 0.0
-    jitter: float | None = None
-    tied_to: int | None = None
-    ties: int = 0
-    index: int = -1
-    elapsed_ns: int = 0
-    fresh_run: bool = False
-    jumped: bool = False
-    other_rate: bool = False
-    number: int | None = None
-
-    @property
-    def begins(self) -> bool:
-        """Whether the next sample is the first of its run."""
-        return self.fresh_run or self.last_ns is None
-
-
 class Placing(Record):
     """
     Puts usable messages on the grid.
 
     Parameters
     ----------
-    options : TimelineOptions
-        What the user decided.
-    counts : Counts
-        Where the fate of messages is counted.
-    decision : Decision
-        Clock and pace; the pace is followed.
+    memory : Memory
+        Where it stands, counts the fate of messages, and follows the pace.
 
     """
 
-    def __init__(self, options: TimelineOptions, counts: Counts, decision: Decision) -> None:
-        self._options = options
-        self._counts = counts
-        self._decision = decision
-        self.tail = np.empty((0, 6))
-        self.cursor = Cursor()
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._options, self._counts = memory.options, memory.counts
+        self._decision, self.cursor = memory.decision, memory.cursor
 
     @property
     def newest(self) -> Floats | None:
         """Return the last sample placed in this run, shape (6,)."""
-        return self.tail[-1] if len(self.tail) else None
+        return self._memory.tail[-1] if len(self._memory.tail) else None
 
     def change_clock(self) -> None:
         """Begin a new run by the other clock."""
@@ -408,7 +347,7 @@ class Placing(Record):
         if new_run:
             self._begin_run(int(stamps[0]), int(messages.other[0]), interval)
             steps[0] = 1
-            self.tail = np.empty((0, 6))
+            self._memory.tail = np.empty((0, 6))
         reference = int(stamps[0]) if new_run or cursor.last_ns is None else cursor.last_ns
         tolerated = self._options.gap_tolerance + 1
         known = steps[:c]
@@ -425,8 +364,8 @@ class Placing(Record):
         paced_steps = int(index[-1]) - cursor.index - (1 if new_run else 0) - left_out
         counts.missing += missing - empty
         if missing:
-            pieces = even_pieces(self.tail, messages.samples, steps, index, elapsed, interval,
-                                 tolerated, new_run)
+            pieces = even_pieces(self._memory.tail, messages.samples, steps, index, elapsed,
+                                 interval, tolerated, new_run)
             counts.bridged += sum(len(piece.bridged) for piece in pieces)
         else:
             pieces = [EvenPiece(messages.samples[:c], cursor.index + 1,
@@ -452,8 +391,8 @@ class Placing(Record):
         cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
         mean = float(np.add.reduce(late)) / len(late)
         cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
-        self.tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
-                      np.concatenate([self.tail, messages.samples[:c]])[-NEIGHBOURS:])
+        self._memory.tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
+                      np.concatenate([self._memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((self._decision.present or [False])[3:]):
             some = messages.samples[:c:SPARSE, 3:]
             total = some.sum(axis=0).tolist()

@@ -10,25 +10,20 @@ motion detector leaves out what is not at rest.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
-from imu_allan.timeline.content import Content
-from imu_allan.timeline.counts import Counts
-from imu_allan.timeline.decision import Decision
-from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import clock_changed
 from imu_allan.timeline.intake import Intake
-from imu_allan.timeline.late_axes import LateAxes
+from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pending import Pending, Window
 from imu_allan.timeline.pieces import EvenPiece, Messages
-from imu_allan.timeline.placing import Cursor, Placing
-from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.placing import Placing
 from imu_allan.timeline.record import Record, restored, State, state_of
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
@@ -42,34 +37,6 @@ WINDOW = 4096
 """Messages seen together; the last `LOOK_AHEAD` of them are worked off with the next window."""
 
 _DEFAULTS = TimelineOptions()
-
-
-@dataclass
-class _Saved(Record):
-    """All that a stage remembers."""
-
-    options: TimelineOptions
-    counts: Counts
-    pending: list[ImuBlock]
-    decision: Decision
-    content: Content
-    presence: Presence
-    late_axes: LateAxes
-    cursor: Cursor
-    tail: NDArray[np.float64]
-    motion: MotionDetector | None
-    waiting: list[MotionDetector]
-
-    def check(self) -> None:
-        """Refuse messages whose parts are not as many."""
-        for block in self.pending:
-            n = len(block)
-            if (block.header_ns.shape, block.receive_ns.shape, block.samples.shape,
-                    block.absent.shape) != ((n,), (n,), (n, 6), (n, 2)) or (
-                    block.numbers is not None and block.numbers.shape != (n,)):
-                raise ValueError('messages are missing')
-        if self.tail.ndim != 2 or self.tail.shape[1] != 6:
-            raise ValueError('the newest samples are not those of six axes')
 
 
 class TimelineStage(Record):
@@ -89,14 +56,12 @@ class TimelineStage(Record):
     """
 
     def __init__(self, options: TimelineOptions = _DEFAULTS) -> None:
-        self._options = options
         self._pending = Pending()
-        self._counts = Counts()
-        self._intake = Intake(options, self._counts)
-        self._placing = Placing(options, self._counts, self._intake.decision)
-        self._motion: MotionDetector | None = None
-        # Those that wait for their axes to come back.
-        self._waiting: list[MotionDetector] = []
+        self._use(Memory(options))
+
+    def _use(self, memory: Memory) -> None:
+        self._memory = memory
+        self._intake, self._placing = Intake(memory), Placing(memory)
 
     def push(self, block: ImuBlock) -> list[EvenBlock]:
         """
@@ -113,7 +78,7 @@ class TimelineStage(Record):
         decision = self._intake.decision
         if block.frame_id != decision.frame_id:
             if decision.frame_id is not None:
-                self._counts.reject_frame(block.frame_id, len(block))
+                self._memory.counts.reject_frame(block.frame_id, len(block))
                 # The numbers are those of all messages of a publisher.
                 decision.numbered = False
                 return []
@@ -136,8 +101,8 @@ class TimelineStage(Record):
         """
         n = len(self._pending)
         blocks = self._work_off(self._pending.take(n, n)) if n else []
-        if self._motion is not None:
-            rest = self._motion.flush()
+        if self._memory.motion is not None:
+            rest = self._memory.motion.flush()
             blocks += [] if self._keeps_motion else self._marked(rest)
         return blocks
 
@@ -162,11 +127,9 @@ class TimelineStage(Record):
 
     def to_state(self) -> State:
         """Everything needed to go on later, as a flat dict of arrays."""
-        intake, placing = self._intake, self._placing
-        return state_of(_Saved(
-            self._options, self._counts, self._pending.joined(intake.decision.frame_id or ''),
-            intake.decision, intake.content, intake.presence, intake.late_axes, placing.cursor,
-            placing.tail, self._motion, self._waiting))
+        memory = self._memory
+        return state_of(replace(
+            memory, blocks=self._pending.joined(memory.decision.frame_id or '')))
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> 'TimelineStage':
@@ -180,38 +143,26 @@ class TimelineStage(Record):
 
         """
         try:
-            saved = restored(_Saved, state)
-            stage = cls(saved.options)
-            for block in saved.pending:
-                stage._pending.append(block)
+            memory = restored(Memory, state)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ImuAllanError(f'saved timeline is damaged: {error}') from error
-        intake = stage._intake = Intake(saved.options, saved.counts)
-        intake.decision, intake.content = saved.decision, saved.content
-        intake.presence, intake.late_axes = saved.presence, saved.late_axes
-        stage._counts = saved.counts
-        stage._placing = Placing(saved.options, saved.counts, saved.decision)
-        stage._placing.cursor, stage._placing.tail = saved.cursor, saved.tail
-        stage._motion, stage._waiting = saved.motion, saved.waiting
+        stage = cls()
+        for block in memory.blocks:
+            stage._pending.append(block)
+        memory.blocks = []
+        stage._use(memory)
         return stage
 
     def summary(self) -> TimelineSummary:
         """Tell what was seen of every message so far, those still held back included."""
         stage = self
-        if self._pending or (self._motion is not None and self._motion.holds_back):
+        if self._pending or (self._memory.motion is not None and self._memory.motion.holds_back):
             stage = self.copy()
             try:
                 stage.flush()
             except ImuAllanError:
                 stage = self
-        detector = stage._motion
-        motion = detector.summary if detector is not None else MotionSummary()
-        intake = stage._intake
-        return summarize(stage._counts, intake.decision, intake.content, intake.presence,
-                         intake.late_axes, stage._placing.cursor, self._options, motion,
-                         len(stage._pending),
-                         [] if detector is None or self._keeps_motion else
-                         detector.excursions)
+        return summarize(stage._memory, len(stage._pending))
 
     @property
     def epoch_ns(self) -> int | None:
@@ -245,8 +196,8 @@ class TimelineStage(Record):
             placing.change_clock()
         messages = intake.usable(window, repeats, placing.newest)
         if repeats.woke:
-            self._counts.forget()
-            self._motion, self._waiting = None, []
+            self._memory.counts.forget()
+            self._memory.motion, self._memory.waiting = None, []
             intake.decision.restart = placing.cursor.fresh_run = True
         return self._at_rest(placing.place(messages))
 
@@ -263,34 +214,32 @@ class TimelineStage(Record):
             if first_interval_ns is None:
                 continue
             at_rest: list[EvenBlock] = []
-            if self._motion is None:
-                self._motion = MotionDetector(first_interval_ns / SECOND, _axes_of(piece))
+            if self._memory.motion is None:
+                self._memory.motion = MotionDetector(first_interval_ns / SECOND, _axes_of(piece))
             elif self._intake.presence.changed:
                 at_rest += self._judge_by(_axes_of(piece))
-            at_rest += self._motion.push(piece)
+            at_rest += self._memory.motion.push(piece)
             blocks += [] if self._keeps_motion else at_rest
         return self._marked(blocks)
 
     @property
     def _keeps_motion(self) -> bool:
-        return self._options.motion == 'keep'
+        return self._memory.options.motion == 'keep'
 
     def _judge_by(self, axes: Axes) -> list[EvenBlock]:
         """Go on with the detector of some axes: what it knows of rest is not that of others."""
-        before = self._motion
+        memory, before = self._memory, self._memory.motion
         assert before is not None
         if axes == before.axes:
             return []
         blocks = before.flush()
         if before.knows_rest:
-            self._waiting = [*self._waiting, before][-_MOST_WAITING:]
-        found = next((motion for motion in self._waiting if motion.axes == axes), None)
-        if found is None:
-            found = MotionDetector(before.interval_s, axes)
-        else:
-            self._waiting = [motion for motion in self._waiting if motion is not found]
+            memory.waiting = [*memory.waiting, before][-_MOST_WAITING:]
+        found = next((motion for motion in memory.waiting if motion.axes == axes),
+                     MotionDetector(before.interval_s, axes))
+        memory.waiting = [motion for motion in memory.waiting if motion is not found]
         found.follow(before)
-        self._motion = found
+        memory.motion = found
         return blocks
 
     def _marked(self, blocks: list[EvenBlock]) -> list[EvenBlock]:

@@ -7,21 +7,16 @@ The result, `imu_allan info` and the node's /diagnostics all tell the story of o
 `TimelineSummary`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.finding import Finding
 from imu_allan.result import Span, Timeline
 from imu_allan.timeline.clock import iso_time, SECOND
-from imu_allan.timeline.content import Content
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import AXIS_NAMES, Clock, Decision
 from imu_allan.timeline.excluded import MotionSummary
 from imu_allan.timeline.findings import density_error, mostly_motion, remarks_of
-from imu_allan.timeline.late_axes import LateAxes
-from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.placing import Cursor
-from imu_allan.timeline.presence import Presence
+from imu_allan.timeline.memory import Memory
 
 _CLEAR_RATE = 1e-3
 """Less than this the ends of a record do not matter. A judgment."""
@@ -117,22 +112,16 @@ class TimelineSummary:
     density_error: tuple[float, float] = (0.0, 0.0)
 
 
-def summarize(counts: Counts, decision: Decision, content: Content, presence: Presence,
-              late_axes: LateAxes, cursor: Cursor, options: TimelineOptions,
-              motion: MotionSummary, held_back: int,
-              excursions: Sequence[Sequence[float]] = ()) -> TimelineSummary:
+def summarize(memory: Memory, held_back: int) -> TimelineSummary:
     """
     Tell what was seen.
 
     Parameters
     ----------
-    counts, decision, content, presence, late_axes, cursor, options, motion
-        What the parts of a timeline remember, its options, and the spans of motion that were
-        cut out, or only seen where it is kept.
+    memory : Memory
+        What the timeline remembers.
     held_back : int
         Messages that came but are not decided on.
-    excursions : sequence
-        As `imu_allan.timeline.excursions.Excursions.found`.
 
     Returns
     -------
@@ -140,8 +129,10 @@ def summarize(counts: Counts, decision: Decision, content: Content, presence: Pr
         Of all that is decided on.
 
     """
-    remarks = remarks_of(counts, decision, content, presence, late_axes, options, motion,
-                         excursions)
+    counts, decision, cursor = memory.counts, memory.decision, memory.cursor
+    options, excursions = memory.options, memory.excursions
+    remarks = remarks_of(memory)
+    motion = MotionSummary() if memory.motion is None else memory.motion.summary
     if options.motion == 'keep':
         # It was only looked for.
         motion = MotionSummary()

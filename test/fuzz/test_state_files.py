@@ -112,7 +112,7 @@ def test_damaged_states_are_gone_on_with_or_refused():
 def test_stamps_that_are_no_integers_are_refused():
     # Found by mutation: NaN as an integer is a warning and an absurd stamp.
     state = dict(STATE)
-    key = 'timeline/pending/0/receive_ns'
+    key = 'timeline/blocks/0/receive_ns'
     state[key] = np.full(state[key].shape, np.nan)
     assert not resumed(checkpoint.encode_state(state))
 

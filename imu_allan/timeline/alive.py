@@ -1,15 +1,24 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the values of messages say, whatever their stamps: held, frozen, or never alive yet.
+Which axes are alive: what the values of messages say, whatever their stamps.
 
-A sensor whose noise spans its resolution never gives the same six values twice. Where messages
-repeat them, they were polled faster than the sensor samples (*held*), or the driver goes on
-without the sensor (*frozen*). A coarse output repeats itself by nature and is left alone.
+*Presence*: a value is unusable where it is NaN, infinite or absurd, or its field is declared
+absent. Single ones spoil their message. Where they last, the axis is gone until it comes back for
+as long, and the others lose nothing by it.
+
+*Content*: a sensor whose noise spans its resolution never gives the same six values twice. Where
+messages repeat them, they were polled faster than the sensor samples (held), or the driver goes on
+without the sensor (frozen). A coarse output repeats itself by nature and is left alone.
+
+*LateAxes*: an axis without noise, a coarse one in the middle of a step, and a dead one look alike
+at first. A coarse one leaves its step slowly, with a single change now and then; a dead one
+changes all the time from its first change on.
 """
 
 from dataclasses import dataclass, field
 
+from imu_allan.timeline.counts import SPARSE
 from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
 from imu_allan.timeline.record import Record
 import numpy as np
@@ -32,6 +41,16 @@ _FEWEST_FOR_SPIKES = 8
 """Messages whose steps tell the noise that a wild value is held against."""
 _FEWEST = 64
 """Changes from which it is known how lively the axes are."""
+LASTING = 32
+"""Messages in a row: more than a slip of the driver, and within the look-ahead."""
+_FOLLOWING = 64
+"""Messages after the first change that tell: as many as are always seen ahead."""
+_FEWEST_FOLLOWING = 8
+"""Of these at least, at the end of a recording."""
+_ALIVE_SHARE = 0.25
+"""Share of them that change: noise of a third of a step does so, drift over a border does not."""
+_LATE = 32
+"""Messages with one value from which an axis is late: fewer change no number that counts."""
 
 
 @dataclass(frozen=True)
@@ -206,3 +225,161 @@ def _run_lengths(same: Bools, run: Ints) -> Ints:
     end = np.where(ends, place, len(same))
     nearest = np.minimum.accumulate(end[::-1])[::-1]
     return np.asarray(run[nearest])
+
+
+@dataclass
+class Presence(Record):
+    """
+    What was seen of the axes.
+
+    Attributes
+    ----------
+    there : list of bool
+        Which axes have values now.
+    bad : list of bool
+        Which had none in the newest message.
+    run : list of int
+        For how many messages that has been so.
+    gone : list of int
+        Messages during which each axis was not there, but others were.
+    changed : bool
+        An axis has gone or come since the first messages.
+
+    """
+
+    there: list[bool] = field(default_factory=lambda: [True] * 6)
+    bad: list[bool] = field(default_factory=lambda: [False] * 6)
+    run: list[int] = field(default_factory=lambda: [0] * 6)
+    gone: list[int] = field(default_factory=lambda: [0] * 6)
+    changed: bool = False
+
+    def look(self, unusable: Bools, consumed: int) -> Bools:
+        """
+        Tell axes that are gone from values that are spoilt.
+
+        Parameters
+        ----------
+        unusable : ndarray of bool, shape (n, 6)
+            Whether each value cannot be used.
+        consumed : int
+            The first so many messages are decided on now.
+
+        Returns
+        -------
+        ndarray of bool, shape (n, 6)
+            Whether each axis is gone.
+
+        """
+        gone = np.empty_like(unusable)
+        for axis in range(6):
+            gone[:, axis] = self._gone(axis, unusable[:, axis], consumed)
+        none = gone[:consumed].all(axis=1)
+        self.gone = [before + int(np.count_nonzero(now & ~none)) for before, now
+                     in zip(self.gone, gone[:consumed].T, strict=True)]
+        return gone
+
+    def _gone(self, axis: int, bad: Bools, consumed: int) -> Bools:
+        """Tell whether one axis is gone, and remember how it ends."""
+        now = bool(bad[0])
+        if now != self.there[axis] and (bad == now).all():
+            # All is as it was: an axis that is never there, or always.
+            self.run[axis] = consumed + (self.run[axis] if self.bad[axis] == now else 0)
+            self.bad[axis] = now
+            return bad
+        starts = np.flatnonzero(np.append(True, bad[1:] != bad[:-1]))
+        lengths = np.diff(np.append(starts, len(bad)))
+        before = self.run[axis] if self.bad[axis] == now else 0
+        state, states = not self.there[axis], []
+        for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
+            if length + (before if start == 0 else 0) >= LASTING:
+                state = bool(bad[start])
+            states.append(state)
+        gone: Bools = np.repeat(states, lengths)
+        newest = int(np.searchsorted(starts, consumed - 1, 'right')) - 1
+        begun = int(starts[newest])
+        self.run[axis] = consumed - begun + (before if begun == 0 else 0)
+        self.bad[axis] = bool(bad[consumed - 1])
+        self.changed |= bool((gone[:consumed] == self.there[axis]).any())
+        self.there[axis] = not gone[consumed - 1]
+        return gone
+
+
+@dataclass
+class LateAxes(Record):
+    """
+    What was seen of axes that have not changed yet.
+
+    Attributes
+    ----------
+    run : list of int
+        Messages with one value so far; -1 of an axis that has changed.
+    value : list of float
+        That value.
+    late : list of int
+        Messages before an axis came to life.
+
+    """
+
+    run: list[int] = field(default_factory=lambda: [0] * 6)
+    value: list[float] = field(default_factory=lambda: [0.0] * 6)
+    late: list[int] = field(default_factory=lambda: [0] * 6)
+
+    def sleep_on(self, samples: Floats) -> bool:
+        """Tell whether no axis that has not changed yet does so in samples, shape (n, 6)."""
+        return all(run < 0 or (run > 0 and bool((samples[:, axis] == self.value[axis]).all()))
+                   for axis, run in enumerate(self.run))
+
+    def count(self, messages: int) -> None:
+        """Count messages during which `sleep_on` holds."""
+        self.run = [run + messages if run > 0 else run for run in self.run]
+
+    def look(self, samples: Floats, consumed: int) -> dict[int, slice]:
+        """
+        Find axes that come to life, and those that sleep on with another value than the first.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n, 6)
+            As they came; NaN where an axis is absent.
+        consumed : int
+            The first so many are decided on now.
+
+        Returns
+        -------
+        dict of int to slice
+            Number of the axis, and the messages before, in which it is not to count.
+
+        """
+        parts = {axis: part for axis, run in enumerate(self.run) if run >= 0
+                 and (part := self._not_yet(axis, samples[:, axis], consumed)) is not None}
+        first = max((part.stop for part in parts.values() if part.start is None),
+                    default=0)
+        # What a driver sent before it had anything to send is no sample of any axis.
+        return {axis: slice(first) for axis in range(6) if first} | parts
+
+    def _not_yet(self, axis: int, values: Floats, consumed: int) -> slice | None:
+        known = np.flatnonzero(np.isfinite(values))
+        now = known[:np.searchsorted(known, consumed)]
+        if not len(now):
+            return None
+        if self.run[axis] == 0:
+            self.value[axis] = float(values[now[0]])
+        other = np.flatnonzero(values[now] != self.value[axis])
+        if not len(other):
+            self.run[axis] += len(now)
+            return None
+        slept, self.run[axis] = self.run[axis] + int(other[0]), -1
+        following = values[known[other[0]:other[0] + 1 + _FOLLOWING]]
+        changes = int(np.count_nonzero(following[1:] != following[:-1]))
+        if slept < _LATE and not changes and len(following) > _FEWEST_FOLLOWING:
+            # A driver's first messages may hold zeros: the axis sleeps on with another value.
+            first, self.run[axis] = int(now[other[0]]), 0
+            rest = values.copy()
+            rest[:first] = np.nan
+            return self._not_yet(axis, rest, consumed) or slice(first)
+        if slept < _LATE or len(following) <= _FEWEST_FOLLOWING or (
+                changes < _ALIVE_SHARE * (len(following) - 1)):
+            return None
+        self.late[axis] = slept
+        row = int(now[other[0]])
+        return slice(max(row - SPARSE, 0), max(row, 1))
