@@ -37,13 +37,6 @@ _QUARTER = slice(_BLOCK // 4 - 1, _BLOCK // 4 + 2)
 """Frequencies of a block about a quarter of the rate."""
 _NEARLY_ALL, _ROUNDING = 0.9, 1e-3
 """Of the samples of an interpolated axis, and how far off they are in those that are its own."""
-_TURNS, _TWO_PEAKS = -0.15, -0.6
-"""Correlation of neighbours and excess kurtosis: two sensors of which 60 % are lost have -0.18 and
--1 or less, 4,096 samples of one -0.06 and 0, each within 0.08. Judgments."""
-_NO_VIBRATION, _IN_PART = -1.55, 0.3
-"""Excess kurtosis below that of any sine, and the correlation of an axis that has part in it."""
-_FEW_VALUES = 0.75
-"""Steps of an output: of smaller noise nearly all samples are of two values. A judgment."""
 _LASTING_LAGS = range(16, 25)
 """Messages after which random losses have mixed two sensors, and a vibration goes on."""
 _FEWEST_IN_TURN, _MOST_IN_TURN = 512, 2048
@@ -103,12 +96,8 @@ def alternates(samples: Floats) -> Literal['', 'means', 'noise']:
     means = np.count_nonzero((apart < 0) & (together > _IN_TURN * level)
                              & (even - odd > 2 * _STILL * level)) >= enough
     own = ~_interpolated(known)
-    least = np.array([np.diff(np.unique(values)).min(initial=np.inf) for values in known.T])
     known = known.reshape(blocks, _BLOCK, -1)
     centred = known - known.mean(axis=1, keepdims=True)
-    many = centred.std(axis=(0, 1)) > _FEW_VALUES * least
-    means |= bool(many.any()) and _has_two_means(
-        centred[..., many].reshape(blocks * _BLOCK, -1), enough)
     # An axis without noise has rounding errors to compare.
     own &= centred.std(axis=(0, 1)) > 1e-10 * np.maximum(np.abs(known).max(axis=(0, 1)), 1)
     found, own = _line_at_half(centred, own)
@@ -233,36 +222,6 @@ def _interpolated(known: Floats) -> Bools:
     bends = np.abs(np.diff(known, 2, axis=0))
     one, other = (np.quantile(bends[start::2], _NEARLY_ALL, axis=0) for start in (0, 1))
     return np.asarray(np.minimum(one, other) < _ROUNDING * np.maximum(one, other))
-
-
-def _has_two_means(centred: Floats, enough: int) -> bool:
-    """
-    Tell whether samples lie about two means, and more often in turn than by chance.
-
-    Losses leave no line of two sensors. In the direction of their means neighbours, or the next
-    but one, still are less alike than chance makes them, and the distribution has two peaks:
-    excess kurtosis -2 where they are far apart. A vibration has both, too, and goes on with it,
-    as sensors do of which messages are dropped in turn; but its kurtosis is -1.5 at least.
-    """
-    level, axes = np.linalg.eigh(centred.T @ centred / len(centred))
-    noisy = level > 1e-12 * level[-1]
-    if not noisy.any():
-        return False
-    white = centred @ (axes[:, noisy] / np.sqrt(level[noisy]))
-    for beside in (1, 2):
-        product = white[beside:].T @ white[:-beside] / len(white)
-        turns, directions = np.linalg.eigh((product + product.T) / 2)
-        along = white @ directions[:, 0]
-        peaks = float(np.mean(along ** 4)) - 3
-        if turns[0] > _TURNS or peaks > _TWO_PEAKS:
-            continue
-        lasting = max(abs(float(along[lag:] @ along[:-lag])) for lag in _LASTING_LAGS)
-        if lasting < -_TURNS / 2 * len(along):
-            return True
-        part = np.abs(centred.T @ along) > _IN_PART * len(along) * centred.std(axis=0)
-        if peaks < _NO_VIBRATION and np.count_nonzero(part) >= enough:
-            return True
-    return False
 
 
 def noise_of_steps(steps: Floats) -> Floats:
