@@ -356,7 +356,7 @@ def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance:
     """Fit rows of noises beside candidates of as many columns, each the candidate of its `of`."""
     groups = [search.bank.record.groups(*search.bank.courses(found)) for search, found, _ in same]
     beside = spectra.beside(groups, [search.axis for search, _, _ in same])
-    return beside, climb(beside, rows, 12, hopeless=25.0, tolerance=tolerance)
+    return beside, climb(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:

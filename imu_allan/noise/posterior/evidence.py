@@ -122,9 +122,9 @@ def _merged(kind: Index, has: NDArray[np.bool_], x: Array, loss: Array, informat
             ) -> NDArray[np.bool_]:
     """Which rows stand within what is known of the best of their kind."""
     order = np.lexsort((loss, kind))
-    _, first = np.unique(kind[order], return_index=True)
-    best = order[first][kind]
-    near = np.abs(x - x[best]) < _reach(information)[best]
+    leaders = order[np.searchsorted(kind[order], np.arange(kind.max() + 1))]
+    best = leaders[kind]
+    near = np.abs(x - x[best]) < _reach(information[leaders])[kind]
     return np.asarray((near | ~has).all(axis=1) & (best != np.arange(len(kind))))
 
 

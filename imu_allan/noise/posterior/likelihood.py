@@ -55,7 +55,7 @@ _SMALL = 1e-300
 """Power that is none, of which there is a logarithm."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
 """Slots that a batch is computed the faster without."""
-_FEW, _BATCH = 24, 96
+_FEW, _BATCH = 24, 192
 """Rows of one batch: more than what every batch costs anew, and no more than stay in the cache."""
 UNSEEN_LEVEL = 0.2
 """Prior density of the logarithm of the level of a half-octave that no model explains."""
@@ -249,14 +249,14 @@ def spectrum(spectra: Spectra, rows: Rows, x: Array, slopes: bool = True
     for k, table in enumerate(spectra.free):
         slot = PLAIN + 2 * k
         if slot in place:
-            value, slope = cubic(table.rows, *table.place(rows.of, x[:, slot + 1]))
+            value, slope = cubic(table.rows, *table.place(rows.of, x[:, slot + 1]), slopes)
             value = np.exp(np.minimum(2 * x[:, slot, None], 120.0) + value)
             value *= has[:, slot, None]
             body += value
             if slopes:
                 np.multiply(value, 2, out=jacobian[place[slot]])
                 np.multiply(value, slope, out=jacobian[place[slot + 1]])
-    bends = [(slot, *cubic(table.rows, *table.place(family, x[:, slot])))
+    bends = [(slot, *cubic(table.rows, *table.place(family, x[:, slot]), slopes))
              for slot, table, family in (
                  (LOW, spectra.tables.low_pass, rows.family),
                  (HIGH, spectra.tables.high_pass, np.zeros_like(rows.family))) if slot in place]
@@ -289,7 +289,7 @@ def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Arra
     covariance : ndarray, shape (rows, records, regressors, regressors)
 
     """
-    products = np.matmul(spectra.products[_shared(of)], weight[:, :, None])
+    products = np.matmul(spectra.products[of], weight[:, :, None])
     products = products.reshape(len(of), spectra.records, -1)
     count = int(np.sqrt(products.shape[2]))
     target = products[:, :, :count]
@@ -312,8 +312,8 @@ def residual_power(spectra: Spectra, of: Index, size: Array, covariance: Array) 
     """Power about the mean as expected of the noise alone, shape (rows, groups)."""
     second = size[..., :, None] * size[..., None, :] + covariance
     factors = np.concatenate((-2 * size, second.reshape(*size.shape[:2], -1)), axis=2)
-    power, of = spectra.power[of], _shared(of)
-    about = np.matmul(factors.reshape(len(size), 1, -1), spectra.products[of])[:, 0] + power
+    power = spectra.power[of]
+    about = power + np.matmul(factors.reshape(len(of), 1, -1), spectra.products[of])[:, 0]
     return np.asarray(np.maximum(about, 1e-12 * power))
 
 

@@ -180,13 +180,14 @@ class Table:
             'first', 'last', 'step', 'start', 'count')})
 
 
-def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array) -> tuple[Array, Array]:
+def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool = True
+          ) -> tuple[Array, Array]:
     """Interpolate rows (Catmull-Rom), shape (n, groups), and the derivative by the nuisance."""
-    powers = np.stack((np.ones(len(t)), t, t**2, t**3), axis=1)
-    rise = np.stack((np.zeros(len(t)), np.ones(len(t)), 2 * t, 3 * t**2), axis=1) * per[:, None]
-    found = np.matmul(np.stack((powers, rise), axis=1) @ _CATMULL_ROM,
-                      rows[at[:, None] + np.arange(-1, 3)])
-    return found[:, 0], found[:, 1]
+    powers = np.zeros((len(t), 2 if slopes else 1, 4))
+    powers[:, 0] = t[:, None] ** np.arange(4)
+    powers[:, 1:, 1:] = (per[:, None] * powers[:, 0, :3] * np.arange(1, 4))[:, None]
+    found = np.matmul(powers @ _CATMULL_ROM, rows[at[:, None] + np.arange(-1, 3)])
+    return found[:, 0], found[:, -1]
 
 
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
