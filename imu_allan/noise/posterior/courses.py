@@ -60,6 +60,8 @@ _NEAR = 30.0
 """Nats within which a noise counts as one that a course may stand beside."""
 _COARSE = 0.5
 """Nats to which a noise is fitted about which a course is looked at more closely."""
+_RIDGE = 1e-9
+"""Share of a course that has to be left beside others; below, it repeats them."""
 _CLEARER = 2.0
 """Nats by which a course has to beat what is there before another is looked for beside it."""
 
@@ -186,48 +188,70 @@ class AxisBank:
         slow = record.bins.whole & (record.bins.index <= _SLOWEST)
         self._frequency = record.bins.frequency[slow][self._slow.which]
 
+    @cached_property
+    def _columns(self) -> list[Array]:
+        return [columns[:, :, self._slow.which] for columns in self.bank.columns]
+
     def courses(self, found: Sequence[Found]) -> list[Course]:
         """Give the courses themselves."""
         return [course for one in found
                 for course in one.kind.columns(one.value, self.bank.duration_s)]
 
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
-        """Prepare the gains about noise of one spectrum, over the ramp and other courses."""
+        """Prepare the gains about noises of some spectra, over the ramp and other courses."""
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
-        root = 1 / np.sqrt(lam[place])
+        root = 1 / np.sqrt(np.atleast_2d(lam)[:, place])
         others = [self._slow.ramp[:, None]]
         if self.record.courses or beside:
             others.append(self._slow.regressors([*self.record.courses, *self.courses(beside)]))
-        basis = np.linalg.qr(np.column_stack(others) * root[:, None])[0]
-        value = self._slow.coefficient * root
-        return Whitened(root, basis, value - basis @ (basis.T @ value))
+        basis = np.linalg.qr(np.column_stack(others) * root[:, :, None])[0]
+        value = (self._slow.coefficient * root)[:, :, None]
+        value = value - basis @ (basis.transpose(0, 2, 1) @ value)
+        return Whitened(root, basis * root[:, :, None], value[:, :, 0] * root)
 
     def gains(self, about: 'Whitened', number: int, values: Array | None = None) -> Array:
-        """Gain of a kind at the values of its grid, or at others."""
-        columns = (self.bank.columns[number] if values is None
-                   else self.bank.regressors(self.kinds[number], values))
-        return about.gains(columns[:, :, self._slow.which])
+        """Gain of a kind at the values of its grid, or at others, shape (noises, values)."""
+        return about.gains(
+            self._columns[number] if values is None else
+            self.bank.regressors(self.kinds[number], values)[:, :, self._slow.which])
 
 
 @dataclass(frozen=True)
 class Whitened:
-    """Coefficients of a record over the root of the noise, without what other courses explain."""
+    """
+    Coefficients of a record about noises, without what other courses explain.
+
+    Attributes
+    ----------
+    root : ndarray, shape (noises, coefficients)
+        One over the standard deviation.
+    basis : ndarray, shape (noises, coefficients, other courses)
+        Orthonormal once whitened, times that root.
+    value : ndarray, shape (noises, coefficients)
+        Whitened, times that root.
+
+    """
 
     root: Array
     basis: Array
     value: Array
 
+    def one(self, number: int) -> 'Whitened':
+        """Return one of the noises alone."""
+        return Whitened(*(array[number:number + 1] for array in vars(self).values()))
+
     def gains(self, columns: Array) -> Array:
-        """Return what candidates explain, shape (values,)."""
-        x = columns * self.root
-        x = x - (x @ self.basis) @ self.basis.T
-        along = x @ self.value
+        """Return what candidates explain, shape (noises, values)."""
+        along = np.tensordot(self.value, columns, (1, 2))
+        taken = np.tensordot(self.basis, columns, (1, 2))
+        products = np.einsum('vin,vjn->vijn', columns, columns)
+        gram = np.tensordot(self.root**2, products, (1, 3))
+        ridge = _RIDGE * np.trace(gram, axis1=2, axis2=3)[:, :, None, None]
+        gram = gram - np.einsum('abvi,abvj->avij', taken, taken)
         if columns.shape[1] == 1:
-            return np.asarray(along[:, 0]**2 / np.maximum((x**2).sum(axis=(1, 2)), 1e-300))
-        gram = x @ x.transpose(0, 2, 1)
-        ridge = 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(x.shape[1])
-        return np.asarray((along * np.linalg.solve(
-            gram + ridge, along[:, :, None])[..., 0]).sum(axis=1))
+            return np.asarray(along[:, :, 0]**2 / np.maximum(gram, ridge)[:, :, 0, 0])
+        gram += ridge * np.eye(columns.shape[1])
+        return np.asarray((along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=2))
 
 
 def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
@@ -284,7 +308,7 @@ class _Search:
         self._best = rows.take(np.array([0]))
         self._top = float(rows.evidence.max())
         self._spectra = spectra
-        self._about: list[Whitened] = []
+        self._about: Whitened | None = None
 
     def begin(self, still: Rows) -> None:
         """Look about the noises that come near, as they are without courses."""
@@ -292,26 +316,28 @@ class _Search:
         self._look(self._spectra, Rows.joined([self._best, near]))
 
     def _look(self, spectra: Spectra, rows: Rows) -> None:
-        self._about = [self.bank.about(spectra.frequency, lam, self.chosen)
-                       for lam in expected_powers(spectra, rows)]
+        self._about = self.bank.about(
+            spectra.frequency, expected_powers(spectra, rows), self.chosen)
 
     def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...], float]]':
         """Courses worth fitting, each with what the integral over its nuisance adds."""
-        found = []
-        for number, kind in enumerate(self.bank.kinds if self._about else ()):
+        found: list[Candidate] = []
+        if self._about is None:
+            return found
+        for number, kind in enumerate(self.bank.kinds):
             if sum(one.kind.key == kind.key for one in self.chosen) >= kind.most:
                 continue
-            gains = [float(self.bank.gains(one, number).max()) for one in self._about]
+            gains = self.bank.gains(self._about, number).max(axis=1)
             best = int(np.argmax(gains))
             if gains[best] < _WORTH_FITTING:
                 continue
-            one, share = likeliest(self.bank, number, self._about[best])
+            one, share = likeliest(self.bank, number, self._about.one(best))
             found.append((self, (*self.chosen, one), share))
         return found
 
     def go_on(self, own: Sequence[CourseSet]) -> None:
         """Lay the best course to the record, if it is clearly better than what was there."""
-        self._about = []
+        self._about = None
         if not own:
             return
         leader = max(own, key=lambda one: float(one.rows.evidence.max()))
@@ -411,7 +437,7 @@ def _occam(sizes: Array, found: Sequence[Found]) -> Array:
 
 def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array]:
     """Gains along the nuisance of a kind, closer and closer about the best value."""
-    values, gains = bank.bank.grids[number], bank.gains(about, number)
+    values, gains = bank.bank.grids[number], bank.gains(about, number)[0]
     if not bank.kinds[number].continuous or len(values) < 3:
         return values, gains
     for _ in range(_HALVINGS):
@@ -422,7 +448,7 @@ def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array
         if not len(more):
             break
         values, gains = (np.concatenate(pair) for pair in (
-            (values, more), (gains, bank.gains(about, number, more))))
+            (values, more), (gains, bank.gains(about, number, more)[0])))
         order = np.argsort(values)
         values, gains = values[order], gains[order]
     return values, gains
