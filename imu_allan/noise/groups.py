@@ -163,27 +163,30 @@ class _Bands:
         self._weight = bins.dof if keep is None else bins.dof * keep
         self._band = bins.band
         dof: Array = np.bincount(self._band, self._weight).astype(np.float64)
-        self._some = np.flatnonzero(dof > 0)
+        self._count, self._some = len(dof), np.flatnonzero(dof > 0)
         self.dof = dof[self._some]
         self.frequency = self.mean(bins.frequency)
         order = np.argsort(self.frequency)
         self._some, self.dof, self.frequency = (
             self._some[order], self.dof[order], self.frequency[order])
 
-    def mean(self, values: Array) -> Array:
-        """Weigh by degrees of freedom, shape (bands,)."""
-        return np.asarray(np.bincount(self._band, self._weight * values)[self._some] / self.dof)
+    def mean(self, values: Array, at: NDArray[np.int64] | slice = slice(None)) -> Array:
+        """Weigh by degrees of freedom, shape (bands,), values that are zero but at some bins."""
+        total = np.bincount(self._band[at], self._weight[at] * values, self._count)
+        return np.asarray(total[self._some] / self.dof)
 
 
 def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: Array | None
                ) -> Groups:
     """Lay the ramp and other regressors to groups."""
-    columns = [-np.sqrt(np.maximum(bins.ramp, 0)), *([] if regressors is None else regressors.T)]
-    along = [bands.mean(bins.coefficient[axis] * column) for column in columns]
+    whole = np.flatnonzero(bins.whole)
+    columns = [-np.sqrt(np.maximum(bins.ramp[whole], 0)),
+               *([] if regressors is None else regressors[whole].T)]
+    along = [bands.mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
     among = np.empty((len(bands.dof), len(columns), len(columns)))
     for i, one in enumerate(columns):
         for j, other in enumerate(columns[:i + 1]):
-            among[:, i, j] = among[:, j, i] = bands.mean(one * other)
+            among[:, i, j] = among[:, j, i] = bands.mean(one * other, whole)
     return replace(still, along=np.stack(along, axis=1), among=among)
 
 
