@@ -57,7 +57,7 @@ def names(figures: Mapping[str, Any]) -> Mapping[str, str]:
 def better(figures: Mapping[str, Any]) -> Iterator[str]:
     """Say first where another tool is better than ours, or as good."""
     called = names(figures)
-    rows: dict[str, dict[str, list[str]]] = {}
+    rows: dict[str, dict[str, dict[str, list[str]]]] = {}
     for case in figures.get('accuracy', {}).values():
         ours = case['tools'][OURS]['coefficients']
         for key, symbol in SYMBOLS.items():
@@ -72,25 +72,27 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
                 how = ('nearer' if mine is None or error < mine / _AS_GOOD
                        else 'as near' if error <= mine * _AS_GOOD else '')
                 if how:
-                    shares = (f' (reported of {theirs["reported"]:.0%} of axes, ours '
+                    shares = (f' (reported {theirs["reported"]:.0%}, ours '
                               f'{ours[key]["reported"]:.0%})'
                               if theirs['reported'] != ours[key]['reported'] else '')
-                    rows.setdefault(name, {}).setdefault(how, []).append(
-                        f'{symbol} of *{case["title"]}*: {short(error)}, ours '
-                        f'{short(mine)}{shares}')
+                    rows.setdefault(name, {}).setdefault(how, {}).setdefault(
+                        case['title'], []).append(
+                            f'{symbol} {short(error)}, ours {short(mine)}{shares}')
     for messages, found in figures.get('speed', {}).items():
         mine = found['imu_allan analyze']
         for tool, row in found.items():
             for key, word in (('wall_s', 's'), ('memory_mb', 'MB')):
                 if row['status'] == 0 and row[key] < mine[key]:
-                    rows.setdefault(tool, {}).setdefault('less time or memory', []).append(
-                        f'{int(messages):,} messages: {row[key]:.1f} {word}, ours {mine[key]:.1f}')
+                    rows.setdefault(tool, {}).setdefault('faster or smaller', {}).setdefault(
+                        f'{int(messages):,} messages', []).append(
+                            f'{row[key]:.1f} {word}, ours {mine[key]:.1f}')
     yield '## Where another tool is better, or as good\n'
     if rows:
         yield 'Errors are over the bound, as below.\n'
         yield table(['tool', 'is', 'where'], [
-            [name, how, '; '.join(where)] for name, found in rows.items()
-            for how, where in sorted(found.items(), reverse=True)])
+            [name, how, '. '.join(f'*{title}*: {"; ".join(each)}'
+                                  for title, each in where.items())]
+            for name, found in rows.items() for how, where in sorted(found.items(), reverse=True)])
     else:
         yield 'Nowhere in what was measured.\n'
     ratios = [case['tools']['wavelets']['coefficients'][key]['over_bound'] / mine
