@@ -195,7 +195,8 @@ def half_of(recording: Recording, topic: str) -> Half | None:
 
 def _united(recording: Recording, topic: str) -> list[Stream]:
     """Take apart what a driver united from two rates; say so where it cannot be."""
-    blocks = list(_beginning(recording, topic))
+    count = recording.imu(topic).count
+    blocks = [] if count is not None and count < _ENOUGH else list(_beginning(recording, topic))
     if sum(map(len, blocks)) < _ENOUGH:
         return [Stream(topic)]
     samples = np.concatenate([block.samples for block in blocks])
