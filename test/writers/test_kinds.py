@@ -17,6 +17,7 @@ from imu_allan.writers.atomic import (
     TUNING,
     VERDICTS,
     write_atomically,
+    write_in,
 )
 from imu_allan.writers.datasheet import certificate_html, check, to_json, to_junit
 from imu_allan.writers.filters import CONSUMERS, export, Wishes
@@ -66,7 +67,7 @@ def test_every_file_in_a_folder_is_replaced_by_its_own_kind_alone(tmp_path: Path
         path.write_text('of the user')
         with refused(f'{path}: exists and is no {kind_of(before[:1 << 14])}, so it is not '
                      'replaced; name another file, or remove this one'):
-            everything()
+            write_in(tmp_path, path.name, before)
         assert path.read_text() == 'of the user'
         path.write_bytes(before)
 
