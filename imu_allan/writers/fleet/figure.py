@@ -36,8 +36,9 @@ _MOST_NAMED = 7
 _LABEL = 11.0
 """Points from one name to the next, that they do not lie on one another."""
 _MOST_TICKS = 12
-"""Units that are named below a panel, each by so many characters; more are counted."""
+"""Units that are named below a panel; more are counted."""
 _TICK = 14
+"""Characters of such a name."""
 _WIDTH = 11.0
 """Inches; as wide as the page, text of 8 points is 11 pixels high."""
 
