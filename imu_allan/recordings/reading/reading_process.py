@@ -4,7 +4,7 @@
 Reading ahead of the estimator in a process of its own.
 
 A thread shares the interpreter lock with the estimator, and both hand it to and fro with every
-call of numpy: over ten million messages that takes a third longer (bench/bench_analyze.py). A
+call of numpy: over millions of messages that takes longer (bench/bench_analyze.py). A
 process costs a tenth of a second at its start and then nothing. It is a fresh interpreter, not a
 fork of this one, whose threads and locks are therefore of no concern.
 
