@@ -37,10 +37,6 @@ _SMOOTHING = 31
 """Messages: late ones, up to 15 in a row, are no loss. 15 and 61 do as well."""
 _FEW = 5
 """Messages whose median is the level at an end: one or two of them may be late."""
-_BURST_WINDOW = 128
-"""Messages on each side of a jump, several bursts of a FIFO; 64 and 256 do as well."""
-_MOST_JUMPS = 64
-"""In one batch of messages: each costs a median, and the largest come first."""
 RATE_BLOCKS = (256, 64)
 """Messages of which a rate is told: the longer are surer, the shorter see a short stretch."""
 _RATE_NEAR = 256
@@ -87,8 +83,7 @@ def count_steps(places: Floats, pace: Pace, late: float = 0.0, new_run: bool = F
         if missing is not None:
             missing = missing + alone
     if missing is None:
-        missing = _missing_by_bursts(phase, steps)
-        missing = missing + lasting_jumps(phase - missing, None if new_run else 0.0)
+        missing = lasting_jumps(phase, None if new_run else 0.0)
     counted: Ints = np.diff(missing, prepend=0) + 1
     return counted
 
@@ -119,24 +114,6 @@ def _missing_by_phase(phase: Floats, new_run: bool) -> Ints | None:
         smooth = _running_median(raw, before, smooth)
     lasting = np.minimum.accumulate(smooth[::-1])[::-1]
     return lasting - lasting[0] if new_run else np.maximum(lasting, 0)
-
-
-def _missing_by_bursts(phase: Floats, steps: Floats) -> Ints:
-    """Count samples missing before each message, where only lasting jumps are seen."""
-    missing = np.zeros(len(phase), dtype=np.int64)
-    spread = 1.4826 * float(np.median(np.abs(phase - np.median(phase))))
-    smallest = max(3.0, 6 * spread)
-    candidates = np.flatnonzero(steps > smallest)
-    if len(candidates) > _MOST_JUMPS:
-        candidates = np.sort(candidates[np.argsort(steps[candidates])[-_MOST_JUMPS:]])
-    for at in candidates:
-        before = phase[max(at - _BURST_WINDOW, 0):at]
-        after = phase[at:at + _BURST_WINDOW]
-        level = float(np.median(before)) if len(before) else 0.0
-        jump = int(np.rint(np.median(after) - level))
-        if jump > 0:
-            missing[at:] += jump
-    return missing
 
 
 def _level(values: Ints) -> int:
