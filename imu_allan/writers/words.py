@@ -448,8 +448,9 @@ WORDS: Mapping[str, Words] = {
         lambda v: _RAW if v['by'] == 'autopilot' else f'take {v["raw"]}'),
     'axis_not_finite': Words(
         'not finite', 'The axis holds no numbers and is left out.',
-        'All of its values are NaN or infinite.',
-        'NaN or infinite, left out', 'look whether the driver fills in this axis'),
+        'All of its values are NaN or infinite, or a table has no column of it.',
+        'no numbers (no such column, NaN or infinite), left out',
+        'name its column, or look whether the driver fills in this axis'),
     'frozen': Words(
         'frozen sensor', 'The sensor or its driver gave no new values for a while; that time is '
         'left out.', 'Messages repeat all of their values for far longer than noise would.',
