@@ -23,7 +23,6 @@ from imu_allan.wording import (
     bounded,
     duration,
     faults_of,
-    listed,
     measured,
     named,
     names_of,
@@ -136,7 +135,11 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
                list(_filled(_notes(result), width, 'dim')) if verbose else []]
     last = list(_filled(known, width, 'dim'))
     room = SCREEN - sum(map(len, blocks)) - len(last)
-    blocks.append([*_in_full(acts, width, None if verbose else room), *last])
+    full = _in_full(acts, width, None if verbose else room)
+    if len(last) > 1 and not verbose and len(full) > room:
+        last = list(_filled([f'Good to know: {known[0].count(",")} findings (--verbose).'], width,
+                            'dim'))
+    blocks.append([*full, *last])
     blocks = [block for block in blocks if block]
     spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
     return Group(*(line for place, block in enumerate(blocks) for line in (
@@ -379,7 +382,7 @@ def _by_name(found: Sequence[Finding]) -> list[str]:
         axes.setdefault(title_of(one), []).extend(one.axes)
     names = [f'{title} ({named(concerned)})' if concerned else title
              for title, concerned in axes.items()]
-    return [f'Act upon {listed(names)}, too (--verbose).'] if names else []
+    return [f'Also: {", ".join(names)} (--verbose).'] if names else []
 
 
 def _filled(texts: Iterable[str], width: int, style: str = 'default') -> 'Iterator[Text]':
