@@ -135,11 +135,8 @@ battery: $(STAMP)
 	@PYTHONPATH=bench $(RUN)/python -m battery $(if $(BASE),--base '$(BASE)') $(BATTERY_ARGS)
 
 bench-accuracy: $(STAMP)
-	$(RUN)/python bench/bench_accuracy.py
-	$(RUN)/python bench/bench_accuracy.py --drawn
+	@PYTHONPATH=bench $(RUN)/python -m battery --only standard
 	$(RUN)/python bench/bench_quarters.py
-	$(RUN)/python bench/bench_processes.py
-	$(RUN)/python bench/bench_exponent.py
 
 # The peers, pinned, beside this package as it stands.
 .venv-peers/.installed: setup.py bench/peers/requirements.txt

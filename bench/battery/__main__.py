@@ -11,7 +11,6 @@ times the miss, over the same; a bound alone counts as the interval (0, bound).
 
     make battery                                          # this checkout
     make battery BASE=../older                            # and where it differs from another
-    make battery BATTERY_ARGS='--inference posterior'     # one posterior over noise models
     make battery BASE=older.json BATTERY_ARGS='--only standard bends --records 40 --seed 1000'
 
 What a checkout says follows from its commit, so no outcomes are kept in the repository: `--output`
@@ -33,8 +32,7 @@ from battery.tables import differences, table
 BENCH = Path(__file__).resolve().parents[1]
 
 
-def outcomes_of(checkout: Path, arguments: Sequence[str], inference: str = 'fit'
-                ) -> list[dict[str, Any]]:
+def outcomes_of(checkout: Path, arguments: Sequence[str]) -> list[dict[str, Any]]:
     """Run the battery with the package of a checkout, or read what an earlier run has written."""
     if checkout.is_file():
         return list(json.loads(checkout.read_text())['outcomes'])
@@ -43,8 +41,7 @@ def outcomes_of(checkout: Path, arguments: Sequence[str], inference: str = 'fit'
     path = os.pathsep.join((str(BENCH), str(checkout)))
     # Two processes of one thread each, whatever the machine: times are those of one core.
     environment = {**os.environ, 'PYTHONPATH': path, 'OMP_NUM_THREADS': '1',
-                   'OPENBLAS_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1',
-                   'BATTERY_INFERENCE': inference}
+                   'OPENBLAS_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
     print(f'{checkout} ...', file=sys.stderr)
     done = subprocess.run([sys.executable, '-m', 'battery.outcomes', *arguments],
                           env=environment, stdout=subprocess.PIPE, text=True, check=False)
@@ -80,8 +77,6 @@ def main() -> int:
     parser.add_argument('--records', type=int, help='of every case')
     parser.add_argument('--seed', type=int, default=0, help='other records of the same sensors')
     parser.add_argument('--jobs', type=int, default=2, help='processes')
-    parser.add_argument('--inference', choices=['fit', 'posterior'], default='fit',
-                        help='of the checkout: what users get, or one posterior over models')
     options = parser.parse_args()
     unknown = set(options.only or ()) - NAMES
     if unknown:
@@ -92,7 +87,7 @@ def main() -> int:
             arguments += [f'--{name}', *getattr(options, name)]
     if options.records:
         arguments += ['--records', str(options.records)]
-    found = outcomes_of(options.checkout.resolve(), arguments, options.inference)
+    found = outcomes_of(options.checkout.resolve(), arguments)
     if options.output is not None:
         options.output.write_text(json.dumps({
             'commit': commit(options.checkout), 'seed': options.seed, 'outcomes': found}) + '\n')

@@ -10,7 +10,6 @@ spectra, as what they are made of is the package's matter too.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import module_from_spec, spec_from_file_location
-import os
 from pathlib import Path
 import time
 from types import ModuleType
@@ -20,12 +19,12 @@ from battery.sensors import Array, Sensor, TERMS
 import imu_allan
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.posterior.posterior import posteriors
+from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.terms import Quantity
 from imu_allan.result import AxisResult
 import numpy as np
 
-INFERENCE = 'BATTERY_INFERENCE'
-"""Environment variable by which a run is told which inference to ask."""
 CHECKOUT = Path(imu_allan.__file__).parents[1]
 
 
@@ -64,12 +63,6 @@ def of_samples(samples: Array, rate_hz: float, quantity: str = 'angular_velocity
     began = time.process_time()
     estimator = Estimator()
     estimator.update(samples)
-    if asks_posterior():
-        from imu_allan.noise.posterior.axes import reports
-        [found] = reports(estimator.finished(), 1 / rate_hz)
-        cpu_s = time.process_time() - began
-        return (_of_report(found, cpu_s) if found is not None
-                else Answer(dict.fromkeys(TERMS, Said(None, None, None)), (), cpu_s))
     [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity(quantity)])
     cpu_s = time.process_time() - began
     terms = {key: Said(c.value, c.ci95, c.upper95) for key, c in axis.coefficients.items()
@@ -99,51 +92,21 @@ def of_spectra(sensor: Sensor, records: int, seed: int) -> list[Answer]:
 
 
 def _of_spectrum(spectrum: Any, dt: float) -> Answer:
-    """Ask the fit that users get, or the posterior."""
-    if not asks_posterior():
-        return _of_fit(spectrum, dt)
-    from imu_allan.noise.posterior.posterior import posteriors
-    from imu_allan.noise.posterior.report import reported
+    """Ask the posterior of one spectrum."""
     began = time.process_time()
     [posterior] = posteriors([spectrum.groups()], dt, [spectrum])
-    found = reported(posterior, dt)
-    return _of_report(found, time.process_time() - began)
+    return _of_report(reported(posterior, dt), time.process_time() - began)
 
 
-def asks_posterior() -> bool:
-    """Whether `--inference posterior` was asked for."""
-    return os.environ.get(INFERENCE) == 'posterior'
-
-
-def _of_report(found: Any, cpu_s: float) -> Answer:
-    words = {'power_law': found.power_law is not None,
-             'gauss_markov': found.gauss_markov is not None,
-             'high_passed': found.high_pass_hz is not None,
-             'band_limited': found.window_s is not None, 'warm_up': bool(found.warmings),
-             'slow_cycle': found.cycle_s is not None, 'bias_step': found.bias_step is not None,
-             'trend_or_walk': found.walk_unclear, 'poor_fit': not found.acceptable,
-             'ramp': found.estimates['rate_ramp'].observable}
-    return Answer(_said(found.estimates), _true(words), cpu_s)
-
-
-def _of_fit(spectrum: Any, dt: float) -> Answer:
-    from imu_allan.noise.fit import fit
-    from imu_allan.noise.high_pass import high_pass_beside_flicker
-    began = time.process_time()
-    groups = spectrum.groups()
-    found = fit(groups, dt, None, spectrum)
-    behind = high_pass_beside_flicker(groups, dt, found)
-    cpu_s = time.process_time() - began
-    if behind is not None and behind.certain:
-        return Answer(dict.fromkeys(TERMS, Said(None, None, None)), ('high_passed',), cpu_s)
-    estimates = behind.with_and_without(found.estimates) if behind else found.estimates
-    words = {'power_law': found.power_law is not None,
-             'gauss_markov': found.gauss_markov is not None,
-             'band_limited': found.window_s is not None, 'warm_up': bool(found.warmings),
-             'slow_cycle': found.cycle_s is not None, 'trend_or_walk': found.walk_unclear,
-             'ramp': found.estimates['rate_ramp'].observable, 'poor_fit': not found.acceptable,
-             'perhaps_high_passed': behind is not None}
-    return Answer(_said(estimates), _true(words), cpu_s)
+def _of_report(found: AxisReport, cpu_s: float) -> Answer:
+    trend = found.trend
+    words = {'power_law': found.power_law, 'gauss_markov': found.gauss_markov,
+             'high_passed': found.high_pass_hz, 'band_limited': found.window_s,
+             'warm_up': trend.warm_up, 'slow_cycle': trend.cycle_s, 'ramp': trend.ramp,
+             'bias_step': found.bias_step}
+    codes = [word for word, said in words.items() if said is not None]
+    codes += ['trend_or_walk'] * found.walk_unclear + ['poor_fit'] * (not found.acceptable)
+    return Answer(_said(found.estimates), tuple(codes), cpu_s)
 
 
 def _said(estimates: Mapping[str, Any]) -> dict[str, Said]:
@@ -151,10 +114,6 @@ def _said(estimates: Mapping[str, Any]) -> dict[str, Said]:
             if one.observable
             else Said(None, None, float(one.upper) if np.isfinite(one.upper) else None)
             for key, one in ((key, estimates[key]) for key in TERMS)}
-
-
-def _true(words: Mapping[str, bool]) -> tuple[str, ...]:
-    return tuple(word for word, said in words.items() if said)
 
 
 def _drawn_spectra() -> ModuleType:
