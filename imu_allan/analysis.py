@@ -173,10 +173,10 @@ def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
     from imu_allan.characterization.findings import (
         start_of,
         start_remark,
-        steady_after_s,
+        steady_of,
     )
     length = cold.timeline.duration_s
-    steady = [steady_after_s(axis) for axis in cold.axes.values()]
+    steady = [steady_of(axis) for axis in cold.axes.values()]
     # What takes longer than half of the recording cannot be left out, the rest can.
     longest_s = max(steady)
     start_s = start_of(steady, length)

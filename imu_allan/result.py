@@ -35,9 +35,9 @@ class Coefficient:
     observable : bool
         Whether this data shows the term.
     value : float or None
-        Maximum-likelihood value; None where not observable.
+        Median of the posterior; None where not observable.
     ci95 : (float, float) or None
-        95 % profile-likelihood interval; None where not observable.
+        95 % credible interval; None where not observable.
     upper95 : float or None
         95 % upper bound (for a signed term, of its magnitude) where not observable.
     observable_in_s : float or None
@@ -47,6 +47,8 @@ class Coefficient:
     between : float or None
         Spread of the value between segments or recordings beyond measurement error, a standard
         deviation in `unit`.
+    presence : float or None
+        Probability that the term is there, from 0 to 1.
 
     """
 
@@ -59,6 +61,7 @@ class Coefficient:
     observable_in_s: float | None = None
     ci_halves_in_s: float | None = None
     between: float | None = None
+    presence: float | None = None
 
     def __str__(self) -> str:
         """Return ``N 0.001 [0.0009, 0.0011] rad/s/sqrt(Hz)``, or the bound."""
@@ -199,8 +202,6 @@ class TemperatureDependence:
         The range it was seen over, in degrees Celsius.
     per_kelvin_squared : float or None
         Coefficient of the square of the distance from the mean temperature, where it shows.
-    before : mapping of str to float
-        The coefficients by key as they were without the temperature, where they showed.
     lag_s : float or None
         Time constant by which the thermometer follows the sensor, where one shows; negative where
         the sensor follows the thermometer.
@@ -213,7 +214,6 @@ class TemperatureDependence:
     lowest_c: float
     highest_c: float
     per_kelvin_squared: float | None = None
-    before: Mapping[str, float] = field(default_factory=dict)
     lag_s: float | None = None
     lag_ci95: Interval | None = None
 

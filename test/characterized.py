@@ -5,7 +5,7 @@
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.joint import joint_fits
+from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.terms import Quantity
 from imu_allan.writers.words import message_of
 
@@ -21,14 +21,20 @@ def characterized(samples, rate_hz, thermometer=None):
 def together(records, rate_hz, thermometers=None):
     """Return the joint result of several records, and its warnings."""
     estimators = [taken_in(samples) for samples in records]
-    fits = joint_fits([one.finished() for one in estimators], 1 / rate_hz, thermometers)
-    return one_axis(estimators[0], rate_hz, fits, of_one_record=False)
+    return one_axis(estimators[0], rate_hz, joint_fits(
+        [one.finished() for one in estimators], 1 / rate_hz, thermometers))
 
 
-def one_axis(estimator, rate_hz, fits=None, of_one_record=True):
+def joint_fits(records, dt, thermometers=None):
+    """Fit the axis of several finished estimators at once, of those that have a fit."""
+    fits = [fit for one, heat in zip(records, thermometers or [None] * len(records), strict=True)
+            for fit in fit_axes(one, dt, heat) if fit is not None]
+    return [joint_fit(fits, dt) if fits else None]
+
+
+def one_axis(estimator, rate_hz, fits=None):
     """Return the result of the only axis of an estimator, and its warnings."""
-    [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity.ANGULAR_VELOCITY], fits,
-                                     of_one_record=of_one_record)
+    [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity.ANGULAR_VELOCITY], fits)
     return axis, {remark.code: message_of(remark) for remark in remarks}
 
 

@@ -32,8 +32,8 @@ NUMERICS = [
     *((name, getattr(imu_allan, name)) for name in sorted({*imu_allan.__all__} - NO_NUMERICS)),
     *((name, getattr(import_module(f'imu_allan.{module}'), name)) for module, name in (
         ('noise.curve', 'edf'), ('noise.curve', 'octaves'), ('noise.drift_model', 'drift_avar'),
-        ('noise.drift_model', 'fit_drift_model'), ('noise.fit', 'fit'),
-        ('noise.fitted_model', 'FittedModel'), ('noise.joint', 'joint_fits'),
+        ('noise.drift_model', 'fit_drift_model'), ('noise.axis_fit', 'fit_axes'),
+        ('noise.fitted_model', 'FittedModel'), ('noise.joint', 'joint_fit'),
         ('noise.likelihood', 'maximise'), ('noise.sequential', 'decide'),
         ('noise.spectrum', 'flicker'), ('noise.spectrum', 'quantization'),
         ('noise.spectrum', 'random_walk'), ('noise.spectrum', 'white'),

@@ -276,7 +276,7 @@ def test_a_workspace_that_rosdep_filled_tests_the_rest_and_says_what_it_skips(
 
 @pytest.mark.parametrize(('asking', 'excused'), [
     ('test/test_cdr.py', 'mcap'), ('imu_allan/recordings/write.py', 'mcap'),
-    ('imu_allan/node/run.py', None), ('imu_allan/noise/fit.py', None)])
+    ('imu_allan/node/run.py', None), ('imu_allan/noise/curve.py', None)])
 def test_numerics_and_nodes_may_not_ask_for_what_rosdep_lacks(
         asking: str, excused: str | None) -> None:
     ask = compile('raise ModuleNotFoundError(name="mcap.writer")', str(ROOT / asking), 'exec')

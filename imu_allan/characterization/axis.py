@@ -7,13 +7,10 @@ from dataclasses import replace
 from math import floor, log10
 
 from imu_allan.characterization.findings import (
-    bias_step_remark,
     constant_remark,
     deadband_remark,
     fit_remarks,
-    high_pass_remark,
     leaving_remark,
-    perhaps_high_passed_remark,
     saturated_remark,
     steadiness_remarks,
     step_remarks,
@@ -28,44 +25,35 @@ from imu_allan.noise.axis_fault import (
     StoodStill,
 )
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
-from imu_allan.noise.bias_step import bias_step
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.curve import edf, interval, Octaves, octaves
 from imu_allan.noise.drift_level import drift_levels, drift_of_means
 from imu_allan.noise.drift_model import fit_drift_model
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import Fit
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
 from imu_allan.noise.groups import Groups, WHITE
-from imu_allan.noise.high_pass import high_pass_beside_flicker, high_pass_corner_hz
-from imu_allan.noise.intervals import Estimate
 from imu_allan.noise.outlook import outlook
+from imu_allan.noise.posterior.answer import Estimate
+from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.signal_over_time import Columns
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.tones import strongest
-from imu_allan.noise.warm_up import Warming
 from imu_allan.result import (
     AxisResult,
     Coefficient,
     Curve,
     Deadband,
     DriftModel,
-    GaussMarkov,
     GoodnessOfFit,
     Interval,
-    PowerLaw,
-    Ramp,
     Saturation,
     Segment,
     Signal,
     Span,
     Spectrum,
     Stationarity,
-    TemperatureDependence,
-    Trend,
-    WarmUp,
 )
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,8 +68,10 @@ _FEW = 64.0
 """Degrees of freedom up to which a point of the curve belongs to the slow end."""
 _MOST_TOO_LOW = 0.9
 """Share: beyond, the interval has no upper end that says anything. A judgment."""
-_OF_SLOW_NOISE_S = 300.0
-"""From a shorter record nobody expects to learn of slow noise, nor of a filter behind it."""
+_HINTED = 0.25
+"""Presence of a term from which on there is something that a longer record may show."""
+_NO_DENSITY = 1e-60
+"""Where none was seen: a density whose fourth power is a number."""
 _DIGITS_OF_RANGE = 5
 """Decimal digits of the signal over time, counted from those of its range."""
 
@@ -138,8 +128,7 @@ def characterize(samples: ArrayLike, sample_rate_hz: float,
 
 
 def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequence[Quantity],
-                 fits: Sequence[AxisFit | None] | None = None,
-                 corners_hz: Sequence[float | None] | None = None, of_one_record: bool = True
+                 fits: Sequence[AxisFit | None] | None = None
                  ) -> list[tuple[AxisResult, list[Finding]]]:
     """
     Fit every axis of an estimator, which is left as it is.
@@ -154,10 +143,6 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
         What each axis measures.
     fits : sequence of AxisFit or None, optional
         Of every axis, where they are there already, or not those of the estimator alone.
-    corners_hz : sequence of float or None, optional
-        Of a high-pass that each axis is known to have come through, whatever `fits` show.
-    of_one_record : bool, optional
-        Between several the mean steps anyway, which says nothing about the sensor in one.
 
     Returns
     -------
@@ -187,55 +172,39 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             found.append((replace(base, curve=curve), remarks))
             continue
         steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
-        known_hz = corners_hz[axis] if corners_hz is not None else None
-        # Counts that come one by one leave little below their rate, as a filter does.
-        filtered = (None if steps or known_hz is not None else
-                    high_pass_beside_flicker(fitted_axis.groups, dt, fitted_axis.fit))
-        corner_hz = (known_hz or (filtered.corner_hz if filtered and filtered.certain else None)
-                     or (None if steps else _high_pass_corner_hz(fitted_axis.groups)))
-        if corner_hz is not None:
-            found.append((replace(base, curve=_curve(points, axis, dt, {}),
-                                  spectrum=_spectrum(fitted_axis.whole),
-                                  high_passed_hz=corner_hz),
-                          [high_pass_remark(corner_hz)]))
-            continue
         fitted = fitted_axis.fit
+        if steps:
+            # Counts that come one by one leave little below their rate, as a filter does.
+            fitted = replace(fitted, high_pass_hz=None)
         named, weaker = strongest(fitted_axis.lines)
-        if filtered is not None:
-            fitted = replace(fitted, estimates=filtered.with_and_without(fitted.estimates))
         remarks = [*fit_remarks(fitted, quantity), *steps]
-        if filtered is not None and finished.samples * dt >= _OF_SLOW_NOISE_S:
-            remarks.append(perhaps_high_passed_remark(filtered.corner_hz))
-        values = {key: e.value for key, e in fitted.estimates.items()}
-        drift = fit_drift_model(fitted_axis.groups, dt,
-                                fitted.gauss_markov.correlation_time_s if fitted.gauss_markov
-                                else None)
+        process = fitted.gauss_markov
+        drift = None if fitted.high_pass_hz is not None else fit_drift_model(
+            fitted_axis.groups, dt, process.correlation_time_s if process else None)
         parts = _stationarity(fitted_axis, axis, dt, finished, drift)
         if parts is not None and fitted_axis.steadiness is not None:
             remarks += steadiness_remarks(fitted_axis.steadiness, parts.segments)
         seen = {key: e.observable for key, e in fitted.estimates.items()}
+        hinted = {key: e.value if e.presence > _HINTED else 0.0
+                  for key, e in fitted.estimates.items()}
         # A longer record would know a power law better, too: of that there is no forecast.
         forecast = ({} if fitted.power_law is not None
-                    else outlook(values, seen, dt, finished.samples * dt))
-        walk = fitted.estimates['rate_random_walk']
-        # A large step widens what the record says of a walk until there is none to doubt.
-        asked = of_one_record and (walk.observable or not fitted.mean_is_told)
-        step = bias_step(columns, axis) if asked else None
-        if fitted.walk_unclear or step is not None:
+                    else outlook(hinted, seen, dt, finished.samples * dt))
+        if fitted.walk_unclear or fitted.bias_step is not None:
             # A longer record shows what it is, not how large.
             forecast['rate_random_walk'] = None, None
-        if filtered is not None:
+        if fitted.high_pass_hz is not None:
             forecast |= dict.fromkeys(SLOW_TERMS, (None, None))
         coefficients = {
             key: replace(_coefficient(key, quantity, estimate, forecast.get(key, (None, None))),
                          between=fitted.between.get(key))
             for key, estimate in fitted.estimates.items()}
-        if step is not None:
-            coefficients['rate_random_walk'] = _upper_bound(coefficients['rate_random_walk'])
-            remarks = [*(remark for remark in remarks if remark.code != 'trend_or_walk'),
-                       bias_step_remark(step, dt, quantity)]
-        curve = _curve(points, axis, dt, values, _law_of(fitted))
-        leaves_at = None if fitted.mean_moves else _leaves_at(
+        curve = _curve(points, axis, dt, fitted.values, _law_of(fitted))
+        if fitted.high_pass_hz is None:
+            highest = interval(points.avar[:, axis], np.array(curve.edf), _CERTAIN)[1]
+            coefficients |= {key: _below_curve(coefficients[key], key, curve, highest)
+                             for key in SLOW_TERMS}
+        leaves_at = None if fitted.mean_moves or fitted.high_pass_hz else _leaves_at(
             points, axis, curve, [_fitted(fitted_axis, drift), _fitted(fitted_axis, None)], dt)
         if leaves_at is not None and fitted.acceptable:
             remarks.append(leaving_remark(leaves_at))
@@ -250,10 +219,11 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                                           fitted.acceptable and leaves_at is None),
             curve=curve,
             drift_model=drift,
-            gauss_markov=_gauss_markov(fitted),
-            power_law=_power_law(fitted),
+            gauss_markov=fitted.gauss_markov,
+            power_law=fitted.power_law,
+            high_passed_hz=fitted.high_pass_hz,
             spectrum=_spectrum(fitted_axis.whole),
-            trend=_trend(fitted),
+            trend=fitted.trend,
             stationarity=parts,
             coarse_step=float(finished.step[axis]) if steps else None,
         )), remarks))
@@ -280,12 +250,6 @@ def bounded(axis: AxisResult) -> AxisResult:
     """Return an axis whose slow terms are upper bounds: something else may have made them."""
     return with_model_curve(replace(axis, coefficients=dict(axis.coefficients) | {
         key: _upper_bound(axis.coefficients[key]) for key in SLOW_TERMS}))
-
-
-def with_bounded_walk(axis: AxisResult) -> AxisResult:
-    """Return an axis whose random walk is an upper bound: a step may have made it."""
-    return with_model_curve(replace(axis, coefficients=dict(axis.coefficients) | {
-        'rate_random_walk': _upper_bound(axis.coefficients['rate_random_walk'])}))
 
 
 def unsteady(axis: AxisResult) -> AxisResult:
@@ -329,20 +293,7 @@ def _empty(quantity: Quantity, mean: float | None) -> AxisResult:
                       GoodnessOfFit(None, None, False), Curve((), (), (), (), (), ()))
 
 
-def _gauss_markov(fitted: Fit) -> GaussMarkov | None:
-    process = fitted.gauss_markov
-    return None if process is None else GaussMarkov(
-        process.sigma, process.correlation_time_s, process.sigma_ci95,
-        process.correlation_time_ci95)
-
-
-def _power_law(fitted: Fit) -> PowerLaw | None:
-    law = fitted.power_law
-    return None if law is None else PowerLaw(
-        law.exponent, law.ci95, law.amplitude**2 / (2 * np.pi)**law.exponent)
-
-
-def _law_of(fitted: Fit) -> tuple[float, float] | None:
+def _law_of(fitted: AxisReport) -> tuple[float, float] | None:
     """Give amplitude and exponent of slow noise that is no flicker."""
     law = fitted.power_law
     return None if law is None else (law.amplitude, law.exponent)
@@ -354,13 +305,12 @@ def _stationarity(found: AxisFit, axis: int, dt: float, finished: Estimator,
     powers, steady = found.segments, found.steadiness
     if powers is None or steady is None or finished.reference is None:
         return None
-    values = {key: e.value for key, e in found.fit.estimates.items()}
     frequency = powers.frequency / dt
     density = found.fit.estimates['noise_density']
-    ratio = white_ratio(powers, axis, values['noise_density']**2,
-                        FittedModel(values, power_law=_law_of(found.fit)).density(frequency, dt),
+    model_of = FittedModel(found.fit.values, power_law=_law_of(found.fit))
+    ratio = white_ratio(powers, axis, density.value**2, model_of.density(frequency, dt),
                         frequency < (found.fit.edge_hz or np.inf)) if density.observable else None
-    drift = _drift_levels(powers, axis, dt, density.value**2, model)
+    drift = _drift_levels(powers, axis, dt, max(density.value, _NO_DENSITY)**2, model)
     segments = []
     for number, (start, count) in enumerate(zip(powers.start, powers.duration, strict=True)):
         own, interval = None, None
@@ -389,28 +339,6 @@ def _drift_levels(powers: SegmentPowers, axis: int, dt: float, white: float,
     return [found[number] for number in range(len(powers.start))]
 
 
-def _trend(fitted: Fit) -> Trend:
-    """Gather what moves the mean and is no noise."""
-    ramp = fitted.estimates['rate_ramp']
-    heat = fitted.temperature
-    parts = [_warm_up(part) for part in fitted.warmings]
-    return Trend(
-        ramp=Ramp(ramp.value, (ramp.low, ramp.high)) if ramp.observable else None,
-        warm_up=parts[0] if parts else None,
-        temperature=TemperatureDependence(
-            heat.per_kelvin, (heat.low, heat.high), heat.lowest_c, heat.highest_c,
-            heat.per_kelvin_squared, heat.before, heat.lag_s, heat.lag_ci95)
-        if heat is not None else None,
-        second_warm_up=parts[1] if len(parts) > 1 else None,
-        cycle_s=fitted.cycle_s)
-
-
-def _warm_up(part: Warming) -> WarmUp:
-    """Describe a part of a warm-up."""
-    return WarmUp(part.amplitude, part.time_constant_s, (part.low, part.high),
-                  (part.shortest_s, part.longest_s))
-
-
 def _spectrum(groups: Groups) -> Spectrum:
     return Spectrum(tuple(groups.frequency.tolist()), tuple(_density(groups).tolist()))
 
@@ -420,19 +348,17 @@ def _density(groups: Groups) -> Array:
     return groups.power / groups.design[:, WHITE]
 
 
-def _high_pass_corner_hz(groups: Groups) -> float | None:
-    return high_pass_corner_hz(groups.frequency, _density(groups), groups.dof)
-
-
 def _coefficient(key: str, quantity: Quantity, estimate: Estimate,
                  forecast: tuple[float | None, float | None]) -> Coefficient:
     term = TERMS[key]
     unit = term.unit(quantity)
     if estimate.observable:
         return Coefficient(term.symbol, unit, True, float(estimate.value),
-                           (float(estimate.low), float(estimate.high)), None, None, forecast[1])
+                           (float(estimate.low), float(estimate.high)), None, None, forecast[1],
+                           presence=float(estimate.presence))
     upper = float(estimate.upper) if np.isfinite(estimate.upper) else None
-    return Coefficient(term.symbol, unit, False, None, None, upper, forecast[0], None)
+    return Coefficient(term.symbol, unit, False, None, None, upper, forecast[0], None,
+                       presence=float(estimate.presence))
 
 
 def _signals(finished: Estimator, columns: Columns, dt: float) -> list[Signal | None]:
@@ -472,7 +398,7 @@ def _fitted(found: AxisFit, drift: DriftModel | None) -> FittedModel:
     The drift model is for the slow end of what the terms may miss; beside a power law they miss
     nothing.
     """
-    values = {key: estimate.value for key, estimate in found.fit.estimates.items()}
+    values = found.fit.values
     processes: tuple[tuple[float, float], ...] = ()
     law = _law_of(found.fit)
     if drift is not None and law is None:
@@ -498,6 +424,14 @@ def _curve(points: Octaves, axis: int, dt: float, values: Mapping[str, float],
     return Curve(tuple(tau.tolist()), tuple(np.sqrt(avar).tolist()), tuple(dof.tolist()),
                  _pairs(avar, dof, 0.6827), _pairs(avar, dof, 0.95),
                  (0.0,) * len(tau))
+
+
+def _below_curve(found: Coefficient, key: str, curve: Curve, highest: Array) -> Coefficient:
+    """Return a bound that the measured curve allows: no term alone lies above it."""
+    if found.upper95 is None or not len(highest):
+        return found
+    most = float(np.min(highest / TERMS[key].adev(1.0, np.array(curve.tau_s))))
+    return replace(found, upper95=min(found.upper95, most))
 
 
 def _leaves_at(points: Octaves, axis: int, curve: Curve, models: Sequence[FittedModel], dt: float

@@ -9,13 +9,11 @@ from typing import Any
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
-from imu_allan.noise.bias_step import BiasStep
-from imu_allan.noise.fit import Fit
+from imu_allan.noise.posterior.report import AxisReport
 from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
-from imu_allan.noise.warm_up import Warming
-from imu_allan.result import AxisResult, Deadband, Segment, Span
+from imu_allan.result import AxisResult, Deadband, Segment, Span, Trend
 from imu_allan.timeline import TimelineSummary
 import numpy as np
 from scipy.special import fdtri
@@ -24,6 +22,8 @@ MEAN_MOVES = {'warm_up', 'slow_cycle', 'trend_or_walk', 'bias_step'}
 """Codes of the findings about a mean that moves."""
 
 
+_UNKNOWN_FLOOR = 0.05
+"""What is left of a warm-up that is over, where no floor says when: three time constants."""
 _COARSE = 1 / 8
 """Share of the range that a step of the thermometer may be: the mean then follows it in jumps."""
 _HALVES_CHANCE = 1.35e-3
@@ -64,16 +64,6 @@ def copy_remark(one: str, other: str, sign: int) -> Finding:
     return finding('copied_axis', (one, other), opposite=sign < 0)
 
 
-def high_pass_remark(corner_hz: float) -> Finding:
-    """Say that a filter has taken out what is slow."""
-    return finding('high_passed', corner_hz=corner_hz)
-
-
-def perhaps_high_passed_remark(corner_hz: float) -> Finding:
-    """Say that a filter may have taken out what is slow."""
-    return finding('perhaps_high_passed', corner_hz=corner_hz)
-
-
 def step_remarks(step: float, noise: float, quantity: Quantity) -> list[Finding]:
     """Say where the output steps by more than the noise of one sample; `step` may be infinite."""
     if not noise < step < inf or noise <= 0:
@@ -94,33 +84,25 @@ def tone_findings(axes: Mapping[str, AxisResult]) -> list[Finding]:
     return found
 
 
-def fit_remarks(fitted: Fit, quantity: Quantity) -> list[Finding]:
-    """Say what the fit of an axis found beside coefficients."""
+def fit_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
+    """Say what the noise of an axis has beside coefficients."""
     remarks = []
-    if fitted.window_s is not None and fitted.edge_hz is not None:
+    if fitted.high_pass_hz is not None:
+        remarks.append(finding('high_passed', corner_hz=fitted.high_pass_hz))
+    if fitted.edge_hz is not None:
         remarks.append(finding('band_limited', edge_hz=fitted.edge_hz))
     elif fitted.window_s is not None:
         remarks.append(finding('band_limited', window_s=fitted.window_s))
-    if fitted.plateau is not None and fitted.edge_hz is not None:
-        density = fitted.estimates['noise_density']
-        remarks.append(finding('poor_fit', edge_hz=fitted.edge_hz,
-                               plateau_share=fitted.plateau / density.value))
-    elif not fitted.acceptable:
+    if not fitted.acceptable:
         remarks.append(finding('poor_fit', misfit_share=fitted.misfit))
     if (law := fitted.power_law) is not None:
-        remarks.append(finding('power_law', exponent=law.exponent, exponent_low=law.ci95[0],
-                               exponent_high=law.ci95[1]))
-    if fitted.gauss_markov:
-        remarks.append(finding('gauss_markov', sigma=fitted.gauss_markov.sigma,
-                               unit=quantity.unit,
-                               correlation_time_s=fitted.gauss_markov.correlation_time_s))
-    return [*remarks, *_temperature_remarks(fitted, quantity),
-            *_mean_remarks(fitted, quantity)]
-
-
-def bias_step_remark(step: BiasStep, dt: float, quantity: Quantity) -> Finding:
-    """Say that the mean steps once."""
-    return finding('bias_step', size=step.size, unit=quantity.unit, after_s=step.place * dt)
+        remarks.append(finding('power_law', exponent=law.exponent,
+                               exponent_low=law.exponent_ci95[0],
+                               exponent_high=law.exponent_ci95[1]))
+    if (process := fitted.gauss_markov) is not None:
+        remarks.append(finding('gauss_markov', sigma=process.sigma, unit=quantity.unit,
+                               correlation_time_s=process.correlation_time_s))
+    return [*remarks, *_mean_remarks(fitted, quantity)]
 
 
 def leaving_remark(tau_s: float) -> Finding:
@@ -205,13 +187,22 @@ def _by_chance(steps: float) -> float:
     return log(fdtri(steps, steps, 1 - _HALVES_CHANCE))
 
 
-def steady_after_s(axis: AxisResult) -> float:
-    """Seconds after which a warm-up is over; 0 where there is none."""
+def steady_after_s(trend: Trend | None, flicker: float) -> float:
+    """
+    Seconds until what is left of a warm-up is no more than a third of the flicker floor, or 0.
+
+    Where the floor is not known (zero), until a twentieth of the amplitude is left.
+    """
+    parts = () if trend is None else (trend.warm_up, trend.second_warm_up)
+    return max((part.time_constant_s * max(log(abs(part.amplitude) / (
+        FLICKER_FLOOR * flicker / 3 or _UNKNOWN_FLOOR * abs(part.amplitude))), 0.0)
+        for part in parts if part is not None and part.amplitude), default=0.0)
+
+
+def steady_of(axis: AxisResult) -> float:
+    """Seconds after which the warm-up of an axis is over; 0 where there is none."""
     flicker = axis.coefficients['bias_instability']
-    floor = FLICKER_FLOOR * (flicker.value or flicker.upper95 or 0.0)
-    parts = (axis.trend.warm_up, axis.trend.second_warm_up) if axis.trend is not None else ()
-    return max((Warming(part.amplitude, *part.ci95, part.time_constant_s).steady_after_s(floor)
-                for part in parts if part is not None), default=0.0)
+    return steady_after_s(axis.trend, flicker.value or flicker.upper95 or 0.0)
 
 
 def is_worth_cutting(start_s: float, length_s: float) -> bool:
@@ -247,36 +238,30 @@ def thermometer_remarks(seen: Temperature) -> list[Finding]:
     return remarks
 
 
-def _temperature_remarks(fitted: Fit, quantity: Quantity) -> list[Finding]:
-    """Say how the mean depends on temperature, and what the random walk was without that."""
-    heat = fitted.temperature
-    if heat is None:
-        return []
-    walk, before = fitted.estimates['rate_random_walk'], heat.before.get('rate_random_walk')
-    told = before is not None and (not walk.observable or not walk.low < before < walk.high)
-    return [finding(
-        'temperature', per_kelvin=heat.per_kelvin, per_kelvin_low=heat.low,
-        per_kelvin_high=heat.high, unit=quantity.unit, lowest_c=heat.lowest_c,
-        highest_c=heat.highest_c, curved=heat.per_kelvin_squared is not None, lag_s=heat.lag_s,
-        random_walk_without=before if told else None)]
-
-
-def _mean_remarks(fitted: Fit, quantity: Quantity) -> list[Finding]:
+def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
     """Say what moves the mean, and what that means for the random walk."""
-    remarks = []
-    if fitted.warmings:
+    remarks, trend = [], fitted.trend
+    if (heat := trend.temperature) is not None:
+        remarks.append(finding(
+            'temperature', per_kelvin=heat.per_kelvin, per_kelvin_low=heat.ci95[0],
+            per_kelvin_high=heat.ci95[1], unit=quantity.unit, lowest_c=heat.lowest_c,
+            highest_c=heat.highest_c, curved=heat.per_kelvin_squared is not None,
+            lag_s=heat.lag_s))
+    if (first := trend.warm_up) is not None:
         flicker = fitted.estimates['bias_instability']
-        floor = FLICKER_FLOOR * (flicker.value if flicker.observable else
-                                 flicker.upper if isfinite(flicker.upper) else 0.0)
-        first = fitted.warmings[0]
+        known = flicker.value if flicker.observable else flicker.upper
         remarks.append(finding(
             'warm_up', amplitude=first.amplitude, unit=quantity.unit,
             time_constant_s=first.time_constant_s,
-            time_constant_factor=first.longest_s / first.time_constant_s,
-            exponentials=len(fitted.warmings),
-            steady_after_s=max(part.steady_after_s(floor) for part in fitted.warmings)))
-    if fitted.cycle_s is not None:
-        remarks.append(finding('slow_cycle', period_s=fitted.cycle_s))
+            time_constant_factor=first.time_constant_ci95[1] / first.time_constant_s
+            if first.time_constant_ci95 else inf,
+            exponentials=1 if trend.second_warm_up is None else 2,
+            steady_after_s=steady_after_s(trend, known if isfinite(known) else 0.0)))
+    if trend.cycle_s is not None:
+        remarks.append(finding('slow_cycle', period_s=trend.cycle_s))
+    if (step := fitted.bias_step) is not None:
+        remarks.append(finding('bias_step', size=step.size, unit=quantity.unit,
+                               after_s=step.at_s))
     if fitted.walk_unclear:
         remarks.append(finding('trend_or_walk'))
     return remarks
@@ -304,7 +289,7 @@ def with_start(found: Iterable[Finding], axes: Mapping[str, AxisResult], length_
         `start` of a warm-up is what ``--start`` should be, None where the recording is too short.
 
     """
-    steady = [time for axis in axes.values() if (time := steady_after_s(axis)) > 0]
+    steady = [time for axis in axes.values() if (time := steady_of(axis)) > 0]
     longest_s, start_s = max(steady, default=0.0), start_of(steady, length_s)
     if several:
         start = f'{ceil(longest_s / 60)}min' if 0 < longest_s < length_s else None

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 
-from imu_allan.characterization.axis import axis_results, widened, with_bounded_walk
+from imu_allan.characterization.axis import axis_results, widened
 from imu_allan.characterization.exponents import (
     exponents_differ,
     OF_THE_COMMON_FIT,
@@ -21,17 +21,17 @@ from imu_allan.characterization.exponents import (
     with_own_exponents,
 )
 from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
-from imu_allan.characterization.finished import FinishedGroup, FinishedRecord
+from imu_allan.characterization.finished import FinishedRecord
 from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.characterization.stream import Characterization
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
-from imu_allan.noise.agreement import PARTS
+from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.joint import joint_fits
+from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import (
@@ -62,6 +62,7 @@ class _Part:
     path: str
     record: FinishedRecord
     result: Result
+    fits: Mapping[str, AxisFit | None]
 
 
 def joint_result(recordings: Sequence[Characterization],
@@ -95,16 +96,12 @@ def joint_result(recordings: Sequence[Characterization],
         record = recording.record()
         if record is None:
             raise ImuAllanError(f'{recording.path}: holds no usable sample; leave it out')
-        parts.append(_Part(str(recording.path), record, recording.result(own)))
+        parts.append(_Part(str(recording.path), record, *recording.fitted(own)))
     _agree(parts)
     first = parts[0].record
     rate = float(np.average([part.record.rate_hz for part in parts],
                             weights=[part.record.samples for part in parts]))
     fitted = _axis_results(parts, rate)
-    for name in fitted:
-        if _steps(name, parts):
-            axis, own = fitted[name]
-            fitted[name] = with_bounded_walk(axis), own
     for name, (axis, own) in fitted.items():
         singles = {part.path: part.result.axes[name] for part in parts
                    if part.result.axes[name].spectrum is not None}
@@ -189,12 +186,6 @@ def _same_slow_end(parts: Sequence[_Part], name: str) -> None:
             f'certain in {raw.path}; analyze the raw topic of each')
 
 
-def _corner_hz(name: str, parts: Sequence[_Part]) -> float | None:
-    """Return the corner of the high-pass that an axis came through in every recording."""
-    return next((corner for part in parts
-                 if (corner := part.result.axes[name].high_passed_hz) is not None), None)
-
-
 def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
     """Density of the fastest octave over that three octaves below, and its relative error."""
     if axis.spectrum is None:
@@ -214,44 +205,16 @@ def _fast_end(axis: AxisResult, rate_hz: float) -> tuple[float, float] | None:
 
 def _axis_results(parts: Sequence[_Part], rate_hz: float
                   ) -> dict[str, tuple[AxisResult, list[Finding]]]:
-    """Fit all axes, those at once that came and went together in every recording."""
-    together: dict[tuple[int, ...], list[str]] = {}
-    names = parts[0].record.names
-    for name in names:
-        key = tuple(part.record.groups.index(part.record.group_of(name)) for part in parts)
-        together.setdefault(key, []).append(name)
-    found: dict[str, tuple[AxisResult, list[Finding]]] = {}
-    for alike in together.values():
-        groups = [part.record.group_of(alike[0]).taken(alike) for part in parts]
-        found |= zip(alike, _group_results(parts, groups, rate_hz), strict=True)
-    return {name: found[name] for name in names}
-
-
-def _group_results(parts: Sequence[_Part], groups: Sequence[FinishedGroup], rate_hz: float
-                   ) -> list[tuple[AxisResult, list[Finding]]]:
-    """Give every axis curve and mean of the recordings in which it works, if there are any."""
-    fits = joint_fits([group.estimator for group in groups], 1 / rate_hz,
-                      [group.temperature for group in groups])
-    names = groups[0].names
-    quantities = [AXES[name] for name in names]
-    corners_hz = [_corner_hz(name, parts) for name in names]
-    of: dict[tuple[int, ...], list[tuple[AxisResult, list[Finding]]]] = {}
-    found = []
-    for axis, name in enumerate(names):
-        working = tuple(number for number, part in enumerate(parts)
-                        if part.result.axes[name].fault is None) or tuple(range(len(parts)))
-        if working not in of:
-            merged = _merged([groups[number].estimator for number in working])
-            of[working] = axis_results(merged, rate_hz, quantities, fits, corners_hz=corners_hz,
-                                       of_one_record=False)
-        found.append(of[working][axis])
+    """Fit every axis to the recordings in which it works, if there are any."""
+    found = {}
+    for name in parts[0].record.names:
+        working = [part for part in parts if part.result.axes[name].fault is None] or parts
+        fits = [fit for part in working if (fit := part.fits[name]) is not None]
+        groups = [part.record.group_of(name).taken([name]) for part in working]
+        [found[name]] = axis_results(
+            _merged([group.estimator for group in groups]), rate_hz, [AXES[name]],
+            [joint_fit(fits, 1 / rate_hz) if fits else None])
     return found
-
-
-def _steps(name: str, parts: Sequence[_Part]) -> bool:
-    """Whether the mean of an axis is told to step in a recording."""
-    return any(remark.code == 'bias_step' and name in remark.axes
-               for part in parts for remark in part.result.warnings)
 
 
 def _merged(estimators: Sequence[Estimator]) -> Estimator:
@@ -308,8 +271,8 @@ def _of_each(parts: Sequence[_Part], axes: Mapping[str, AxisResult]) -> list[Fin
     constant = {name for name, axis in axes.items() if axis.constant}
     # What the single fits found is said of the joint one, or the joint one does without.
     own = ('short_recording', 'band_limited', 'poor_fit', 'gauss_markov', 'power_law',
-           'coarse_resolution', 'warm_up', 'trend_or_walk', 'temperature', 'high_passed',
-           'perhaps_high_passed', 'tones')
+           'coarse_resolution', 'warm_up', 'slow_cycle', 'trend_or_walk', 'temperature',
+           'high_passed', 'tones')
     return [remark.with_values(recording=part.path) for part in parts
             for remark in part.result.warnings if remark.code not in own
             and not (remark.code == 'constant_axis' and constant.issuperset(remark.axes))]
@@ -380,7 +343,7 @@ def _with_spread(axis: AxisResult, name: str, parts: Sequence[_Part]) -> AxisRes
 
 
 def with_between(found: Coefficient, name: str, key: str, parts: Sequence[_Part]) -> Coefficient:
-    """Add what the quarters of a record differ by: the joint likelihood does not know of it."""
+    """Add what a coefficient changes by in each record: the joint likelihood does not know it."""
     assert found.value is not None
     assert found.ci95 is not None
     whole = sum(part.result.timeline.duration_s for part in parts)
@@ -389,7 +352,7 @@ def with_between(found: Coefficient, name: str, key: str, parts: Sequence[_Part]
         own = part.result.axes[name].coefficients[key]
         if own.value and own.between:
             share = part.result.timeline.duration_s / whole
-            variance += (share * own.between / own.value)**2 / PARTS
+            variance += (share * own.between / own.value)**2
     if not variance:
         return found
     # An interval that begins at 0 cannot begin lower.

@@ -326,7 +326,8 @@ class Characterization:
             if any(remark.code in MEAN_MOVES for remark in own):
                 unclear.add(name)
         unsaid = {name: axes[name] for name, (_, own) in zip(names, fitted, strict=True)
-                  if not any(remark.code in {'not_steady', *MEAN_MOVES} for remark in own)}
+                  if not any(remark.code in {'not_steady', *MEAN_MOVES} - {'trend_or_walk'}
+                             for remark in own)}
         for name, remark in halves_remarks(unsaid).items():
             remarks.append(remark.of(name))
             axes[name] = unsteady(axes[name])

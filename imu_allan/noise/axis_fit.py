@@ -1,38 +1,46 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a finished estimator to the fit of every axis."""
+"""From a finished estimator to what its noise is, axis by axis."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
-from imu_allan.noise.agreement import PARTS
 from imu_allan.noise.alike import pairs
 from imu_allan.noise.axis_fault import axis_fault, steps_hide_noise
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.bridges import Bridges
+from imu_allan.noise.bins import Bins, bins_of
 from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import Fit, fit
-from imu_allan.noise.groups import grouped, Groups, Spectra
+from imu_allan.noise.groups import grouped, Groups
 from imu_allan.noise.likelihood import maximise
 from imu_allan.noise.mean_in_blocks import Course, without_mean
 from imu_allan.noise.part_of_record import Part
 from imu_allan.noise.periodogram import Periodogram, SpectrumPiece
+from imu_allan.noise.posterior.answer import expected, moved_mean
+from imu_allan.noise.posterior.change import Change, change_of, STEADY
+from imu_allan.noise.posterior.courses import COURSES, lags_of, with_temperature
+from imu_allan.noise.posterior.parts import goes_on
+from imu_allan.noise.posterior.posterior import Posterior, posteriors
+from imu_allan.noise.posterior.report import AxisReport, reported
+from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
+from imu_allan.noise.slow_cycle import known_cycle, SlowCycle, strong_cycle
 from imu_allan.noise.stationarity import (
     segment_powers,
     SegmentPowers,
     short_powers,
     Steadiness,
     steadiness,
+    white_ratio,
 )
 from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.tones import find_lines, NAMED, vibrations
 from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.result import Tone
+import numpy as np
 
 SHORTEST_RECORD = 64
 """Samples below which no coefficient is estimated."""
+_QUARTERS = 4
+"""More parts are each too short to know a random walk, fewer cannot disagree much."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +50,9 @@ class AxisFit:
 
     Attributes
     ----------
-    fit : Fit
-        The fitted terms.
+    fit : AxisReport
     lines : list of Tone
-        What was left out of the fit, the strongest first.
+        What was left out of the spectrum, the strongest first.
     groups : Groups
         What was fitted: the spectrum without the lines.
     whole : Groups
@@ -54,21 +61,27 @@ class AxisFit:
         What parts of the record say of each other; None where it is too short to have parts.
     segments : SegmentPowers or None
         Of all axes.
+    record : RecordSpectrum or None
+        One record, with the courses that its mean follows; None of several.
+    parts : callable or None
+        Gives the spectra of quarters of the record, none where they are too short.
 
     """
 
-    fit: Fit
+    fit: AxisReport
     lines: list[Tone]
     groups: Groups
     whole: Groups
     steadiness: Steadiness | None = None
     segments: SegmentPowers | None = None
+    record: RecordSpectrum | None = None
+    parts: Callable[[], list[Groups]] | None = None
 
 
 def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | None = None
              ) -> list[AxisFit | None]:
     """
-    Fit the spectrum of every axis.
+    Weigh the noise models of every axis: equation (7) of docs/statistics.md.
 
     Parameters
     ----------
@@ -85,57 +98,50 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         None for an axis that is constant, all the time or for a part of it, is cut off, has a
         deadband, or a record that is too short.
 
+    Examples
+    --------
+    >>> from imu_allan.noise.simulate import simulate
+    >>> estimator = Estimator()
+    >>> estimator.update(simulate({'noise_density': 1e-3}, 20_000, 100.0, 1))
+    >>> [axis] = fit_axes(estimator.finished(), 0.01)
+    >>> density = axis.fit.estimates['noise_density']
+    >>> bool(density.low < 1e-3 < density.high)
+    True
+
     """
     pieces = finished.periodogram.pieces() if finished.samples >= SHORTEST_RECORD else []
-    if not pieces:
-        return [None] * finished.axes
-    bridges = finished.bridges
-    bins = bins_of(pieces, dt, bridges)
-    segments = segment_powers(finished.periodogram)
-    brief = short_powers(finished.periodogram) if segments is None else None
-    coarse = steps_hide_noise(finished)
-    quarters = _quarters(finished.periodogram, dt, bridges)
-    found: list[AxisFit | None] = []
-    asked: dict[int, partial[Fit]] = {}
-    for axis in range(finished.axes):
-        if axis_fault(finished, axis) is not None:
-            found.append(None)
-            continue
-        whole = grouped(bins, axis)
-        first = maximise(whole, ramp=None)
-        lines, keep = find_lines(pieces, bins, axis, dt, first)
-        lines_hz = [line.frequency_hz for line in lines[:NAMED]]
-        steady = steadiness(segments, axis, dt, lines_hz) if segments else None
-        own = segments
-        if brief is not None and not coarse[axis]:
-            # All that a short record can say of its parts is that their noise is not the same.
-            said = steadiness(brief, axis, dt, lines_hz, white_alone=True)
-            own, steady = (None, None) if said.steady else (brief, said)
-        record = RecordSpectrum(pieces, bins, axis, dt, keep)
-        groups = whole if keep.all() else record.groups()
-        parts, calmed = None, None
-        if brief is None:
-            parts = partial(_spectra, quarters, axis, lines_hz)
-            calmed = partial(_calmed, finished, axis, dt, lines_hz)
-        again = partial(fit, groups, dt, first, record, steady, parts, temperature, calmed)
-        fitted = again()
-        found.append(AxisFit(fitted, lines, groups, whole, fitted.steady, own))
-        asked[axis] = again
-    return _asked_for_cycles(found, asked, pieces, dt)
-
-
-def _asked_for_cycles(found: list[AxisFit | None], asked: dict[int, partial[Fit]],
-                      pieces: Sequence[SpectrumPiece], dt: float) -> list[AxisFit | None]:
-    """Ask every axis for the slow cycles of the others: what heats one heats all."""
-    known = {axis: one.fit.cycle_s for axis, one in enumerate(found)
-             if one is not None and one.fit.cycle_s is not None}
-    for axis, again in asked.items() if known else ():
-        one = found[axis]
-        assert one is not None
-        if axis not in known:
-            fitted = again(known_hz=[1 / period_s for period_s in known.values()])
-            one = replace(one, fit=fitted, steadiness=fitted.steady)
-        found[axis] = replace(one, lines=vibrations(one.lines, one.fit.cycle_s, pieces, dt))
+    axes = [axis for axis in range(finished.axes) if axis_fault(finished, axis) is None]
+    found: list[AxisFit | None] = [None] * finished.axes
+    if not pieces or not axes:
+        return found
+    # A cycle that a thermometer shows is no other cycle.
+    heat = [] if temperature is None else [
+        temperature.of_sensor(float(lag)).courses[0] for lag in lags_of(temperature)]
+    sources = _without_cycles(_sources(finished, pieces, axes, dt), finished, heat)
+    kinds = COURSES if temperature is None else with_temperature(temperature)
+    first = posteriors([source.capped for source in sources], dt,
+                       [source.record for source in sources], kinds)
+    for axis, source, posterior in zip(axes, sources, first, strict=True):
+        mean = moved_mean(posterior, source.record)
+        beside = source.record
+        if mean is not None:
+            # What moves the mean is no change of the noise, and leaks into blocks.
+            noise = np.exp(np.interp(np.log(source.record.bins.frequency),
+                                     np.log(mean.frequency), np.log(mean.noise)))
+            source = source.calmed(finished, source.record.without_leak(mean.course, noise),
+                                   mean.course)
+            [posterior] = posteriors([source.capped], dt, [source.record], kinds)
+            beside = source.record.beside(posterior.courses(source.record.duration_s))
+        report = reported(replace(posterior, change=_change(posterior, source, dt)), dt,
+                          temperature, source.record)
+        if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
+                and not goes_on(posterior, [[part] for part in parts], dt):
+            report = report.without_walk()
+        if source.cycle is not None:
+            report = report.with_cycle(source.cycle.period_s)
+        lines = vibrations(source.lines, report.trend.cycle_s, pieces, dt)
+        found[axis] = AxisFit(report, lines, source.groups, source.whole, source.steady,
+                              source.segments, beside, source.parts)
     return found
 
 
@@ -155,23 +161,126 @@ def copies(finished: Estimator) -> list[tuple[int, int, int]]:
         pair for pair in pairs(finished.alike) if not coarse[pair[0]]]
 
 
-def _quarters(periodogram: Periodogram, dt: float, bridges: Bridges) -> list[Part]:
+@dataclass(frozen=True)
+class _Source:
+    """What the models of an axis are weighed by."""
+
+    axis: int
+    whole: Groups
+    groups: Groups
+    record: RecordSpectrum
+    lines: list[Tone]
+    steady: Steadiness | None
+    segments: SegmentPowers | None
+    # Of which axis of the segments and the quarters.
+    own: int
+    quarters: list[Part]
+    cycle: SlowCycle | None = None
+
+    @property
+    def capped(self) -> Groups:
+        """Return the spectrum, worth less where the noise changes."""
+        own = self.record.groups()
+        return own if self.steady is None or not self.steady.differs else self.steady.capped(own)
+
+    def parts(self) -> list[Groups]:
+        """Return the spectra of quarters of the record, none where they are too short."""
+        found = [part.groups(self.own, lines_hz(self.lines)) for part in self.quarters]
+        if len(found) < _QUARTERS or min(len(one.frequency) for one in found) < FEWEST_GROUPS:
+            return []
+        return found if self.steady is None or not self.steady.differs else [
+            self.steady.capped(one) for one in found]
+
+    def calmed(self, finished: Estimator, record: RecordSpectrum, mean: Course) -> '_Source':
+        """Take a mean that moves out of the segments and the quarters, too."""
+        turning = None if self.cycle is None else self.cycle.cycle.course
+        calm = without_mean(finished.periodogram, self.axis, record.dt, mean if turning is None
+                            else lambda time: mean(time) + turning(time))
+        segments = segment_powers(calm)
+        return replace(
+            self, record=record, quarters=_quarters(calm, record.dt, finished), own=0,
+            steady=steadiness(segments, 0, record.dt, lines_hz(self.lines)) if segments
+            else self.steady)
+
+
+def lines_hz(lines: Sequence[Tone]) -> list[float]:
+    """Return the frequencies of the strongest lines."""
+    return [line.frequency_hz for line in lines[:NAMED]]
+
+
+def record_spectrum(pieces: list[SpectrumPiece], bins: Bins, axis: int, dt: float
+                    ) -> tuple[RecordSpectrum, list[Tone], Groups]:
+    """Leave the lines out of the spectrum of an axis: that, the lines, and all of it in bands."""
+    whole = grouped(bins, axis)
+    lines, keep = find_lines(pieces, bins, axis, dt, maximise(whole, ramp=None))
+    return RecordSpectrum(pieces, bins, axis, dt, keep, aligned=True), lines, whole
+
+
+def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[int], dt: float
+             ) -> list[_Source]:
+    """Leave lines out of every axis, and compare the parts of the record."""
+    bins = bins_of(pieces, dt, finished.bridges)
+    segments = segment_powers(finished.periodogram)
+    brief = short_powers(finished.periodogram) if segments is None else None
+    coarse = steps_hide_noise(finished)
+    quarters = _quarters(finished.periodogram, dt, finished) if brief is None else []
+    found = []
+    for axis in axes:
+        record, lines, whole = record_spectrum(pieces, bins, axis, dt)
+        steady = steadiness(segments, axis, dt, lines_hz(lines)) if segments else None
+        own = segments
+        if brief is not None and not coarse[axis]:
+            # All that a short record can say of its parts is that their noise is not the same.
+            said = steadiness(brief, axis, dt, lines_hz(lines), white_alone=True)
+            own, steady = (None, None) if said.steady else (brief, said)
+        groups = whole if record.keep is None or record.keep.all() else replace(
+            record, aligned=False).groups()
+        found.append(_Source(axis, whole, groups, record, lines, steady, own, axis, quarters))
+    return found
+
+
+def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Course]
+                    ) -> list[_Source]:
+    """Take strong cycles out of every axis, and ask it for those of the others."""
+    found = [strong_cycle(source.record.beside(beside)) for source in sources]
+    known = [1 / one.period_s for one in found if one is not None]
+    if not known:
+        return list(sources)
+    left = []
+    for source, own in zip(sources, found, strict=True):
+        cycle = own or known_cycle(source.record.beside(beside), known)
+        if cycle is not None:
+            source = replace(source, cycle=cycle).calmed(
+                finished, replace(cycle.record, courses=()), _still)
+        left.append(source)
+    return left
+
+
+def _still(time: np.ndarray) -> np.ndarray:
+    """Return a mean that does not move."""
+    return np.zeros_like(time)
+
+
+def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
+    """Weigh how much the level of the white noise changes between segments."""
+    if source.segments is None or source.steady is None:
+        return STEADY
+    best = posterior.models[0]
+    lam, white = expected(best)
+    frequency = source.segments.frequency / dt
+    share = np.exp(np.interp(np.log(frequency), np.log(best.spectra.frequency),
+                             np.log(np.maximum(white, 1e-300) / lam)))
+    edge = int(best.row.edge[0])
+    top = best.spectra.frequency[edge - 1]
+    ratio = white_ratio(source.segments, source.axis, 1.0, 1 / share, frequency <= top)
+    if ratio is None or not ratio[0].all():
+        return STEADY
+    return change_of(2 * np.log(ratio[0]), 2 * ratio[1])
+
+
+def _quarters(periodogram: Periodogram, dt: float, finished: Estimator) -> list[Part]:
     """Quarters of a record."""
     used = periodogram.segments.used
-    ends = [round(part * used / PARTS) for part in range(PARTS + 1)]
-    return [Part(periodogram, dt, first, last, bridges)
+    ends = [round(part * used / _QUARTERS) for part in range(_QUARTERS + 1)]
+    return [Part(periodogram, dt, first, last, finished.bridges)
             for first, last in pairwise(ends) if last > first]
-
-
-def _calmed(finished: Estimator, axis: int, dt: float, lines_hz: Sequence[float], mean: Course
-            ) -> tuple[Steadiness | None, Spectra]:
-    """Ask the segments and the quarters of an axis without a mean that moves."""
-    calm = without_mean(finished.periodogram, axis, dt, mean)
-    segments = segment_powers(calm)
-    quarters = _quarters(calm, dt, finished.bridges)
-    return (steadiness(segments, 0, dt, lines_hz) if segments else None,
-            partial(_spectra, quarters, 0, lines_hz))
-
-
-def _spectra(parts: Sequence[Part], axis: int, lines_hz: Sequence[float]) -> list[Groups]:
-    return [part.groups(axis, lines_hz) for part in parts]

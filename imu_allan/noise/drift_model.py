@@ -21,9 +21,9 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 
 from dataclasses import replace
 
-from imu_allan.noise.correlated import process_column
 from imu_allan.noise.groups import Groups, QUANTIZATION, WALK, WHITE
 from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone
 import numpy as np
@@ -83,7 +83,7 @@ def fit_drift_model(groups: Groups, dt: float, correlation_time_s: float | None 
     expected = groups
     if correlation_time_s is not None:
         expected = groups.with_design(np.column_stack(
-            (groups.design, process_column(groups, dt, correlation_time_s))))
+            (groups.design, _process(groups, dt, correlation_time_s))))
     edge, band, terms = _edge(expected, dt)
     smooth = _shrunk(band, terms)
     count = max(int(np.floor(_PER_DECADE * np.log10(longest * edge))) + 1, 1)
@@ -130,6 +130,12 @@ def drift_avar(model: DriftModel, tones: tuple[Tone, ...], tau_s: ArrayLike) -> 
     for tone in tones:
         total = total + line_avar(tone.frequency_hz, tone.amplitude, tau, tone.lines)
     return np.asarray(total)
+
+
+def _process(groups: Groups, dt: float, time: float) -> Array:
+    """Return the power that a process of unit sigma gives, shape (groups,)."""
+    nu = np.minimum(groups.frequency * dt, 0.5)
+    return np.asarray(groups.design[:, WHITE] * dt * gauss_markov(nu, dt, time))
 
 
 def _half_octaves(groups: Groups) -> tuple[NDArray[np.int64], Array]:
@@ -207,12 +213,12 @@ def _most_walk(band: Groups, best: Solution) -> Solution:
 
 def _pruned(band: Groups, dt: float, times: Array) -> tuple[Array, Solution]:
     """Fit processes of the given correlation times and keep those that matter, at most four."""
-    rows = {float(time): process_column(band, dt, float(time)) for time in times}
+    rows = {float(time): _process(band, dt, float(time)) for time in times}
 
     def fitted(of: Array, start: Array | None = None, tolerance: float = 1e-7) -> Solution:
         for time in of.tolist():
             if time not in rows:
-                rows[time] = process_column(band, dt, time)
+                rows[time] = _process(band, dt, time)
         columns = (band.design[:, WHITE], band.design[:, WALK], *(rows[t] for t in of.tolist()))
         return maximise(band.with_design(np.stack(columns, axis=1)), tolerance=tolerance,
                         start=None if start is None else Solution(start, 0.0, np.inf))

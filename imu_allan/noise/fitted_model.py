@@ -137,7 +137,7 @@ def reported_model(axis: AxisResult) -> FittedModel:
     process, law = axis.gauss_markov, axis.power_law
     values = {key: found.value for key, found in axis.coefficients.items()
               if found.observable and found.value is not None}
-    if not values and process is None and law is None:
+    if axis.high_passed_hz is not None or (not values and process is None and law is None):
         return FittedModel({})
     return FittedModel(
         values, axis.band_limit_s,

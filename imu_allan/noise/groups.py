@@ -73,6 +73,14 @@ class Groups:
                       None if self.among is None else self.among[which],
                       None if self.record is None else self.record[which])
 
+    def widened(self, regressors: int) -> 'Groups':
+        """Return the same groups with more regressors, which are nothing."""
+        assert self.along is not None
+        assert self.among is not None
+        more = regressors - self.along.shape[1]
+        return replace(self, along=np.pad(self.along, ((0, 0), (0, more))),
+                       among=np.pad(self.among, ((0, 0), (0, more), (0, more))))
+
     def with_design(self, design: Array) -> 'Groups':
         """Return the same power under another set of columns."""
         return replace(self, design=design)
@@ -197,14 +205,17 @@ def joined_groups(parts: Sequence[Groups]) -> Groups:
     Parameters
     ----------
     parts : sequence of Groups
-        Of each record, with the same number of regressors.
+        Of each record, with regressors.
 
     Returns
     -------
     Groups
         In order of frequency; the coefficients are one, those of the regressors each record's own.
+        A record with fewer regressors than another has some that are nothing.
 
     """
+    most = max(part.along.shape[1] for part in parts if part.along is not None)
+    parts = [part.widened(most) for part in parts]
     record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
     every = Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
                      for field in fields(Groups) if field.name != 'record'))

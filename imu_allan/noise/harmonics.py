@@ -21,11 +21,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 
-from imu_allan.noise.courses import Spectrum
 from imu_allan.noise.mean_in_blocks import Course, is_little, leaks
 from imu_allan.noise.regression import RIDGE
 from imu_allan.noise.shapes import cycle
-from imu_allan.noise.trends import JointSpectrum, RecordSpectrum, regressors
+from imu_allan.noise.trends import RecordSpectrum, regressors
 import numpy as np
 from numpy.typing import NDArray
 
@@ -105,38 +104,20 @@ class Cycle:
         return np.asarray(found.real)
 
 
-def refined(record: Spectrum, variances: Sequence[Array], frequency_hz: float, harmonics: int
-            ) -> tuple[Cycle, ...]:
+def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
     """
     Fit a cycle: equation (7) of docs/statistics.md, the frequency by Gauss and Newton.
 
-    Parameters
-    ----------
-    record : RecordSpectrum or JointSpectrum
-        With the courses that the mean follows besides.
-    variances : sequence of ndarray, shape (bins,)
-        What the noise gives to the bins of every record.
-    frequency_hz : float
-        Where to begin; it has to lie within a quarter of a cycle over the record.
-    harmonics : int
-        How many to fit.
-
-    Returns
-    -------
-    tuple of Cycle
-        One for every record, of one frequency.
-
+    `variance` is what the noise gives to the bins. The frequency to begin at has to lie within a
+    quarter of a cycle over the record.
     """
+    longest = _LONGEST_STEP / (frequency_hz * record.duration_s)
     for _ in range(_STEPS):
-        cycles = tuple(_cycle(one, variance, frequency_hz, harmonics)
-                       for one, variance in zip(record.records, variances, strict=True))
-        weights = np.array([one.error for one in cycles])**-2.0
-        step = float(np.average([one.off for one in cycles], weights=weights))
-        if abs(step) < _NEAR * float(weights.sum())**-0.5:
+        found = _cycle(record, variance, frequency_hz, harmonics)
+        if abs(found.off) < _NEAR * found.error:
             break
-        longest = _LONGEST_STEP / (frequency_hz * record.duration_s)
-        frequency_hz *= float(np.exp(np.clip(step, -longest, longest)))
-    return cycles
+        frequency_hz *= float(np.exp(np.clip(found.off, -longest, longest)))
+    return found
 
 
 def _cycle(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
@@ -172,46 +153,20 @@ def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmoni
     return np.asarray(((sizes / errors)**2).reshape(-1, 2).sum(axis=1))
 
 
-def without(record: Spectrum, cycles: Sequence[Cycle], variances: Sequence[Array]) -> Spectrum:
-    """
-    Take a cycle out.
-
-    Parameters
-    ----------
-    record : RecordSpectrum or JointSpectrum
-        It is left as it is.
-    cycles : sequence of Cycle
-        In every record.
-    variances : sequence of ndarray, shape (bins,)
-        What the noise gives to the bins of every record.
-
-    Returns
-    -------
-    RecordSpectrum or JointSpectrum
-        Of one axis.
-
-    """
-    every = zip(record.records, cycles, variances, strict=True)
-    return like(record, [_without(*each) for each in every])
-
-
-def _without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
+def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
+    """Take a cycle out of a record, which is left as it is; the other is of one axis."""
     bins, own = record.bins, slice(record.axis, record.axis + 1)
     leak, doubt = leaks(record.pieces, record.dt, record.duration_s, cycle.course)
     keep = is_little(leak, doubt, variance) & (cycle.taken < _MOST_TAKEN)
     keep = keep if record.keep is None else keep & record.keep
     coefficient = bins.coefficient[own] - regressors(record.pieces, record.dt, [cycle.course]).T
     power = np.where(bins.whole, coefficient**2, np.maximum(bins.power[own] - leak, 0.0))
-    left = 1 - cycle.taken
+    # Nothing of a coefficient that is all the cycle's, but its band stays.
+    left = np.maximum(1 - cycle.taken, 1e-9)
     return replace(record, axis=0, keep=keep, bins=replace(
         bins, power=power, coefficient=coefficient, dof=left * bins.dof,
         design=left[:, None] * bins.design,
         cross=-np.sqrt(np.maximum(bins.ramp, 0.0)) * coefficient))
-
-
-def like(record: Spectrum, parts: Sequence[RecordSpectrum]) -> Spectrum:
-    """Put the records together as they were."""
-    return parts[0] if isinstance(record, RecordSpectrum) else JointSpectrum(tuple(parts))
 
 
 class _Slow:

@@ -4,8 +4,8 @@
 Noise coefficients from several records of one sensor, by their joint likelihood.
 
 The records are independent given the coefficients, so their likelihoods multiply: the spectra
-stand side by side. Every record keeps its own slowest part, its own mean, and regressors of its
-own: a ramp, and whatever else moves the mean. They are taken out by restricted likelihood.
+stand side by side. What moves the mean of a record is asked of that record, and stands in the
+joint model as regressors of its own beside its ramp; what all records have in common is the noise.
 
 References
 ----------
@@ -14,147 +14,110 @@ H. D. Patterson and R. Thompson, Biometrika 58 (1971): restricted likelihood.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
-from imu_allan.noise.axis_fault import axis_fault
-from imu_allan.noise.axis_fit import AxisFit, SHORTEST_RECORD
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.fit import fit
-from imu_allan.noise.groups import grouped, joined_groups
-from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.temperature_course import JointTemperature, TemperatureCourse
-from imu_allan.noise.tones import find_lines, vibrations
-from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
-from imu_allan.result import Tone
+from imu_allan.noise.axis_fit import AxisFit
+from imu_allan.noise.groups import joined_groups
+from imu_allan.noise.posterior.parts import goes_on
+from imu_allan.noise.posterior.posterior import Posterior, posteriors
+from imu_allan.noise.posterior.report import reported
+from imu_allan.noise.trends import side_by_side
+from imu_allan.result import TemperatureDependence, Tone, Trend
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _SAME_LINE = 2e-3
 """Relative distance below which lines of two records are one: a sensor's lines drift that much."""
 
 
-def joint_fits(records: Sequence[Estimator], dt: float,
-               temperatures: Sequence[TemperatureCourse | None] | None = None
-               ) -> list[AxisFit | None]:
+def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     """
-    Fit every axis to all records at once: equation (7) of docs/statistics.md, summed over them.
+    Fit one axis to several records at once: equation (7) of docs/statistics.md, summed over them.
 
     Parameters
     ----------
-    records : sequence of Estimator
-        As `Estimator.finished` returns them, of the same axes and the same sample interval.
+    records : sequence of AxisFit
+        What `fit_axes` says of the axis in each record, of one sample interval.
     dt : float
         Sample interval in seconds.
-    temperatures : sequence of TemperatureCourse or None, optional
-        Over each record; they are used where every record has one.
-
-    Returns
-    -------
-    list of AxisFit or None
-        None for an axis that is constant in every record, or records that are all too short; a
-        record in which it stands still is left out. There is no joint ramp.
-
-    Examples
-    --------
-    >>> from imu_allan.noise.simulate import simulate
-    >>> records = []
-    >>> for seed in range(2):
-    ...     estimator = Estimator()
-    ...     estimator.update(simulate({'noise_density': 1e-3}, 20_000, 100.0, seed))
-    ...     records.append(estimator.finished())
-    >>> [axis] = joint_fits(records, 0.01)
-    >>> density = axis.fit.trial.solution.theta[1] ** 0.5
-    >>> bool(0.98e-3 < density < 1.02e-3)
-    True
-
-    """
-    courses = temperatures or [None] * len(records)
-    found: list[AxisFit | None] = []
-    for axis in range(records[0].axes):
-        spectra, heat = [], []
-        for record, course in zip(records, courses, strict=True):
-            if record.samples < SHORTEST_RECORD or axis_fault(record, axis) is not None:
-                continue
-            spectrum = _spectrum(record, axis, dt)
-            if spectrum is not None:
-                spectra.append(spectrum)
-                heat += [course] if course is not None else []
-        known = JointTemperature(tuple(heat)) if len(heat) == len(spectra) else None
-        found.append(fit_spectra(spectra, dt, known) if spectra else None)
-    return found
-
-
-@dataclass(frozen=True)
-class RecordedSpectrum:
-    """
-    The spectrum of one axis in one record.
-
-    Attributes
-    ----------
-    spectrum : RecordSpectrum
-    lines : list of Tone
-        What is left out of it.
-    theta : ndarray, shape (columns,)
-        Squared coefficients to begin at.
-    samples : int
-
-    """
-
-    spectrum: RecordSpectrum
-    lines: list[Tone]
-    theta: Array
-    samples: int
-
-
-def _spectrum(record: Estimator, axis: int, dt: float) -> RecordedSpectrum | None:
-    pieces = record.periodogram.pieces()
-    if not pieces:
-        return None
-    bins = bins_of(pieces, dt, record.bridges)
-    first = maximise(grouped(bins, axis), ramp=None)
-    lines, keep = find_lines(pieces, bins, axis, dt, first)
-    return RecordedSpectrum(RecordSpectrum(pieces, bins, axis, dt, keep), lines, first.theta,
-                            record.samples)
-
-
-def fit_spectra(spectra: Sequence[RecordedSpectrum], dt: float,
-                temperature: JointTemperature | None = None) -> AxisFit:
-    """
-    Fit one axis to several spectra at once.
-
-    Parameters
-    ----------
-    spectra : sequence of RecordedSpectrum
-        At least one.
-    dt : float
-        Sample interval in seconds.
-    temperature : JointTemperature, optional
-        Over these records.
 
     Returns
     -------
     AxisFit
+        There is no joint ramp or step; of warm-ups the best known stands for all.
+
+    Examples
+    --------
+    >>> from imu_allan.noise.axis_fit import fit_axes
+    >>> from imu_allan.noise.estimator import Estimator
+    >>> from imu_allan.noise.simulate import simulate
+    >>> fits = []
+    >>> for seed in range(2):
+    ...     estimator = Estimator()
+    ...     estimator.update(simulate({'noise_density': 1e-3}, 20_000, 100.0, seed))
+    ...     fits += fit_axes(estimator.finished(), 0.01)
+    >>> density = joint_fit(fits, 0.01).fit.estimates['noise_density']
+    >>> bool(density.low < 1e-3 < density.high)
+    True
 
     """
-    joint = JointSpectrum(tuple(one.spectrum for one in spectra))
-    theta = np.average([one.theta for one in spectra], axis=0,
-                       weights=[one.samples for one in spectra])
-    groups = joint.groups()
-    solution = maximise(groups, Solution(theta, 0.0, np.inf), trend='restricted')
-    fitted = fit(groups, dt, solution, joint, temperature=temperature)
-    whole = joined_groups([grouped(one.bins, one.axis) for one in joint.records])
-    return AxisFit(fitted, _lines_of(spectra, fitted.cycle_s, dt), groups, whole)
+    spectra = [one.record for one in records if one.record is not None]
+    groups = side_by_side(spectra)
+    [posterior] = posteriors([groups], dt, [None])
+    report = reported(posterior, dt)
+    if report.estimates['rate_random_walk'].observable and not _shows_in_parts(
+            posterior, records, dt):
+        report = report.without_walk()
+    corners_hz = [one.fit.high_pass_hz for one in records if one.fit.high_pass_hz is not None]
+    if corners_hz:
+        report = report.behind_high_pass(max(corners_hz))
+    report = replace(report, trend=_trend([one.fit.trend for one in records]))
+    return AxisFit(report, _lines(records), groups,
+                   joined_groups([one.whole for one in records]))
 
 
-def _lines_of(spectra: Sequence[RecordedSpectrum], cycle_s: float | None, dt: float
-              ) -> list[Tone]:
-    """Lines of all records but those of a slow cycle, each once at its largest, by size."""
+def _shows_in_parts(posterior: Posterior, records: Sequence[AxisFit], dt: float) -> bool:
+    """Whether a random walk shows without a quarter of all records, and without each record."""
+    quarters = [own for one in records if one.parts is not None and (own := one.parts())]
+    splits = [quarters] if len(quarters) > 2 else []
+    if len(quarters) == len(records):
+        splits.append([list(same) for same in zip(*quarters, strict=True)])
+    return all(goes_on(posterior, split, dt) for split in splits)
+
+
+def _trend(trends: Sequence[Trend]) -> Trend:
+    """Say what moves the mean in the records, where that is something of the sensor."""
+    warm = min((one for one in trends if one.warm_up is not None), key=_error_of_warm_up,
+               default=Trend())
+    cycles = [one.cycle_s for one in trends if one.cycle_s is not None]
+    heat = [one.temperature for one in trends if one.temperature is not None]
+    return Trend(warm_up=warm.warm_up, second_warm_up=warm.second_warm_up,
+                 temperature=_mean_dependence(heat) if heat else None,
+                 cycle_s=float(np.median(cycles)) if cycles else None)
+
+
+def _error_of_warm_up(trend: Trend) -> float:
+    """Return the relative width of the interval of the amplitude."""
+    assert trend.warm_up is not None
+    low, high = trend.warm_up.ci95
+    return abs((high - low) / (trend.warm_up.amplitude or 1e-300))
+
+
+def _mean_dependence(known: Sequence[TemperatureDependence]) -> TemperatureDependence:
+    """Return the mean dependence on temperature, weighed by what each record knows of it."""
+    half = np.array([(one.ci95[1] - one.ci95[0]) / 2 for one in known])
+    weight = half**-2.0
+    slope = float(np.average([one.per_kelvin for one in known], weights=weight))
+    error = float(weight.sum()**-0.5)
+    best = known[int(np.argmax(weight))]
+    return replace(best, per_kelvin=slope, ci95=(slope - error, slope + error),
+                   lowest_c=min(one.lowest_c for one in known),
+                   highest_c=max(one.highest_c for one in known))
+
+
+def _lines(records: Sequence[AxisFit]) -> list[Tone]:
+    """Lines of all records, each once at its largest, by size."""
     kept: list[Tone] = []
-    for line in sorted((line for one in spectra
-                        for line in vibrations(one.lines, cycle_s, one.spectrum.pieces, dt)),
+    for line in sorted((line for one in records for line in one.lines),
                        key=lambda line: -line.amplitude):
         if all(abs(line.frequency_hz - other.frequency_hz) > _SAME_LINE * other.frequency_hz
                for other in kept):

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 from imu_allan.noise import spectrum
 from imu_allan.noise.terms import LASTING_TERMS
-from imu_allan.noise.trial import OBSERVABLE
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_OBSERVABLE = 5.5
+"""Likelihood ratio at which a slow term is likely enough to be reported."""
 _OCTAVES = 12
 """A forecast beyond 4096 records, half a year for one of an hour, helps nobody to plan."""
 _SINGLE = 32
@@ -55,7 +56,7 @@ def outlook(coefficients: Mapping[str, float], observable: Mapping[str, bool], d
             reached = errors[:, i] <= errors[0, i] / 2
             found[key] = (None, _first(lengths, errors[:, i], errors[0, i] / 2, reached))
         else:
-            wanted = theta[i] / np.sqrt(OBSERVABLE)
+            wanted = theta[i] / np.sqrt(_OBSERVABLE)
             reached = errors[:, i] <= wanted
             found[key] = (_first(lengths, errors[:, i], wanted, reached), None)
     return found

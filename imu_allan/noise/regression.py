@@ -90,7 +90,9 @@ def _in_each_record(groups: Groups, weight: Array, restricted: bool) -> Explaine
     own = np.where(groups.record == np.arange(groups.records)[:, None], weight, 0.0)
     target = own @ groups.along
     gram = np.tensordot(own, groups.among, 1)
-    scale = np.sqrt(np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300))
+    norm = np.diagonal(gram, axis1=1, axis2=2)
+    # Of a record with fewer regressors some are nothing.
+    scale = np.sqrt(np.where(norm > 0, norm, 1.0))
     lower = np.linalg.cholesky(gram / (scale[:, :, None] * scale[:, None])
                                + RIDGE * np.eye(gram.shape[1]))
     half = np.linalg.inv(lower) / scale[:, None]

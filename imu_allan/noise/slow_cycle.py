@@ -1,215 +1,174 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A mean that repeats itself slowly: the cycle of a heater or of an air conditioning.
+A strong periodic drift of the mean: the cycle of a heater or of an air conditioning.
 
-A strong cycle stands above the noise in dozens of harmonics, which pass for flicker, a walk or a
+It stands above the noise in dozens of harmonics, which pass for flicker, a random walk or a
 low-pass while they are in it. All that there may be are taken out first; the noise that is left
-says which there are, and whether they are a cycle.
+says which there are, and whether they are a cycle. A weak cycle is a course like any other.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.correlated import Process, process_column
-from imu_allan.noise.courses import best_course, in_each, likelihood_ratio, Spectrum, with_courses
+from imu_allan.noise.groups import QUANTIZATION, WALK
 from imu_allan.noise.harmonics import (
     Cycle,
     HARMONICS,
     harmonics_of,
     KNOWN,
-    like,
     ratios,
     refined,
     without,
 )
-from imu_allan.noise.likelihood import residual_power, Solution
+from imu_allan.noise.likelihood import maximise, residual_power, Solution
+from imu_allan.noise.posterior.courses import Bank, CourseKind
+from imu_allan.noise.posterior.prepared import smoothed
 from imu_allan.noise.shapes import cycle
 from imu_allan.noise.trends import RecordSpectrum
-from imu_allan.noise.trial import Trial
-from imu_allan.noise.warm_up import Choose
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_CYCLING = 25.0
-"""Likelihood ratio above which a slow cycle is one; its frequency is searched over many."""
 _STICKS_OUT = 1e-5
 """Probability of a slow coefficient so large that a search for a cycle is worth its time."""
 _COMB = 8
-"""Harmonics that are asked together, where all of them may have passed for a walk ..."""
+"""Harmonics that are asked together, where all of them may have passed for a random walk ..."""
 _COMB_CHANCE = 1e-3
 """... and the probability of so large ones from where on they are taken out to see."""
+_CERTAIN_COMB = 1e-11
+"""The same in the noise that is left: of frequencies many are tried."""
 _NO_VIBRATION_S = 30.0
 """From this period on a line is a slow cycle: nothing on the ground swings so slowly."""
-_CYCLES = np.arange(1.0, 32.1, 0.25)
-"""Cycles in the record that are tried: of more, each has little to do with a walk."""
-_CERTAIN_COMB = 1e-11
-"""The same in the noise beside them, where they are a cycle: of frequencies many are tried."""
+_MOST_CYCLES = 32.0
+"""In the record: of more, each has little to do with a random walk."""
+_FEWEST_CYCLES = 2.0
+"""Below, a strong one is not told from a mean that bends."""
 _FEW = (1, 4)
 """Harmonics by which the frequency is fitted first."""
+_FEWEST_GROUPS = 24
+"""Bands of which the slow noise is fitted, at least."""
+
+_KIND = CourseKind('slow_cycle', 0.0, lambda duration: np.arange(
+    1.0, _MOST_CYCLES + 0.1, 0.25) / duration, lambda frequency, _: cycle(frequency))
 
 
 @dataclass(frozen=True)
 class SlowCycle:
-    """
-    A cycle that was found, and the fit without it.
+    """A cycle, and the record without it."""
 
-    Attributes
-    ----------
-    trial : Trial
-    process : Process or None
-        A Gauss-Markov process that is part of the trial.
-    record : RecordSpectrum or JointSpectrum
-        Without the cycle.
-    cycles : tuple of Cycle
-        What was taken out of each record.
-    variances : tuple of ndarray, shape (bins,)
-        What the noise gave to the bins of each then.
-
-    """
-
-    trial: Trial
-    process: Process | None
-    record: Spectrum
-    cycles: tuple[Cycle, ...]
-    variances: tuple[Array, ...]
+    cycle: Cycle
+    record: RecordSpectrum
 
     @property
     def period_s(self) -> float:
         """Seconds from one cycle to the next."""
-        return 1 / self.cycles[0].frequency_hz
+        return 1 / self.cycle.frequency_hz
 
 
-def sticks_out(trial: Trial, record: Spectrum) -> bool:
+def strong_cycle(record: RecordSpectrum) -> SlowCycle | None:
+    """Find a cycle that stands above the noise with its harmonics, and take it out."""
+    if record.duration_s == 0:
+        return None
+    noise = _noise(record)
+    frequency_hz = _likeliest(record, noise)
+    variance = _variance(record, noise)
+    for few in _FEW:
+        frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
+    if (_chance(record, variance, frequency_hz) > _COMB_CHANCE
+            and not _sticks_out(record, noise)):
+        return None
+    found = _taken_out(record, variance, frequency_hz)
+    # Behind a filter, say, the terms do not describe what is left: it is no less than it is.
+    left = _noise(found.record)
+    variance = np.maximum(_variance(found.record, left), _level(found.record, left))
+    if (record.duration_s < _FEWEST_CYCLES * found.period_s
+            or _chance(record, variance, 1 / found.period_s) >= _CERTAIN_COMB):
+        return None
+    return found
+
+
+def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> SlowCycle | None:
+    """Take out the strongest cycle of frequencies that other axes have: what heats one, all."""
+    if record.duration_s == 0:
+        return None
+    variance = _variance(record, _noise(record))
+    ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
+                              for hz in frequencies_hz)
+    return _taken_out(record, variance, frequency_hz) if ratio > KNOWN else None
+
+
+def _noise(record: RecordSpectrum) -> Solution:
+    """Fit the terms to the slower half of the band: a low-pass bends the other."""
+    groups = record.groups()
+    last = len(groups.frequency) - 1
+    below = groups.below(float(groups.frequency[min(max(_FEWEST_GROUPS, last // 2), last)]))
+    return maximise(below, fixed={QUANTIZATION: 0.0}, trend='restricted', tolerance=1e-2)
+
+
+def _variance(record: RecordSpectrum, noise: Solution) -> Array:
+    """Return the power that noise gives to every bin."""
+    return np.asarray(np.maximum(record.bins.design @ noise.theta, 1e-300))
+
+
+def _level(record: RecordSpectrum, noise: Solution) -> Array:
+    """Return the power of the neighbourhood of every bin."""
+    groups = record.groups()
+    level = np.maximum(smoothed(groups, groups.power, groups.design @ noise.theta), 1e-300)
+    return np.asarray(np.exp(np.interp(np.log(record.bins.frequency), np.log(groups.frequency),
+                                       np.log(level))))
+
+
+def _sticks_out(record: RecordSpectrum, noise: Solution) -> bool:
     """Whether a slow coefficient is larger than the terms can mean it to be, or is a line."""
-    groups = trial.groups
-    slow = groups.frequency <= 2 * _CYCLES[-1] * groups.frequency[0]
-    expected = np.maximum(groups.design @ trial.solution.theta, 1e-300)
-    ratio = residual_power(groups, trial.solution.theta) / expected
-    return (bool(np.any(chi_square.survival((groups.dof * ratio)[slow], groups.dof[slow])
-                        < _STICKS_OUT))
-            or any(one.keep is not None and not one.keep[
-                one.bins.whole & (one.bins.frequency < _fastest(one))].all()
-                for one in record.records))
-
-
-def likeliest_cycle(trial: Trial, record: Spectrum, still: Solution) -> tuple[float, float]:
-    """Return the frequency that explains most under noise without a walk, and how much."""
-    with_lines = [one if one.keep is None else replace(
-        one, keep=one.keep | (one.bins.frequency < _fastest(one))) for one in record.records]
-    return best_course(trial, like(record, with_lines), still,
-                       (_CYCLES / record.duration_s).tolist(), cycle)
+    groups = record.groups()
+    ratio = residual_power(groups, noise.theta) / np.maximum(groups.design @ noise.theta, 1e-300)
+    slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
+    if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
+              < _STICKS_OUT):
+        return True
+    slow_bins = record.bins.whole & (record.bins.frequency < _fastest(record))
+    return record.keep is not None and not record.keep[slow_bins].all()
 
 
 def _fastest(record: RecordSpectrum) -> float:
     """Return the frequency, in Hz, up to which a line may be a slow cycle."""
-    return min(float(_CYCLES[-1]) / record.duration_s, 1 / _NO_VIBRATION_S)
+    return min(_MOST_CYCLES / record.duration_s, 1 / _NO_VIBRATION_S)
 
 
-def slow_cycle(trial: Trial, process: Process | None, record: Spectrum, frequency_hz: float,
-               choose: Choose, *, known: bool = False, ratio: float | None = None
-               ) -> SlowCycle | None:
-    """
-    Fit a cycle, beginning at a frequency, and the noise without it.
-
-    Parameters
-    ----------
-    trial : Trial
-        A fit with the ramp and the courses of the record.
-    process : Process or None
-        A Gauss-Markov process that is part of it.
-    record : RecordSpectrum or JointSpectrum
-        That it was fitted to.
-    frequency_hz : float
-        Where to begin.
-    choose : callable
-        Chooses the model anew beside it.
-    known : bool, optional
-        Whether the frequency is that of another axis, not searched in this one.
-    ratio : float, optional
-        Likelihood ratio of a cycle of that frequency, where it is known.
-
-    Returns
-    -------
-    SlowCycle or None
-        None where the data does not ask for it.
-
-    """
-    level = in_each(KNOWN if known else _CYCLING, 2, len(record.records))
-    variances = _variances(trial, process, record)
-    if ratio is None:
-        ratio = likelihood_ratio(trial, with_courses(trial, record, cycle(frequency_hz)))
-    certain = ratio >= level
-    if not certain:
-        if known:
-            return None
-        # The harmonics of a strong cycle pass for noise, a walk above all, in which it is lost.
-        frequency_hz = _nearer(record, variances, frequency_hz)
-        if (_chance(record, variances, frequency_hz) > _COMB_CHANCE
-                and not sticks_out(trial, record)):
-            return None
-    found = taken_out(trial, process, record, frequency_hz, choose)
-    variances = _variances(found.trial, found.process, record)
-    if not certain and _chance(record, variances, 1 / found.period_s) >= _CERTAIN_COMB:
-        return None
-    # Beside what comes but once, a turn of the sensor, say, a part of it looks like any cycle.
-    return found if found.trial.good else None
+def _likeliest(record: RecordSpectrum, noise: Solution) -> float:
+    """Return the frequency that explains most under noise without a random walk."""
+    groups = record.groups()
+    keep = None if record.keep is None else record.keep | (
+        record.bins.frequency < _fastest(record))
+    record = replace(record, keep=keep)
+    bank = Bank(record, (_KIND,))
+    theta = noise.theta.copy()
+    theta[WALK] = 0.0
+    lam = np.maximum(groups.design @ theta, 1e-300)
+    axis = bank.of(record)
+    gains = axis.gains(axis.about(groups.frequency, lam, ()), 0)[0]
+    return float(bank.grids[0][int(np.argmax(gains))])
 
 
-def _nearer(record: Spectrum, variances: Sequence[Array], frequency_hz: float) -> float:
-    """Fit the frequency by the first harmonics: the others know it better, but only nearby."""
-    for few in _FEW:
-        frequency_hz = refined(record, variances, frequency_hz, few)[0].frequency_hz
-    return frequency_hz
-
-
-def _chance(record: Spectrum, variances: Sequence[Array], frequency_hz: float) -> float:
+def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> float:
     """Probability of harmonics so large in a given noise."""
-    ratio = sum(float(ratios(one, variance, frequency_hz, _COMB).sum())
-                for one, variance in zip(record.records, variances, strict=True))
-    return float(chi_square.survival(ratio, 2 * _COMB * len(record.records)))
+    ratio = float(ratios(record, variance, frequency_hz, _COMB).sum())
+    return float(chi_square.survival(ratio, 2 * _COMB))
 
 
-def taken_out(trial: Trial, process: Process | None, record: Spectrum, frequency_hz: float,
-              choose: Choose) -> SlowCycle:
-    """Fit a cycle that is there, and the noise without it."""
-    frequency_hz = _nearer(record, _variances(trial, process, record), frequency_hz)
+def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> SlowCycle:
+    """Fit a cycle, and take it out of the record."""
+    there = HARMONICS[0]
     # All harmonics that there may be are taken out first: only then it shows which there are.
     for most in HARMONICS:
-        every = _beside(trial, process, record, frequency_hz, most, choose)
-        frequency_hz = 1 / every.period_s
-        trial, process = every.trial, every.process
-        there = max(harmonics_of(one, variance, frequency_hz, most) for one, variance in zip(
-            record.records, _variances(trial, process, record), strict=True))
+        every = refined(record, variance, frequency_hz, most)
+        calm = without(record, every, variance)
+        frequency_hz, variance = every.frequency_hz, _variance(calm, _noise(calm))
+        there = harmonics_of(record, variance, frequency_hz, most)
         if there < most:
             break
-    return _beside(trial, process, record, frequency_hz, there, choose)
-
-
-def _beside(trial: Trial, process: Process | None, record: Spectrum, frequency_hz: float,
-            harmonics: int, choose: Choose) -> SlowCycle:
-    """Fit so many harmonics, then the noise."""
-    variances = _variances(trial, process, record)
-    cycles = refined(record, variances, frequency_hz, harmonics)
-    calm = without(record, cycles, variances)
-    return SlowCycle(*choose(calm.groups(), trial.solution), calm, cycles, variances)
-
-
-def _variances(trial: Trial, process: Process | None, record: Spectrum) -> tuple[Array, ...]:
-    return tuple(_variance(trial, process, one) for one in record.records)
-
-
-def _variance(trial: Trial, process: Process | None, record: RecordSpectrum) -> Array:
-    """Return the power that the noise of a fit gives to every bin."""
-    bins, theta = record.bins, trial.solution.theta[:4].copy()
-    if trial.rolling:
-        # The column of the roll-off is none of the terms, and nothing at the slow end.
-        theta[0] = 0.0
-    noise = bins.design @ theta
-    if process is not None:
-        noise = noise + trial.solution.theta[-1] * process_column(
-            bins, record.dt, process.correlation_time_s)
-    return np.asarray(np.maximum(noise, 1e-300))
+    found = refined(record, variance, frequency_hz, there)
+    return SlowCycle(found, without(record, found, variance))

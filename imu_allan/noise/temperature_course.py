@@ -5,7 +5,6 @@
 from dataclasses import dataclass
 
 from imu_allan.noise.mean_in_blocks import Course
-from imu_allan.noise.trends import EachCourse
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,10 +15,6 @@ _SMOOTHED = 1 / 4
 Of a lag, over which a thermometer is smoothed to either side before its slope is taken: a body
 that is so much faster is as good as one without any lag, and readings in steps have a slope.
 """
-_BY = 1 / 16
-"""Of a lag, by which it is changed to see what that does, ..."""
-_LEAST_BY_S = 1.0
-"""... and at least by so much."""
 _HALF_CHANGED = 0.25
 """Of a step: a cell in the middle of one holds readings of either value."""
 
@@ -93,48 +88,6 @@ class TemperatureCourse:
         return TemperatureCourse(time, _ahead(celsius, lag_s, step) if lag_s > 0
                                  else _behind(celsius, -lag_s, step))
 
-    def per_second_of_lag(self, lag_s: float) -> Course:
-        """Return the derivative by the lag."""
-        by = max(_BY * abs(lag_s), _LEAST_BY_S)
-        (more, _), (less, _) = (self.of_sensor(lag).courses for lag in (lag_s + by, lag_s - by))
-        return lambda time: (more(time) - less(time)) / (2 * by)
-
-
-@dataclass(frozen=True)
-class JointTemperature:
-    """The temperature over each of several records."""
-
-    records: tuple[TemperatureCourse, ...]
-
-    @property
-    def lowest(self) -> float:
-        """Lowest temperature, in degrees Celsius."""
-        return min(record.lowest for record in self.records)
-
-    @property
-    def highest(self) -> float:
-        """Highest temperature, in degrees Celsius."""
-        return max(record.highest for record in self.records)
-
-    @property
-    def courses(self) -> tuple[EachCourse, EachCourse]:
-        """Return those of every record."""
-        linear, square = zip(*(record.courses for record in self.records), strict=True)
-        return EachCourse(linear), EachCourse(square)
-
-    @property
-    def duration_s(self) -> float:
-        """Seconds of the longest record."""
-        return max(record.duration_s for record in self.records)
-
-    def of_sensor(self, lag_s: float) -> 'JointTemperature':
-        """Return the temperature of a sensor that lags so in every record."""
-        return JointTemperature(tuple(record.of_sensor(lag_s) for record in self.records))
-
-    def per_second_of_lag(self, lag_s: float) -> EachCourse:
-        """Return the derivative by the lag."""
-        return EachCourse(tuple(record.per_second_of_lag(lag_s) for record in self.records))
-
 
 def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
     """Undo a lag: the temperature and its slope, both smoothed to either side."""
@@ -155,9 +108,6 @@ def _behind(celsius: Array, lag_s: float, step: float) -> Array:
     kept = float(np.exp(-step / lag_s))
     middle = np.concatenate((celsius[:1], (celsius[1:] + celsius[:-1]) / 2))
     return np.asarray(lfilter([1 - kept], [1, -kept], middle, zi=[kept * celsius[0]])[0])
-
-
-AnyTemperature = TemperatureCourse | JointTemperature
 
 
 def between_steps(time: Array, celsius: Array, step: float) -> Array:

@@ -28,13 +28,6 @@ _POINTS = 1024
 
 
 @dataclass(frozen=True)
-class EachCourse:
-    """A course that is another one in every record of several."""
-
-    of: tuple[Course, ...]
-
-
-@dataclass(frozen=True)
 class SlowCoefficients:
     """
     The slowest whole-record coefficients of one axis.
@@ -112,11 +105,11 @@ class RecordSpectrum:
                                 self.bins.coefficient[self.axis, which],
                                 -np.sqrt(np.maximum(self.bins.ramp[which], 0)))
 
-    def groups(self, *courses: Course | EachCourse) -> Groups:
+    def groups(self, *courses: Course) -> Groups:
         """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
         if not courses:
             return self._still
-        columns = regressors(self.pieces, self.dt, own_courses(courses))
+        columns = regressors(self.pieces, self.dt, courses)
         return regressed(self._still, *self._kept,
                          np.column_stack((*self._columns, columns)))
 
@@ -138,13 +131,9 @@ class RecordSpectrum:
         dof = self.bins.dof * np.maximum(self.keep, _NOTHING)
         return replace(self.bins, dof=dof), self.axis, None
 
-    def beside(self, courses: Sequence[Course | EachCourse]) -> 'RecordSpectrum':
+    def beside(self, courses: Sequence[Course]) -> 'RecordSpectrum':
         """Return the same spectrum with further courses that stand in every fit."""
-        return replace(self, courses=(*self.courses, *own_courses(courses)))
-
-    def without(self, count: int) -> 'RecordSpectrum':
-        """Return the same spectrum without the first so many of its courses."""
-        return replace(self, courses=self.courses[count:])
+        return replace(self, courses=(*self.courses, *courses))
 
     def mean(self, trend: Array) -> Course:
         """Return the mean of which a fit beside the courses found the sizes, the ramp's first."""
@@ -154,35 +143,15 @@ class RecordSpectrum:
         return lambda time: np.asarray(sum(size * course(time) for size, course in zip(
             trend.ravel(), (ramp, *self.courses), strict=True)))
 
-    def settled(self, courses: Sequence[Course | EachCourse], trend: Array, theta: Array
-                ) -> 'RecordSpectrum':
+    def without_leak(self, mean: Course, noise: Array) -> 'RecordSpectrum':
         """
         Take out of the blocks what a mean that moves leaks into them.
 
         Regressors act on the coefficients of the whole record; a block is shorter, and knows no
-        sign. What it holds of the mean is a matter of its slope at both ends.
-
-        Parameters
-        ----------
-        courses : sequence of Course
-            That the mean follows beside those that stand in every fit.
-        trend : ndarray, shape (regressors,)
-            Sizes of the ramp and of all courses.
-        theta : ndarray, shape (columns,)
-            Squared coefficients of the noise, to which the leak is compared.
-
-        Returns
-        -------
-        RecordSpectrum
-            Of one axis. Where a leak is not known well enough beside the noise, bins are left out.
-
+        sign. What it holds of the mean is a matter of its slope at both ends. Where that is not
+        known well enough beside the noise, shape (bins,), bins are left out. The result is of one
+        axis.
         """
-        design = self.bins.design
-        return self.without_leak(self.beside(courses).mean(trend),
-                                 design @ theta[:design.shape[1]])
-
-    def without_leak(self, mean: Course, noise: Array) -> 'RecordSpectrum':
-        """Take out of the blocks what a known mean leaks, beside noise of so much in every bin."""
         bins, own = self.bins, slice(self.axis, self.axis + 1)
         leak, doubt = leaks(self.pieces, self.dt, self.duration_s, mean)
         keep = is_little(leak, doubt, noise)
@@ -192,57 +161,10 @@ class RecordSpectrum:
                       ramp=np.maximum(bins.ramp, 0.0))
         return replace(self, bins=one, axis=0, keep=keep)
 
-    @property
-    def records(self) -> 'tuple[RecordSpectrum, ...]':
-        """Return the only record there is."""
-        return (self,)
 
-
-@dataclass(frozen=True)
-class JointSpectrum:
-    """
-    The spectra of several records of one axis, which have the noise in common.
-
-    A course of the mean has an amplitude of its own in every record, as the ramp does.
-
-    Attributes
-    ----------
-    records : tuple of RecordSpectrum
-
-    """
-
-    records: tuple[RecordSpectrum, ...]
-
-    def settled(self, courses: Sequence[Course | EachCourse], trend: Array, theta: Array
-                ) -> 'JointSpectrum':
-        """Take the mean's leak out of every record; `trend` is of shape (records, regressors)."""
-        return JointSpectrum(tuple(
-            record.settled(own_courses(courses, number), own, theta)
-            for number, (record, own) in enumerate(zip(self.records, trend, strict=True))))
-
-    @property
-    def duration_s(self) -> float:
-        """Seconds of the longest record."""
-        return max(record.duration_s for record in self.records)
-
-    def groups(self, *courses: Course | EachCourse) -> Groups:
-        """Return the spectra side by side, with the ramp and some courses as regressors."""
-        return joined_groups([record.groups(*own_courses(courses, number))
-                              for number, record in enumerate(self.records)])
-
-    def beside(self, courses: Sequence[Course | EachCourse]) -> 'JointSpectrum':
-        """Return the same spectra with further courses that stand in every fit."""
-        return JointSpectrum(tuple(record.beside(own_courses(courses, number))
-                                   for number, record in enumerate(self.records)))
-
-    def without(self, count: int) -> 'JointSpectrum':
-        """Return the same spectra without the first so many of their courses."""
-        return JointSpectrum(tuple(record.without(count) for record in self.records))
-
-
-def own_courses(courses: Sequence[Course | EachCourse], number: int = 0) -> list[Course]:
-    """Return the courses as one record has them."""
-    return [course.of[number] if isinstance(course, EachCourse) else course for course in courses]
+def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
+    """Give the spectra of several records of one axis, each with its own mean, as one."""
+    return joined_groups([record.groups() for record in records])
 
 
 def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Course],

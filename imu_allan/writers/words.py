@@ -144,10 +144,6 @@ def _not_steady_advice(v: Figures) -> str:
 
 
 def _poor_fit(v: Figures) -> str:
-    if 'plateau_share' in v:
-        return (f'above {v.number("edge_hz")} Hz the noise levels out again, at '
-                f'{v.percent("plateau_share")} of its density below: no sum of noise terms '
-                'describes that')
     if 'leaves_at_s' in v:
         return (f'from averaging times of {v.time("leaves_at_s")} on the measured curve leaves '
                 'the band of the model')
@@ -231,16 +227,13 @@ def _temperature(v: Figures) -> str:
 
 
 def _temperature_advice(v: Figures) -> str:
-    without = ''
-    if 'random_walk_without' in v:
-        without = (f'; without it K would be {v.number("random_walk_without")}')
     lag = ''
     if 'lag_s' in v:
         behind = 'thermometer' if _end(v, 'lag_s', max) > 0 else 'sensor'
         lag = (f'; the {behind} lags by '
                f'{v.said("lag_s", lambda value: duration(abs(value)))}')
     return (f'coefficients are given without the temperature, numbers for a filter with it'
-            f'{without}{lag}')
+            f'{lag}')
 
 
 def _rate_changed(v: Figures) -> str:
@@ -436,12 +429,12 @@ WORDS: Mapping[str, Words] = {
                   'twice',
         'correct the assignment of axes in the driver'),
     'high_passed': Words(
-        'slow part removed', 'A filter has removed the bias, and with it the slow noise, so no '
-        'coefficient can be given.', 'The spectrum falls towards low frequencies, which no '
+        'slow part removed', 'A filter has removed the bias, and with it the slow noise: only N '
+        'is that of the sensor.', 'The spectrum falls towards low frequencies, which no '
         "sensor's does.",
         lambda v: f'below about {v.number("corner_hz", ".2g")} Hz the noise falls away, as behind '
                   'a filter that subtracts a bias it estimates (imu_complementary_filter does)',
-        'no coefficient is given; take the raw topic'),
+        'only N is that of the sensor; take the raw topic'),
     'filtered': Words(
         'filtered', 'The samples are not those of the sensor: a filter has changed them.',
         'The raw topic beside them has other values, or the log says so.', _filtered,
@@ -637,12 +630,6 @@ WORDS: Mapping[str, Words] = {
         if 'edge_hz' in v else
         'the noise rolls off towards the highest frequencies (a low-pass in sensor or driver): '
         f'its effective window is {v.number("window_s")} s'),
-    'perhaps_high_passed': Words(
-        'perhaps filtered', 'A filter may have removed the slow noise: B and K are as uncertain '
-        'as that makes them.', 'The spectrum is low at its slow end, which chance may do too.',
-        lambda v: f'below about {v.number("corner_hz", ".2g")} Hz the noise may fall away, as '
-                  'behind a filter that subtracts a bias, or by chance',
-        'B and K allow for such a filter; record for longer, or take the raw topic'),
     'gauss_markov': Words(
         'correlated noise', 'Part of the slow noise forgets itself after a correlation time, as a '
         'first-order Gauss-Markov process.', 'Such a process explains the spectrum better.',

@@ -84,11 +84,14 @@ def test_the_noise_density_of_a_record_with_stand_ins_is_right(pattern):
         rows = rng.standard_normal((SAMPLES, 6))
         estimator.update(with_stand_ins(rows, there), np.flatnonzero(~there))
         estimator.skip(20)
-    for axis, _ in axis_results(estimator, 1.0, [Quantity.ANGULAR_VELOCITY] * 6):
-        low, high = axis.coefficients['noise_density'].ci95
+    found = [axis.coefficients['noise_density'] for axis, _ in axis_results(
+        estimator, 1.0, [Quantity.ANGULAR_VELOCITY] * 6)]
+    for density in found:
         # With the first order of the losses alone it was 20 % too high.
-        assert axis.coefficients['noise_density'].value == pytest.approx(1.0, rel=0.03)
-        assert 0.9 * high < low < 1.0 < high
+        assert density.value == pytest.approx(1.0, rel=0.03)
+        assert 0.9 * density.ci95[1] < density.ci95[0]
+    # Of six intervals of 95 % two or more fail in 3 of 100 such tests.
+    assert sum(density.ci95[0] < 1.0 < density.ci95[1] for density in found) >= 5
 
 
 def test_a_state_of_an_earlier_release_is_taken_for_losses_at_random():

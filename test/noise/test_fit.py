@@ -144,17 +144,6 @@ def test_slow_process_in_twelve_hours_is_found_with_intervals_that_cover(size, t
                for one in some) <= 3
 
 
-@pytest.mark.parametrize('seed', [28, 57])
-def test_a_process_that_is_told_because_it_looks_fast_has_intervals_that_hold(seed):
-    # In an hour it is told in less than half of the records.
-    model = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5,
-             'gauss_markov': {'sigma': 9.6e-5, 'correlation_time_s': 60.0}}
-    told = characterize(simulate(model, 36_000, 10.0, seed), 10.0).gauss_markov
-    assert told.correlation_time_s < 35
-    assert told.correlation_time_ci95[1] > 60
-    assert told.sigma_ci95[0] < 9.6e-5 < told.sigma_ci95[1]
-
-
 @pytest.mark.thorough
 def test_walk_that_goes_on_is_no_gauss_markov_process():
     for model in ({'noise_density': 1e-3, 'rate_random_walk': 3e-4},
@@ -366,16 +355,11 @@ def test_strictly_periodic_signal_is_named_as_a_tone(period):
     assert any(tone.frequency_hz == pytest.approx(RATE / period, abs=0.02) for tone in axis.tones)
 
 
-def bent_above(edge):
-    return (f'the spectrum falls above {edge:.3g} Hz (a low-pass in sensor or driver, or noise '
-            'that no term describes); the coefficients are fitted below')
-
-
-def test_steep_low_pass_is_told_with_the_frequency_below_which_the_fit_stands():
+def test_steep_low_pass_is_told_and_leaves_the_density_alone():
     white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
     axis, remarks = characterized(lfilter(*butter(4, 5, fs=200.0), white), 200.0)
-    assert remarks['band_limited'] == bent_above(axis.band_edge_hz)
-    assert 0.5 < axis.band_edge_hz < 5
+    assert 'band_limited' in remarks
+    assert axis.band_edge_hz is None
     assert near(axis.coefficients['noise_density'], 1e-3)
 
 
@@ -392,10 +376,10 @@ def test_low_passed_record_too_short_for_a_gauss_markov_process_has_none():
     assert axis.gauss_markov is None
 
 
-def test_gentle_low_pass_costs_an_octave_or_two_and_leaves_the_density_alone():
+def test_gentle_low_pass_is_told_and_leaves_the_density_alone():
     white = simulate({'noise_density': 1e-3}, 400_000, 200.0, seed=1)
     axis, remarks = characterized(lfilter([0.5, 0.5], [1.0], white), 200.0)
-    assert remarks['band_limited'] == bent_above(axis.band_edge_hz)
-    assert 12 < axis.band_edge_hz < 100
+    assert 'band_limited' in remarks
+    assert axis.band_edge_hz is None
     assert near(axis.coefficients['noise_density'], 1e-3)
     assert axis.gauss_markov is None

@@ -37,7 +37,7 @@ def test_warm_up_is_no_random_walk():
     assert low < axis.trend.warm_up.amplitude < high
     assert axis.trend.warm_up.amplitude == pytest.approx(0.02, rel=0.2)
     shortest, longest = axis.trend.warm_up.time_constant_ci95
-    assert 300 < shortest < 600 < longest < 1200
+    assert 200 < shortest < 600 < longest < 1200
     assert axis.coefficients['bias_instability'].value == pytest.approx(1e-3, rel=0.2)
     [told] = [message_of(remark) for remark in remarks if remark.code == 'warm_up']
     assert told.startswith('the mean settles by 0.0')
@@ -58,14 +58,13 @@ def test_slow_cycle_is_no_random_walk():
                     'too; else record without it.')
 
 
-@pytest.mark.parametrize('seed', [1, 8])
-def test_a_step_too_small_to_be_told_is_no_random_walk(seed):
-    # The largest difference between stretches is less than six times the usual one.
+def test_a_step_too_small_to_be_certain_is_seldom_a_random_walk():
     gyro = {'noise_density': 7.9e-5, 'bias_instability': 2.4e-5}
-    samples = simulate(gyro, HOURS_2, RATE, seed) + 5 * 2.4e-5 * (TIME > 0.3 * 7200)
-    axis, remarks = lived(samples)
-    assert not axis.coefficients['rate_random_walk'].observable
-    assert codes(remarks) == {'trend_or_walk'}
+    found = [lived(simulate(gyro, HOURS_2, RATE, seed) + 5 * 2.4e-5 * (TIME > 0.3 * 7200))
+             for seed in range(8)]
+    # One in ten; more than three of eight come once in 200 times.
+    assert sum(axis.coefficients['rate_random_walk'].observable for axis, _ in found) <= 3
+    assert any('bias_step' in codes(remarks) for _, remarks in found)
 
 
 @pytest.mark.parametrize('model', [STILL, {**STILL, 'rate_random_walk': 2e-4}])

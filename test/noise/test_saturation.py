@@ -1,9 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from characterized import one_axis
+from characterized import joint_fits, one_axis
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.estimator import CHUNK, Estimator
-from imu_allan.noise.joint import joint_fits
 from imu_allan.noise.saturation import cut_off
 import numpy as np
 import pytest
@@ -150,6 +149,6 @@ def test_a_cut_off_axis_has_no_fit_and_is_left_out_of_a_joint_one():
     assert fits[0] is not None
     assert fits[1] is None
     good, bad = shown(WHITE[:9000]), shown(np.minimum(WHITE[9000:18_000], 1.0))
-    alone, beside = (one_axis(good, 100, joint_fits(records, 0.01), of_one_record=False)[0]
+    alone, beside = (one_axis(good, 100, joint_fits(records, 0.01))[0]
                      for records in ([good], [good, bad]))
     assert alone.coefficients == beside.coefficients

@@ -9,7 +9,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 import imu_allan
-from imu_allan.characterization.axis import characterize, with_bounded_walk
+from imu_allan.characterization.axis import bounded, characterize
 from imu_allan.finding import Finding
 from imu_allan.noise.fitted_model import with_model_curve
 from imu_allan.noise.simulate import simulate
@@ -232,7 +232,7 @@ def test_no_model_is_drawn_beyond_the_band_that_was_fitted(result):
 
 def test_the_line_that_is_drawn_is_the_curve_of_the_result(result):
     samples = simulate({'noise_density': 1e-3, 'rate_random_walk': 1e-4}, 60_000, 100.0, seed=3)
-    axis = with_bounded_walk(characterize(samples, 100.0))
+    axis = bounded(characterize(samples, 100.0))
     curve, timeline = axis.curve, replace(result.timeline, sample_rate_hz=100.0)
     drawn = curves.model_curve(axis, timeline)
     for end in (0, -1):

@@ -3,7 +3,7 @@
 """What is read off a posterior: presence, value, interval and bound of everything, SI units."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.posterior.courses import CourseKind
@@ -36,10 +36,13 @@ _LEAST_BOUND = 1.4
 """Least bound, in amplitudes that the record can just see."""
 _ENDS = (0.025, 0.5, 0.975)
 """Shares at the lower end, the value and the upper end of a 95 % interval."""
-_FLICKER, _WALK = (
-    [shape.key for shape in TERMS].index(key) for key in ('bias_instability', 'rate_random_walk'))
+_KEYS = [shape.key for shape in TERMS]
+_FLICKER, _WALK = _KEYS.index('bias_instability'), _KEYS.index('rate_random_walk')
+_OUTPUT = _KEYS.index('output_noise')
 _REGRESSED = 64
 """Draws of a model about which the mean is regressed."""
+_QUANTILE = -float(ndtri(_ENDS[0]))
+"""Standard errors that an interval has to either side."""
 _QUANTILES = ndtri((np.arange(16) + 0.5) / 16)
 """Quantiles of a normal error, of equal weight."""
 
@@ -115,6 +118,8 @@ class Answer:
     edge_hz : float or None
         Above, no model describes the spectrum.
     courses : tuple of Reported
+    flat_part : float
+        Ratio of the ends of the noise density's interval, were the noise steady.
     drift : float
         Probability of a random walk, a process, another exponent or a course of the mean.
 
@@ -131,6 +136,7 @@ class Answer:
     window_s: float | None
     edge_hz: float | None
     courses: tuple[Reported, ...]
+    flat_part: float
     drift: float
 
 
@@ -158,8 +164,11 @@ def answer(posterior: Posterior, dt: float) -> Answer:
     amplitude, there = _amplitudes(posterior, x, has)
     size = _free_amplitudes(posterior, x, has)
     spectra, of = models[0].spectra, int(models[0].row.of[0])
-    white = 1
-    amplitude[:, white] *= posterior.changes(len(x))
+    # What is added behind a filter is part of the level of its pass band.
+    amplitude[:, ALWAYS] = np.hypot(amplitude[:, ALWAYS],
+                                    np.where(there[:, _OUTPUT], amplitude[:, _OUTPUT], 0.0))
+    low, high = quantiles(amplitude[:, ALWAYS], weight, (_ENDS[0], _ENDS[-1]))
+    amplitude[:, ALWAYS] *= posterior.changes(len(x))
     terms = {shape.key: _estimate(amplitude[:, k], there[:, k], weight, OBSERVABLE,
                                   float(spectra.unit[of, k]))
              for k, shape in enumerate(TERMS) if shape.key in SYMBOLS}
@@ -176,7 +185,8 @@ def answer(posterior: Posterior, dt: float) -> Answer:
         free(alpha, law), free(size[:, 0] * dt**((1 - alpha) / 2), law),
         free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]), _weight_of(posterior, _bends),
         _window(posterior), float(spectra.frequency[edge - 1]) if edge < groups else None,
-        _courses(posterior), _weight_of(posterior, _drifts))
+        _courses(posterior), high / low if low > 0 else np.inf,
+        _weight_of(posterior, _drifts))
 
 
 def _weight_of(posterior: Posterior, which: Callable[[Drawn], bool]) -> float:
@@ -316,7 +326,6 @@ def _courses(posterior: Posterior) -> tuple[Reported, ...]:
             key = one.kind.key
             if key in keys or _weight_of_course(posterior, key) <= REPORTED:
                 continue
-            keys.append(key)
             size, error, share = _regressed(model)
             widths = [len(each.kind.columns(each.value, 1.0)) for each in model.courses]
             first = size.shape[1] - sum(widths[number:])
@@ -325,7 +334,25 @@ def _courses(posterior: Posterior) -> tuple[Reported, ...]:
                 for k in range(first, first + widths[number]))
             low, high = one.interval
             found.append(Reported(one.kind, one.value, low, high, columns))
+        keys += [one.kind.key for one in found if one.kind.key not in keys]
     return tuple(found)
+
+
+def ramp_beside(posterior: Posterior, record: RecordSpectrum) -> Estimate:
+    """Estimate the ramp of the likeliest model, where the nuisances of its courses are unknown."""
+    best = posterior.models[0]
+    slopes = [slope for one in best.courses
+              for slope in one.kind.slopes(one.value, record.duration_s)]
+    groups = record.groups(*posterior.courses(record.duration_s), *slopes)
+    row = replace(best.row, of=np.zeros(1, np.int64))
+    spectra = best.spectra.beside([groups], [int(best.row.of[0])])
+    lam, _, _ = spectrum(spectra, row, row.x, slopes=False)
+    below = np.arange(lam.shape[1]) < row.edge[:, None]
+    _, size, covariance = mean(spectra, row.of, spectra.dof * below / lam)
+    value, error = float(size[0, 0, 0]), float(np.sqrt(covariance[0, 0, 0, 0]))
+    half = _QUANTILE * error
+    return Estimate(abs(value) > -float(ndtri(CERTAIN_RAMP)) * error, value, value - half,
+                    value + half, abs(value) + half)
 
 
 @dataclass(frozen=True)
@@ -339,15 +366,12 @@ class Mean:
 
 def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
     """Give the mean of the likeliest model, where it moves by more than a ramp."""
-    best = posterior.models[0]
-    if not best.courses:
+    best, courses = posterior.models[0], posterior.courses(record.duration_s)
+    if not courses:
         return None
     size, _, share = _regressed(best)
-    trend = share @ size
-    courses = [course for one in best.courses
-               for course in one.kind.columns(one.value, record.duration_s)]
     lam, _ = expected(best)
-    return Mean(record.beside(courses).mean(trend), lam, best.spectra.frequency)
+    return Mean(record.beside(courses).mean(share @ size), lam, best.spectra.frequency)
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ the regression beside the ramp it is (density/2) sqrt(2 pi/g) e^(g/2) of one col
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.posterior.evidence import climb
@@ -42,12 +42,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_LEAST_POWER = 1e-200
+"""Of a noise, so that one over it times anything is a number."""
 _SLOWEST = 128
 """Coefficients of the record in which a course is looked for."""
 _MOST = 2
 """Courses at once: what a third explains is told from noise by none."""
-_HALVINGS = 6
-"""Of the distance between values of a nuisance, about the best."""
+_HALVINGS = 24
+"""Of the distance between values of a nuisance, about the best, at most, ..."""
+_KNOWN = 0.02
+"""... or until the gain changes by so little from one to the next."""
+_TURNS = 6
+"""In which the nuisances of several courses are fitted, each beside the others."""
 _LAGS_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Of a thermometer behind the sensor or ahead of it; below, both are one."""
 _LONGEST_LAG = 1 / 8
@@ -84,6 +90,8 @@ class CourseKind:
         Whether there are values between those of the grid.
     most : int
         How many of the kind a mean may have: a die and its housing warm up apart.
+    smooth : bool
+        Whether the columns change smoothly with the logarithm of the nuisance.
 
     """
 
@@ -93,39 +101,74 @@ class CourseKind:
     columns: Callable[[float, float], tuple[Course, ...]]
     continuous: bool = True
     most: int = 1
+    smooth: bool = False
+
+    def slopes(self, value: float, duration_s: float) -> tuple[Course, ...]:
+        """Return the derivatives of the columns by the logarithm of the nuisance."""
+        if not self.smooth:
+            return ()
+        return tuple(partial(_difference, *pair) for pair in zip(*(
+            self.columns(value * (1 + sign * _SLOPE), duration_s) for sign in (1, -1)),
+            strict=True))
+
+
+_SLOPE = 0.01
+"""Relative change of a nuisance by which a derivative is taken."""
+
+
+def _difference(more: Course, less: Course, time: Array) -> Array:
+    return np.asarray((more(time) - less(time)) / (2 * _SLOPE))
 
 
 COURSES = (
-    CourseKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 1.0, 15),
-               lambda time, _: (warming(time),), most=2),
+    CourseKind('warm_up', 0.10, lambda duration: duration * np.geomspace(0.01, 4.0, 19),
+               lambda time, _: (warming(time),), most=2, smooth=True),
     CourseKind('bias_step', 0.02, lambda duration: duration * np.arange(1, 128) / 128,
                lambda time, _: (step(time),)),
     CourseKind('slow_cycle', 0.01, lambda duration: np.arange(1.5, 32.1, 0.25) / duration,
-               lambda frequency, _: cycle(frequency)),
+               lambda frequency, _: cycle(frequency), smooth=True),
     CourseKind('bend', 0.05, lambda _: np.array([2.0, 3.0]),
                lambda order, duration: (legendre(int(order), duration),), continuous=False),
 )
 
 
+def lags_of(temperature: TemperatureCourse) -> Array:
+    """Return the lags of a thermometer behind the sensor that a record can tell, in seconds."""
+    longest = _LONGEST_LAG * temperature.duration_s
+    return np.sort([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
+
+
 def with_temperature(temperature: TemperatureCourse) -> tuple[CourseKind, ...]:
     """Courses of a record with a thermometer: the temperature with a lag, and its square."""
-    longest = _LONGEST_LAG * temperature.duration_s
-    lags = np.array([0.0, *(sign * lag for lag in _LAGS_S if lag < longest for sign in (1, -1))])
+    lags = lags_of(temperature)
 
     def of(power: int) -> Callable[[float, float], tuple[Course, ...]]:
         return lambda lag, _: temperature.of_sensor(lag).courses[:power]
 
-    return (CourseKind('temperature', 0.15, lambda _: np.sort(lags), of(1)),
-            CourseKind('temperature', 0.03, lambda _: np.sort(lags), of(2)), *COURSES)
+    return (CourseKind('temperature', 0.15, lambda _: lags, of(1)),
+            CourseKind('temperature', 0.03, lambda _: lags, of(2)), *COURSES)
 
 
 @dataclass(frozen=True)
 class Found:
-    """A course at one value of its nuisance, and the 95 % interval of that."""
+    """
+    A course at one value of its nuisance.
+
+    Attributes
+    ----------
+    kind : CourseKind
+    value : float
+    interval : (float, float)
+        95 % of the nuisance.
+    share : float
+        Logarithm of what the integral over the nuisance adds to the evidence.
+
+    """
 
     kind: CourseKind
     value: float
     interval: tuple[float, float]
+    share: float
 
     @property
     def width(self) -> int:
@@ -200,7 +243,7 @@ class AxisBank:
     def about(self, frequency: Array, lam: Array, beside: Sequence[Found]) -> 'Whitened':
         """Prepare the gains about noises of some spectra, over the ramp and other courses."""
         place = np.searchsorted(frequency, self._frequency * 0.99999).clip(0, len(frequency) - 1)
-        root = 1 / np.sqrt(np.atleast_2d(lam)[:, place])
+        root = 1 / np.sqrt(np.maximum(np.atleast_2d(lam)[:, place], _LEAST_POWER))
         others = [self._slow.ramp[:, None]]
         if self.record.courses or beside:
             others.append(self._slow.regressors([*self.record.courses, *self.courses(beside)]))
@@ -246,7 +289,9 @@ class Whitened:
         taken = np.tensordot(self.basis, columns, (1, 2))
         products = np.einsum('vin,vjn->vijn', columns, columns)
         gram = np.tensordot(self.root**2, products, (1, 3))
-        ridge = _RIDGE * np.trace(gram, axis1=2, axis2=3)[:, :, None, None]
+        # A course that nothing of the record sees, a step between two runs, explains nothing.
+        ridge = (_RIDGE * np.trace(gram, axis1=2, axis2=3)
+                 + np.finfo(np.float64).tiny)[:, :, None, None]
         gram = gram - np.einsum('abvi,abvj->avij', taken, taken)
         if columns.shape[1] == 1:
             return np.asarray(along[:, :, 0]**2 / np.maximum(gram, ridge)[:, :, 0, 0])
@@ -281,7 +326,7 @@ def beside_courses(spectra: Spectra, starts: Sequence[Start], rows: Rows,
     """
     searches = [_Search(spectra, axis, start, of_axis(rows, axis), bank.of(record))
                 for axis, (start, record) in enumerate(zip(starts, records, strict=True))
-                if record is not None]
+                if record is not None and record.duration_s > 0]
     found: list[list[CourseSet]] = [[] for _ in starts]
     if not searches:
         return found
@@ -319,8 +364,8 @@ class _Search:
         self._about = self.bank.about(
             spectra.frequency, expected_powers(spectra, rows), self.chosen)
 
-    def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...], float]]':
-        """Courses worth fitting, each with what the integral over its nuisance adds."""
+    def candidates(self) -> 'list[tuple[_Search, tuple[Found, ...]]]':
+        """Courses worth fitting, beside those that are chosen."""
         found: list[Candidate] = []
         if self._about is None:
             return found
@@ -331,8 +376,8 @@ class _Search:
             best = int(np.argmax(gains))
             if gains[best] < _WORTH_FITTING:
                 continue
-            one, share = likeliest(self.bank, number, self._about.one(best))
-            found.append((self, (*self.chosen, one), share))
+            one = likeliest(self.bank, number, self._about.one(best))
+            found.append((self, (*self.chosen, one)))
         return found
 
     def go_on(self, own: Sequence[CourseSet]) -> None:
@@ -348,28 +393,28 @@ class _Search:
             self._look(leader.spectra, leader.rows.take(best))
 
 
-Candidate = tuple[_Search, tuple[Found, ...], float]
-"""A search, courses worth fitting, and what the integral over the last nuisance adds."""
+Candidate = tuple[_Search, tuple[Found, ...]]
+"""A search, and courses worth fitting."""
 
 
 def _laid(spectra: Spectra, candidates: Sequence[Candidate]
           ) -> list[tuple[_Search, CourseSet]]:
     """Fit the noises of axes beside their candidates: one batch for each number of columns."""
-    widths = [sum(one.width for one in found) for _, found, _ in candidates]
+    widths = [sum(one.width for one in found) for _, found in candidates]
     laid = []
     for width in sorted(set(widths)):
         same = [each for each, own in zip(candidates, widths, strict=True) if own == width]
         tried = Rows.joined([replace(search.tried, of=np.full(len(search.tried), number))
-                             for number, (search, _, _) in enumerate(same)])
+                             for number, (search, _) in enumerate(same)])
         beside, rows = _climbed(spectra, same, tried, _COARSE)
         # What a strong course leaves passes for noise until it is laid: about that it is nearer.
         same = [_nearer(candidate, beside, of_axis(rows, number))
                 for number, candidate in enumerate(same)]
         beside, rows = _climbed(spectra, same, rows)
         sizes = _sizes(beside, rows, width)
-        for number, (search, found, share) in enumerate(same):
+        for number, (search, found) in enumerate(same):
             here = np.flatnonzero(rows.of == number)
-            occam = share + _occam(sizes[here], found)
+            occam = _occam(sizes[here], found)
             own = replace(rows.take(here), of=np.zeros(len(here), np.int64))
             laid.append((search, CourseSet(
                 found, beside.taken(np.array([number])), replace(
@@ -380,29 +425,35 @@ def _laid(spectra: Spectra, candidates: Sequence[Candidate]
 def _climbed(spectra: Spectra, same: Sequence[Candidate], rows: Rows, tolerance: float = 0.02
              ) -> tuple[Spectra, Rows]:
     """Fit rows of noises beside candidates of as many columns, each the candidate of its `of`."""
-    groups = [search.bank.record.groups(*search.bank.courses(found)) for search, found, _ in same]
-    beside = spectra.beside(groups, [search.axis for search, _, _ in same])
+    groups = [search.bank.record.groups(*search.bank.courses(found)) for search, found in same]
+    beside = spectra.beside(groups, [search.axis for search, _ in same])
     return beside, climb(beside, rows, 12, hopeless=16.0, tolerance=tolerance)
 
 
 def _nearer(candidate: Candidate, beside: Spectra, rows: Rows) -> Candidate:
-    """Fit the nuisance of the last course again, about the best noise beside it."""
-    search, found, _ = candidate
+    """Fit the nuisances again, the last course's at last, about the best noise beside them."""
+    search, found = candidate
     best = rows.take(np.array([int(np.argmax(rows.evidence))]))
-    about = search.bank.about(beside.frequency, expected_powers(beside, best)[0], found[:-1])
-    one, share = likeliest(search.bank, search.bank.kinds.index(found[-1].kind), about)
-    return search, (*found[:-1], one), share
+    lam = expected_powers(beside, best)[0]
+    turns = _TURNS if len(found) > 1 else 1
+    for _ in range(turns * len(found)):
+        first, *others = found
+        about = search.bank.about(beside.frequency, lam, others)
+        found = (*others, likeliest(search.bank, search.bank.kinds.index(first.kind), about))
+    return search, found
 
 
-def likeliest(bank: AxisBank, number: int, about: Whitened) -> tuple[Found, float]:
+def likeliest(bank: AxisBank, number: int, about: Whitened) -> Found:
     """Find the best value of a nuisance, and what the integral over it adds to the evidence."""
     kind = bank.kinds[number]
     values, gains = _profile(bank, number, about)
-    near = np.exp((gains - gains.max()) / 2)
-    share = (float(((near[1:] + near[:-1]) * np.diff(values)).sum()) / 2
-             / (values[-1] - values[0]) if kind.continuous else float(near.mean()))
-    return (Found(kind, float(values[int(np.argmax(gains))]), _interval(values, gains)),
-            float(np.log(max(share, 1e-12))))
+    near, grid = np.exp((gains - gains.max()) / 2), bank.bank.grids[number]
+    # Values of the grid are equally likely.
+    place = np.interp(values, grid, np.arange(len(grid)) / max(len(grid) - 1, 1))
+    share = (float(((near[1:] + near[:-1]) * np.diff(place)).sum()) / 2
+             if kind.continuous and len(grid) > 1 else float(near.mean()))
+    return Found(kind, float(values[int(np.argmax(gains))]), _interval(values, gains),
+                 float(np.log(max(share, 1e-12))))
 
 
 def expected_powers(spectra: Spectra, rows: Rows) -> Array:
@@ -423,8 +474,8 @@ def _sizes(spectra: Spectra, rows: Rows, width: int) -> Array:
 
 
 def _occam(sizes: Array, found: Sequence[Found]) -> Array:
-    """Logarithm of the prior of amplitudes at their sizes, times what the regression took."""
-    total, at = np.zeros(len(sizes)), 0
+    """Logarithm of the priors of amplitudes and nuisances, times what the regression took."""
+    total, at = np.full(len(sizes), sum(one.share for one in found)), 0
     for one in found:
         square = np.maximum(sizes[:, at:at + one.width]**2, 1e-300)
         if one.kind.key == 'slow_cycle':
@@ -451,6 +502,8 @@ def _profile(bank: AxisBank, number: int, about: Whitened) -> tuple[Array, Array
             (values, more), (gains, bank.gains(about, number, more)[0])))
         order = np.argsort(values)
         values, gains = values[order], gains[order]
+        if float(np.ptp(np.sort(gains)[-3:])) < _KNOWN:
+            break
     return values, gains
 
 

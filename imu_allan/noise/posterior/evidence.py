@@ -44,7 +44,7 @@ _TAILS = 6.0
 _WIDER = 1.15
 """By which it is wider than Laplace's."""
 _FEWEST_DRAWS = 10.0
-"""Effective draws below which one of them carries everything: Laplace's word is the safer."""
+"""Effective draws below which one of them carries everything: weights are then evened out."""
 _PASSED = float(np.log(0.5))
 """Logarithm of the response from which on a group lies in the pass band."""
 _LEAST_KNOWN = 16.0
@@ -228,9 +228,24 @@ def sample(spectra: Spectra, rows: Rows, counts: Index) -> list[Draws]:
         share = weight / weight.sum()
         evidence = float(rows.prior[number]) + top + float(np.log(weight.mean()))
         if 1 / float(share @ share) < _FEWEST_DRAWS:
-            share, evidence = np.full(len(x), 1 / len(x)), float(rows.evidence[number])
+            share, evidence = _tempered(each - top), float(rows.evidence[number])
         drawn.append(Draws(x, share, evidence))
     return drawn
+
+
+def _tempered(log_weight: Array) -> Array:
+    """Raise weights to the highest power under which enough draws count."""
+    low, high = 0.0, 1.0
+    share = np.full(len(log_weight), 1 / len(log_weight))
+    for _ in range(20):
+        power = (low + high) / 2
+        weight = np.exp(power * log_weight)
+        weight /= weight.sum()
+        if 1 / float(weight @ weight) < _FEWEST_DRAWS:
+            high = power
+        else:
+            low, share = power, weight
+    return share
 
 
 @lru_cache(maxsize=64)

@@ -47,7 +47,7 @@ AMPLITUDES = np.array([*range(PLAIN), *(PLAIN + 2 * k for k in range(FREE))])
 NUISANCES = np.array([*(PLAIN + 2 * k + 1 for k in range(FREE)), LOW, HIGH])
 OUTPUT = np.array([shape.at_output for shape in TERMS])
 ALWAYS = [shape.key for shape in TERMS].index('noise_density')
-"""Slot of the white noise, whose amplitude has no prior: it is always there."""
+"""Slot of the white noise, which is in every model, though it may be too weak to be seen."""
 GENTLE_FAMILY = [shape.key for shape in LOW_PASSES].index(GENTLE)
 _WALL = 0.05
 """How far a nuisance may stand beyond the end of its range, one sigma."""
@@ -360,7 +360,7 @@ def log_prior(spectra: Spectra, rows: Rows, x: Array) -> tuple[Array, Array, Arr
     """Prior of the parameters of rows: value, gradient and curvature by slot."""
     slope, bend = np.zeros(x.shape), np.zeros(x.shape)
     # Uniform in the logarithm of an amplitude above what is seen.
-    there = rows.has[:, AMPLITUDES] & (AMPLITUDES != ALWAYS)
+    there = rows.has[:, AMPLITUDES]
     fall = there * np.exp(np.minimum(-2 * x[:, AMPLITUDES], 60.0))
     value = -np.log1p(fall).sum(axis=1)
     slope[:, AMPLITUDES] = 2 * fall / (1 + fall)

@@ -5,7 +5,7 @@ Whether a random walk shows in any part of a record, or is what a mean has done 
 
 A mean may settle, bend or jump in more ways than any list of courses has. Whatever it does, it
 does at some time; a walk goes on. In parts of the record, each with a mean and a ramp of its own,
-it shows as well: without any one of them as without the others.
+it shows as well, without any one of them as without the others, and is as strong in each.
 """
 
 from collections.abc import Sequence
@@ -18,46 +18,58 @@ from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.posterior.search import B, K
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+_UNEVEN = 11.0
+"""
+Nats by which parts are likelier with a noise each than with one. Of 36 walks in 1 to 3 hours none
+had more than 9.1, of means that move once by 100 times the flicker most.
+"""
 
 
-def walk_in_parts(posterior: Posterior, parts: Sequence[Groups], dt: float) -> Array:
+def goes_on(posterior: Posterior, parts: Sequence[Sequence[Groups]], dt: float) -> bool:
     """
-    Weigh the walk against flicker alone in all parts but each.
+    Tell a random walk from what a mean has done once.
 
     Parameters
     ----------
     posterior : Posterior
-        Of the whole record.
-    parts : sequence of Groups
-        Spectra of equal parts of it, over the same bands.
+        Of the whole, with a model that has a walk.
+    parts : sequence of sequence of Groups
+        Spectra of equal parts of one record, or of parts of several; each has a mean of its own.
     dt : float
         Sample interval in seconds.
 
     Returns
     -------
-    ndarray, shape (parts,)
-        Logarithm of the ratio of the likelihoods, of all parts without each.
+    bool
 
     """
+    every = [groups for part in parts for groups in part]
+    if not all(groups.power.any() for groups in every):
+        # The axis stands still in one.
+        return False
+    for part in parts:
+        others = [groups for groups in every if not any(groups is own for own in part)]
+        walk, flicker = _losses(posterior, others, dt)
+        if walk > flicker:
+            return False
+    alone = sum(_losses(posterior, part, dt)[0] for part in parts)
+    return _losses(posterior, every, dt)[0] - alone < _UNEVEN
+
+
+def _losses(posterior: Posterior, groups: Sequence[Groups], dt: float) -> tuple[float, float]:
+    """Fit the likeliest model with a walk to some spectra, and flicker alone in its place."""
     model = next(model for model in posterior.models if model.row.has[0, K])
-    index = np.arange(min(len(part.frequency) for part in parts))
-    parts = [part.taken(index) for part in parts]
-    sets = [joined_groups([part for number, part in enumerate(parts) if number != one])
-            for one in range(len(parts))]
-    spectra, _ = prepared(sets, dt)
-    count = len(sets)
-    rows = model.row.take(np.zeros(2 * count, np.int64))
-    of = np.repeat(np.arange(count), 2)
+    together = joined_groups(groups)
+    spectra, _ = prepared([together], dt)
+    rows = model.row.take(np.zeros(2, np.int64))
     x, has = rows.x.copy(), rows.has.copy()
-    x[:, :PLAIN] += np.log(model.spectra.unit[model.row.of[0]] / spectra.unit[of])
+    x[:, :PLAIN] += np.log(model.spectra.unit[model.row.of[0]] / spectra.unit[0])
     x[:, K] = np.maximum(x[:, K], 0.0)
-    has[1::2, K] = False
-    has[1::2, B] |= ~has[1::2, PLAIN]
-    x[1::2, B] = np.maximum(x[1::2, B], 1.0)
-    edge = np.full(2 * count, len(sets[0].dof))
-    loss = climb(spectra, replace(rows, of=of, x=x, has=has, edge=edge,
-                                  prior=np.zeros(2 * count)), 12).loss
-    return np.asarray(loss[1::2] - loss[::2])
+    has[1, K] = False
+    has[1, B] |= not has[1, PLAIN]
+    x[1, B] = max(x[1, B], 1.0)
+    walk, flicker = climb(spectra, replace(
+        rows, of=np.zeros(2, np.int64), x=x, has=has, edge=np.full(2, len(together.dof)),
+        prior=np.zeros(2)), 12).loss.tolist()
+    return walk, flicker

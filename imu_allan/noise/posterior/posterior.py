@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from imu_allan.noise import chi_square
 from imu_allan.noise.groups import Groups
+from imu_allan.noise.mean_in_blocks import Course
 from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.courses import (
     Bank,
@@ -36,7 +37,7 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.prepared import prepared, Start
 from imu_allan.noise.posterior.search import again, best_of, KEPT, of_axis, searched
 from imu_allan.noise.posterior.shapes import cubic
-from imu_allan.noise.trends import JointSpectrum, RecordSpectrum
+from imu_allan.noise.trends import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 
@@ -105,13 +106,18 @@ class Posterior:
     misfit: float
     change: Change = STEADY
 
+    def courses(self, duration_s: float) -> list[Course]:
+        """Return the courses of the mean in the likeliest model."""
+        return [course for one in self.models[0].courses
+                for course in one.kind.columns(one.value, duration_s)]
+
     def changes(self, count: int) -> Array:
         """Factors of the noise density in as many draws, for its change between parts."""
         return self.change.factors(count)
 
 
 def posteriors(groups: Sequence[Groups], dt: float,
-               records: Sequence[RecordSpectrum | JointSpectrum | None],
+               records: Sequence[RecordSpectrum | None],
                kinds: Sequence[CourseKind] = COURSES) -> list[Posterior]:
     """
     Weigh all models of several axes.
@@ -122,8 +128,8 @@ def posteriors(groups: Sequence[Groups], dt: float,
         Of every axis, over the same bands.
     dt : float
         Sample interval in seconds.
-    records : sequence of RecordSpectrum, JointSpectrum or None
-        What the groups were made of; only to one record courses of the mean are laid.
+    records : sequence of RecordSpectrum or None
+        What the groups were made of, to lay courses of the mean to; None for several records.
     kinds : sequence of CourseKind, optional
         What may move the mean.
 
@@ -134,17 +140,18 @@ def posteriors(groups: Sequence[Groups], dt: float,
     """
     spectra, starts = prepared(groups, dt)
     found = searched(spectra, starts, dt)
-    alone = [record if isinstance(record, RecordSpectrum) else None for record in records]
-    some = next((record for record in alone if record is not None), None)
+    some = next((record for record in records
+                 if record is not None and record.duration_s > 0), None)
     bank = None if some is None else Bank(some, kinds)
-    sets = _sets(spectra, starts, found, alone, bank)
+    sets = _sets(spectra, starts, found, records, bank)
     judged = [_judged(_best(own)) for own in sets]
     factors = np.stack([_doubt(_best(own), one) for own, one in zip(sets, judged, strict=True)])
     doubtful: NDArray[np.bool_] = np.any(factors > 1, axis=1)
     if doubtful.any():
         spectra = spectra.worth(spectra.dof / factors)
         found = again(spectra, found)
-        fewer = [record if doubt else None for record, doubt in zip(alone, doubtful, strict=True)]
+        fewer = [record if doubt else None
+                 for record, doubt in zip(records, doubtful, strict=True)]
         for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
             if doubtful[axis]:
                 sets[axis] = own

@@ -39,8 +39,12 @@ _LEAK_KNOWN = 2e-3
 """Share of the pass band to which the power in a stop band is known: blocks leak."""
 _STOPPED = 0.5
 """Share of the pass band below which a group lies behind a filter."""
+_ROUNDING = 1e-24
+"""Share of the largest density below which there is nothing but rounding."""
 _LEAST_LEVEL = 1e-100
 """Power whose square is a number."""
+_PRIOR_DOF = 4.0
+"""Degrees of freedom that the terms count for in the smoothed spectrum."""
 _LEAST_SEEN = 1.5
 """Where a climb begins at the least, in squared units of what can be seen."""
 
@@ -83,11 +87,12 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         first = maximise(one, trend='restricted', tolerance=1e-3)
         expected = np.maximum(one.design @ first.theta, 1e-300)
         explained = explained_by_regressors(one, one.dof / expected, True)
-        power.append(about_blocks(one, slope_of(one, explained.trend)))
-        levels.append(_smoothed(one, np.maximum(residual_power(one, first.theta), 1e-300)))
+        white = one.design[:, _WHITE]
+        rounding = white * max(_ROUNDING * float((one.power / white).max()), _LEAST_LEVEL)
+        power.append(np.maximum(about_blocks(one, slope_of(one, explained.trend)), rounding))
+        levels.append(np.maximum(smoothed(one, residual_power(one, first.theta), expected),
+                                 rounding))
     level = np.stack(levels)
-    # Without noise, everything can be seen: of that no square may vanish.
-    level = np.maximum(level, _LEAST_LEVEL)
     design = np.stack([one.design[:, _COLUMNS].T for one in groups])
     whole = np.stack([one.dof for one in groups])
     dof = _known(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
@@ -116,8 +121,12 @@ def _scale(key: str, dt: float) -> float:
     return {'noise_density': 1 / dt, 'bias_instability': 1.0}[key]
 
 
-def _smoothed(groups: Groups, power: Array) -> Array:
-    """Power of the neighbourhood: the level at which amplitudes are just seen."""
+def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
+    """
+    Return the power of the neighbourhood: the level at which amplitudes are just seen.
+
+    A few coefficients may be small by chance: what the terms explain counts as so many more.
+    """
     white = groups.design[:, _WHITE]
     octave = np.log2(groups.frequency)
     low = np.searchsorted(octave, octave - _OCTAVE)
@@ -127,7 +136,8 @@ def _smoothed(groups: Groups, power: Array) -> Array:
         total = np.concatenate(([0.0], np.cumsum(values)))
         return np.asarray(total[high] - total[low])
 
-    return np.asarray(between(groups.dof * power / white) / between(groups.dof) * white)
+    return np.asarray((between(groups.dof * power / white) + _PRIOR_DOF * expected / white)
+                      / (between(groups.dof) + _PRIOR_DOF) * white)
 
 
 def _known(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:

@@ -96,7 +96,7 @@ def searched(spectra: Spectra, starts: Sequence[Start], dt: float) -> Rows:
     if len(behind):
         fast = best_of(spectra, Rows.joined([fast, climb(spectra, behind, 25, hopeless=20.0)]),
                        _KEPT_FAST, 12)
-    ends = [_ends(fast, axis) for axis in range(len(starts))]
+    ends = [_ends(spectra, fast, axis, start) for axis, start in enumerate(starts)]
     slow = Rows.joined([_slow_noises(spectra, axis, start, own.take(np.array([0])))
                         for axis, (start, own) in enumerate(zip(starts, ends, strict=True))])
     found = best_of(spectra, climb(spectra, slow, 16, hopeless=16.0), _KEPT_FAST, _MOST_SLOW)
@@ -209,15 +209,22 @@ def _corner_at(key: str, nu: float) -> float:
     return float(np.tan(min(np.pi * nu, 1.2))) if key == 'butterworth_2' else 2.5 * nu
 
 
-def _ends(fast: Rows, axis: int) -> Rows:
-    """Return the best row of each of the best fast ends of an axis."""
+def _ends(spectra: Spectra, fast: Rows, axis: int, start: Start) -> Rows:
+    """Return the best row of each of the best fast ends of an axis, and a plain one."""
     own = of_axis(fast, axis)
     seen: dict[tuple[object, ...], int] = {}
     for i in range(len(own)):
         low = bool(own.has[i, LOW])
         key = (int(own.family[i]) if low else -1, int(own.edge[i]), *own.has[i, [*FAST]].tolist())
         seen.setdefault(key, i)
-    return own.take(np.array(list(seen.values())[:_MOST_FAST]))
+    kept = own.take(np.array(list(seen.values())[:_MOST_FAST]))
+    if any(_fast_part(kept.take(np.array([i]))) == [] and kept.edge[i] == spectra.dof.shape[1]
+           for i in range(len(kept))):
+        return kept
+    # What a filter behind the sensor takes out at the slow end passes for an edge at the fast one.
+    plain = Proposals(spectra, axis)
+    plain.add((N, B, K), start.x)
+    return Rows.joined([kept, plain.rows()])
 
 
 def _fast_part(row: Rows) -> list[int]:

@@ -22,6 +22,8 @@ Power = Callable[[Array, float], Array]
 
 LEAK = 2e-4
 """Share of the pass band that a block transform leaks into a stop band."""
+LOWEST_CORNER = 1e-3
+"""Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
 FEWEST_GROUPS = 24
 """Bands that a model has to describe: three octaves tell the terms from one another."""
 # Points and weights over a band of an eighth of an octave (Gauss-Legendre).
@@ -79,7 +81,8 @@ class Shape:
 def _of_corner(highest: float) -> Callable[[Band], Grid]:
     """Corners from where the band below is just wide enough, up to a last one."""
     def grid(band: Band) -> Grid:
-        return Grid(np.log(min(band.shortest_edge, highest / 2)), np.log(highest), 0.1)
+        lowest = max(band.shortest_edge, LOWEST_CORNER)
+        return Grid(np.log(min(lowest, highest / 2)), np.log(highest), 0.1)
     return grid
 
 
@@ -119,7 +122,7 @@ TERMS = (
 
 FREE_TERMS = (
     Shape(POWER_LAW, 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
-          lambda _: Grid(0.3, 1.9, 0.1), like=FLICKER),
+          lambda _: Grid(0.1, 1.9, 0.1), like=FLICKER),
     Shape(PROCESS, 0.05, lambda nu, time: spectrum.gauss_markov(nu, 1.0, float(np.exp(time))),
           lambda band: Grid(np.log(50.0), max(-np.log(2 * np.pi * band.slowest),
                                               np.log(50.0) + 1.4), 0.25), like=WHITE),
@@ -190,6 +193,7 @@ def cubic(rows: Array, at: NDArray[np.int64], t: Array, per: Array, slopes: bool
     return found[:, 0], found[:, -1]
 
 
+# Of the four values about a place: E. Catmull and R. Rom, 1974.
 _CATMULL_ROM = 0.5 * np.array([[0.0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.finished import FinishedRecord
 from imu_allan.noise.axis_fit import AxisFit, fit_axes
-from imu_allan.noise.fit import COLUMNS
-from imu_allan.noise.sequential import borne_out, decide, Decision, SMALLEST_RECORD
+from imu_allan.noise.sequential import decide, Decision, SMALLEST_RECORD
+from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
@@ -20,6 +20,8 @@ MARGIN = 0.1
 """A unit within a tenth of its limit is told neither to keep nor to break it."""
 ERROR = 0.05
 """Probability of either wrong word, of a whole unit."""
+_TESTED = ('quantization_noise', *LASTING_TERMS)
+"""Keys of the coefficients that the sequential test decides."""
 GROWTH = 1.15
 """How much longer the record is at each look: on average half of that is waited too long."""
 
@@ -98,15 +100,12 @@ def standing(stream: Characterization | Mapping[str, Characterization],
         recorded = min(recorded, record.samples / record.rate_hz)
     if fits is None:
         fits = _fits(records)
-    limited = sum(verdict.key in COLUMNS for verdict in verdicts)
+    limited = sum(verdict.key in _TESTED for verdict in verdicts)
     # The test knows the terms of a sensor, not what a filter behind it leaves of them.
     raw = {name: fit for name, fit in fits.items()
            if name in result.axes and result.axes[name].high_passed_hz is None}
-    spacing = {name: 1 / record.rate_hz for half, record in records.items() if record is not None
-               for name in raw if name.startswith(half)}
-    settled = [_settled(verdict, raw.get(verdict.axis), spacing.get(verdict.axis), margin, error,
-                        max(limited, 1), recorded)
-               if verdict.key in COLUMNS and not hidden
+    settled = [_settled(verdict, raw.get(verdict.axis), margin, error, max(limited, 1), recorded)
+               if verdict.key in _TESTED and not hidden
                else (verdict, hidden or verdict.verdict != 'cannot tell')
                for verdict in verdicts for hidden in [_hidden(result, verdict)]]
     found = [verdict for verdict, _ in settled]
@@ -134,11 +133,10 @@ def _fits(records: Mapping[str, FinishedRecord | None]) -> dict[str, AxisFit | N
     return fits
 
 
-def _settled(verdict: Verdict, fitted: AxisFit | None, dt: float | None, margin: float,
-             error: float, limited: int, recorded_s: float) -> tuple[Verdict, bool]:
+def _settled(verdict: Verdict, fitted: AxisFit | None, margin: float, error: float,
+             limited: int, recorded_s: float) -> tuple[Verdict, bool]:
     """One coefficient by the sequential test, and whether it is done with."""
-    trial = None if fitted is None else fitted.fit.trial
-    if trial is None or fitted is None:
+    if fitted is None:
         # A missing, constant or dead axis has failed already.
         return verdict, verdict.verdict == 'fail'
     if verdict.value is None and verdict.ci95 is None and verdict.verdict == 'fail':
@@ -146,21 +144,11 @@ def _settled(verdict: Verdict, fitted: AxisFit | None, dt: float | None, margin:
     if fitted.fit.power_law is not None and verdict.key == 'bias_instability':
         # There is no flicker to be tested, only the curve.
         return verdict, verdict.verdict != 'cannot tell'
-    column = COLUMNS[verdict.key]
-    if not fitted.fit.acceptable or (trial.bent and verdict.key == 'quantization_noise') \
-            or verdict.limit <= 0:
+    if not fitted.fit.acceptable or verdict.limit <= 0:
         return _open(verdict), False
     # Any of the limits may fail by chance; a bad unit passes only if its one bad term does.
-    fail_error = error / limited
-    decision = decide(trial, column, verdict.limit, margin=margin, pass_error=error,
-                      fail_error=fail_error, dt=dt if verdict.key == 'noise_density' else None)
-    if verdict.value is not None and verdict.ci95 is not None:
-        decision = borne_out(decision, verdict.limit, verdict.value, verdict.ci95,
-                             fail_error if decision == 'above' else error)
-    elif decision == 'above' or (decision == 'below' and verdict.upper95 is not None
-                                 and verdict.upper95 > verdict.limit):
-        # Of a bound nothing is known to be above, and what the bound reaches is not below.
-        decision = 'open'
+    decision = decide(fitted.fit.estimates[verdict.key], verdict.limit, margin=margin,
+                      pass_error=error, fail_error=error / limited)
     return _worded(verdict, decision, margin, recorded_s), decision != 'open'
 
 

@@ -189,7 +189,8 @@ class Numbers:
             self._tune()
         self._as_measured = {name: _measured(axis, bias) for name, axis in result.axes.items()}
         self.of_axis: dict[str, dict[Key, Number]] = {
-            name: self._numbers(name) for name, axis in result.axes.items()}
+            name: {} if axis.high_passed_hz is not None else self._numbers(name)
+            for name, axis in result.axes.items()}
         if one_time:
             self._agree_on_a_time()
         if not any(self.of_axis.values()):
