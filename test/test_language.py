@@ -11,14 +11,12 @@ from imu_allan.writers.words import explained, title_of, WORDS
 import pytest
 
 ROOT = Path(__file__).parents[1]
-OLD = {'statistics.md'}
-"""A page that is still to be shortened."""
-PAGES = [ROOT / name for name in ('README.md', 'CONTRIBUTING.md', 'CHANGELOG.rst')] + [
-    path for path in sorted(ROOT.glob('docs/*.md')) if path.name not in OLD]
+PAGES = [ROOT / name for name in ('README.md', 'CONTRIBUTING.md', 'CHANGELOG.rst')] + sorted(
+    ROOT.glob('docs/*.md'))
 LONGEST = 25
 """Words of a sentence."""
 MOST_TERMS = 40
-MOST_WORDS = 38_000
+MOST_WORDS = 29_000
 """Of README and docs, tables and code included."""
 PRIVATE = re.compile(
     r'\b(told|doubt\w*|borne out|stick(s|ing)? out|stand(s|ing)? in for|bridg\w+|stretch(es)?|'
