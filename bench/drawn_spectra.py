@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise import spectrum
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import FLICKER, WHITE
-from imu_allan.noise.mean_in_blocks import Course, leaks
-from imu_allan.noise.periodogram import SpectrumPiece
-from imu_allan.noise.trends import duration, RecordSpectrum
+from imu_allan.noise.courses.mean_in_blocks import Course, leaks
+from imu_allan.noise.courses.regressors import duration, RecordSpectrum
+from imu_allan.noise.record.bins import bins_of
+from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.groups import FLICKER, WHITE
+from imu_allan.noise.record.periodogram import SpectrumPiece
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from imu_allan.characterization import Characterization
     from imu_allan.characterization.axis import characterize
     from imu_allan.errors import ImuAllanError
-    from imu_allan.noise.estimator import Estimator
+    from imu_allan.noise.record.estimator import Estimator
     from imu_allan.noise.simulate import simulate
     from imu_allan.result import AxisResult, Result
     from imu_allan.timeline import TimelineOptions
@@ -34,7 +34,7 @@ _WHERE = {
     'characterize': 'imu_allan.characterization.axis',
     'Characterization': 'imu_allan.characterization',
     'DriftForecast': 'imu_allan.tuning.forecast',
-    'Estimator': 'imu_allan.noise.estimator',
+    'Estimator': 'imu_allan.noise.record.estimator',
     'FilterTuning': 'imu_allan.tuning.tune',
     'ImuAllanError': 'imu_allan.errors',
     'load_result': 'imu_allan.writers.result_file',

@@ -4,8 +4,8 @@
 
 from imu_allan.characterization.axis import axis_results
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fit
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import Quantity
 from imu_allan.writers.words import message_of
 

@@ -34,7 +34,7 @@ NUMERICS = [
         ('noise.curve', 'edf'), ('noise.curve', 'octaves'), ('noise.drift_model', 'drift_avar'),
         ('noise.drift_model', 'fit_drift_model'), ('noise.axis_fit', 'fit_axes'),
         ('noise.fitted_model', 'FittedModel'), ('noise.joint', 'joint_fit'),
-        ('noise.likelihood', 'maximise'), ('noise.sequential', 'decide'),
+        ('noise.posterior.maximum', 'maximise'), ('noise.sequential', 'decide'),
         ('noise.spectrum', 'flicker'), ('noise.spectrum', 'quantization'),
         ('noise.spectrum', 'random_walk'), ('noise.spectrum', 'white'),
         ('noise.terms', 'allan_variance'), ('tuning.coasting', 'coasting_variance'),

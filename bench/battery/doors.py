@@ -18,9 +18,9 @@ from typing import Any
 from battery.sensors import Array, Sensor, TERMS
 import imu_allan
 from imu_allan.characterization.axis import axis_results
-from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.posterior.posterior import posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import Quantity
 from imu_allan.result import AxisResult
 import numpy as np

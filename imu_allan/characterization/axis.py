@@ -17,26 +17,26 @@ from imu_allan.characterization.findings import (
     still_remark,
 )
 from imu_allan.finding import Finding
-from imu_allan.noise.axis_fault import (
+from imu_allan.noise.axis_fit import AxisFit, fit_axes
+from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.curve import edf, interval, Octaves, octaves
+from imu_allan.noise.drift_level import drift_levels, drift_of_means
+from imu_allan.noise.drift_model import fit_drift_model
+from imu_allan.noise.faults.axis_fault import (
     axis_fault,
     AxisFault,
     Constant,
     sample_noise,
     StoodStill,
 )
-from imu_allan.noise.axis_fit import AxisFit, fit_axes
-from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.curve import edf, interval, Octaves, octaves
-from imu_allan.noise.drift_level import drift_levels, drift_of_means
-from imu_allan.noise.drift_model import fit_drift_model
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.faults.saturation import CutOff
 from imu_allan.noise.fitted_model import FittedModel, with_model_curve
-from imu_allan.noise.groups import Groups, WHITE
 from imu_allan.noise.outlook import outlook
 from imu_allan.noise.posterior.answer import Estimate
 from imu_allan.noise.posterior.report import AxisReport
-from imu_allan.noise.saturation import CutOff
-from imu_allan.noise.signal_over_time import Columns
+from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.groups import Groups, WHITE
+from imu_allan.noise.record.signal_over_time import Columns
 from imu_allan.noise.stationarity import SegmentPowers, white_ratio
 from imu_allan.noise.terms import Quantity, SLOW_TERMS, TERMS
 from imu_allan.noise.tones import strongest

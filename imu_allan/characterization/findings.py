@@ -9,8 +9,8 @@ from typing import Any
 from imu_allan.characterization.thermometer import COVERED, Temperature
 from imu_allan.finding import Finding, finding
 from imu_allan.noise.axis_fit import SHORTEST_RECORD
+from imu_allan.noise.faults.saturation import CutOff
 from imu_allan.noise.posterior.report import AxisReport
-from imu_allan.noise.saturation import CutOff
 from imu_allan.noise.stationarity import Steadiness
 from imu_allan.noise.terms import FLICKER_FLOOR, Quantity
 from imu_allan.result import AxisResult, Deadband, Segment, Span, Trend

@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.temperature_course import TemperatureCourse
+from imu_allan.noise.courses.temperature import TemperatureCourse
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineSummary
 

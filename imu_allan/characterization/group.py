@@ -9,7 +9,7 @@ from typing import Any
 
 from imu_allan.block import EvenBlock
 from imu_allan.characterization.thermometer import Temperature, Thermometer
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
 import numpy as np
 from numpy.typing import NDArray

@@ -30,9 +30,9 @@ from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.noise.chi_square import NORMAL95
-from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.random_effects import q_statistic, random_effects
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import (
     AxisResult,

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from imu_allan.characterization.finished import FinishedGroup, FinishedRecord
 from imu_allan.characterization.mean import error_of_mean, mean_is_known
+from imu_allan.noise.faults.saturation import is_cut_off
 from imu_allan.noise.random_effects import random_effects
-from imu_allan.noise.saturation import is_cut_off
 from imu_allan.result import AxisResult, TurnOnBias
 
 MOST = 1000

@@ -31,9 +31,9 @@ from imu_allan.characterization.power_ons import PowerOns
 from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
-from imu_allan.noise.alike import SAME
 from imu_allan.noise.axis_fit import AxisFit, copies, fit_axes
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.alike import SAME
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Backtest, Result, Signal, Source
 from imu_allan.sensor.plausible import implausible

@@ -11,9 +11,9 @@ when a fit asks for the temperature over the record.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imu_allan.noise.cells import Cells, centres
-from imu_allan.noise.signal_over_time import Columns
-from imu_allan.noise.temperature_course import between_steps, TemperatureCourse
+from imu_allan.noise.courses.temperature import between_steps, TemperatureCourse
+from imu_allan.noise.record.cells import Cells, centres
+from imu_allan.noise.record.signal_over_time import Columns
 from imu_allan.result import Signal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -6,23 +6,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.alike import pairs
-from imu_allan.noise.axis_fault import axis_fault, steps_hide_noise
-from imu_allan.noise.bins import Bins, bins_of
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import grouped, Groups
-from imu_allan.noise.likelihood import maximise
-from imu_allan.noise.mean_in_blocks import Course, without_mean
-from imu_allan.noise.part_of_record import Part
-from imu_allan.noise.periodogram import Periodogram, SpectrumPiece
+from imu_allan.noise.courses.mean_in_blocks import Course, without_mean
+from imu_allan.noise.courses.regressors import RecordSpectrum
+from imu_allan.noise.courses.slow_cycle import known_cycle, SlowCycle, strong_cycle
+from imu_allan.noise.courses.temperature import TemperatureCourse
+from imu_allan.noise.faults.axis_fault import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.answer import expected, moved_mean
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
 from imu_allan.noise.posterior.courses import COURSES, lags_of, with_temperature
+from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.slow_cycle import known_cycle, SlowCycle, strong_cycle
+from imu_allan.noise.record.alike import pairs
+from imu_allan.noise.record.bins import Bins, bins_of
+from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.groups import grouped, Groups
+from imu_allan.noise.record.part_of_record import Part
+from imu_allan.noise.record.periodogram import Periodogram, SpectrumPiece
 from imu_allan.noise.stationarity import (
     segment_powers,
     SegmentPowers,
@@ -31,9 +33,7 @@ from imu_allan.noise.stationarity import (
     steadiness,
     white_ratio,
 )
-from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.tones import find_lines, NAMED, vibrations
-from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.result import Tone
 import numpy as np
 

@@ -20,9 +20,9 @@ from functools import lru_cache
 from math import gcd
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.cells import RUN_SHIFT
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.pyramid import OVERLAP
+from imu_allan.noise.record.cells import RUN_SHIFT
+from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.pyramid import OVERLAP
 from imu_allan.noise.terms import power_law_avar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

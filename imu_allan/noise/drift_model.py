@@ -21,8 +21,8 @@ IEEE 70 (1982): flicker as a sum of relaxation processes.
 
 from dataclasses import replace
 
-from imu_allan.noise.groups import Groups, QUANTIZATION, WALK, WHITE
-from imu_allan.noise.likelihood import maximise, Solution
+from imu_allan.noise.posterior.maximum import maximise, Solution
+from imu_allan.noise.record.groups import Groups, QUANTIZATION, WALK, WHITE
 from imu_allan.noise.spectrum import gauss_markov
 from imu_allan.noise.terms import gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone

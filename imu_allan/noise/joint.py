@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import AxisFit
-from imu_allan.noise.groups import joined_groups
+from imu_allan.noise.courses.regressors import side_by_side
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import reported
-from imu_allan.noise.trends import side_by_side
+from imu_allan.noise.record.groups import joined_groups
 from imu_allan.result import TemperatureDependence, Tone, Trend
 import numpy as np
 
@@ -48,7 +48,7 @@ def joint_fit(records: Sequence[AxisFit], dt: float) -> AxisFit:
     Examples
     --------
     >>> from imu_allan.noise.axis_fit import fit_axes
-    >>> from imu_allan.noise.estimator import Estimator
+    >>> from imu_allan.noise.record.estimator import Estimator
     >>> from imu_allan.noise.simulate import simulate
     >>> fits = []
     >>> for seed in range(2):

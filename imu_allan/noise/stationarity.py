@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.cells import Cells, end_to_end
 from imu_allan.noise.chi_square import equal_variances
-from imu_allan.noise.groups import Groups
-from imu_allan.noise.part_of_record import part_cells
-from imu_allan.noise.periodogram import HIGHEST_OF_MEANS, Periodogram, unbroken
-from imu_allan.noise.segments import OCTAVES, PER_OCTAVE
+from imu_allan.noise.record.cells import Cells, end_to_end
+from imu_allan.noise.record.groups import Groups
+from imu_allan.noise.record.part_of_record import part_cells
+from imu_allan.noise.record.periodogram import HIGHEST_OF_MEANS, Periodogram, unbroken
+from imu_allan.noise.record.segments import OCTAVES, PER_OCTAVE
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct

@@ -13,10 +13,10 @@ from itertools import groupby, pairwise
 from math import log2, sqrt
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.bins import Bins
-from imu_allan.noise.groups import about_ramp
-from imu_allan.noise.likelihood import Solution
-from imu_allan.noise.periodogram import SpectrumPiece
+from imu_allan.noise.posterior.maximum import Solution
+from imu_allan.noise.record.bins import Bins
+from imu_allan.noise.record.groups import about_ramp
+from imu_allan.noise.record.periodogram import SpectrumPiece
 from imu_allan.result import Tone
 import numpy as np
 from numpy.typing import NDArray

@@ -13,12 +13,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.cells import Cells
 from imu_allan.noise.drift_model import fit_drift_model
-from imu_allan.noise.gaps import filled
-from imu_allan.noise.groups import grouped
-from imu_allan.noise.periodogram import SpectrumPiece
+from imu_allan.noise.record.bins import bins_of
+from imu_allan.noise.record.cells import Cells
+from imu_allan.noise.record.gaps import filled
+from imu_allan.noise.record.groups import grouped
+from imu_allan.noise.record.periodogram import SpectrumPiece
 from imu_allan.result import (
     AxisResult,
     Backtest,

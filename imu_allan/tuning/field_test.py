@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
-from imu_allan.noise.bins import Bins, bins_of
 from imu_allan.noise.drift_model import capped
-from imu_allan.noise.groups import grouped, Groups, WALK, WHITE
-from imu_allan.noise.likelihood import maximise, Solution
-from imu_allan.noise.periodogram import SHORTEST, SpectrumPiece
+from imu_allan.noise.posterior.maximum import maximise, Solution
 from imu_allan.noise.process_means import dct_power
+from imu_allan.noise.record.bins import Bins, bins_of
+from imu_allan.noise.record.groups import grouped, Groups, WALK, WHITE
+from imu_allan.noise.record.periodogram import SHORTEST, SpectrumPiece
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Coast, DriftModel, GaussMarkov, Innovations, Interval
 from imu_allan.tuning.backtest import filtered, Met, MOST_STEPS, piece_of, stretches

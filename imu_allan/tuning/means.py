@@ -5,7 +5,7 @@
 from collections.abc import Collection, Iterable
 
 from imu_allan.block import EvenBlock
-from imu_allan.noise.cells import cells_of, coarser, joined, no_cells
+from imu_allan.noise.record.cells import cells_of, coarser, joined, no_cells
 from imu_allan.noise.terms import AXES
 import numpy as np
 from numpy.typing import NDArray

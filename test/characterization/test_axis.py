@@ -12,9 +12,9 @@ from imu_allan.characterization.axis import (
     characterize,
     widened,
 )
-from imu_allan.noise.axis_fault import sample_noise
 from imu_allan.noise.drift_model import drift_avar
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.faults.axis_fault import sample_noise
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, AXES, Quantity, TERMS
 from imu_allan.result import Coefficient, Curve, GoodnessOfFit

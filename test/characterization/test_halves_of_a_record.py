@@ -12,7 +12,7 @@ from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import halves_remarks
 from imu_allan.finding import finding
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import AxisResult, Backtest, Innovations, Result
 from imu_allan.tuning.backtest import backtest

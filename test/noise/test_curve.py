@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise import spectrum
 from imu_allan.noise.curve import edf, interval, octaves
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 import numpy as np
 import pytest
 from scipy.stats import chi2

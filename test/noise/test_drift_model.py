@@ -4,7 +4,7 @@
 
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.drift_model import drift_avar, fit_drift_model, MOST_PROCESSES
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import allan_variance, gauss_markov_avar, line_avar
 from imu_allan.result import DriftModel, GaussMarkov, Tone

@@ -11,7 +11,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import axis_results
 from imu_allan.cli.main import main
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import Quantity, SLOW_TERMS
 from imu_allan.result import AxisResult

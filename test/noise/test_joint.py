@@ -1,8 +1,8 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from characterized import characterized, ends, holds, joint_fits, taken_in, together
+from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.temperature_course import TemperatureCourse
 import numpy as np
 import pytest
 

@@ -3,10 +3,10 @@
 """A mean that moves is told from a random walk."""
 
 from imu_allan.characterization.axis import axis_results
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.estimator import Estimator
-from imu_allan.noise.groups import grouped
-from imu_allan.noise.likelihood import maximise
+from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.record.bins import bins_of
+from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.record.groups import grouped
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 from imu_allan.writers.included import included

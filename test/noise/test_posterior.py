@@ -3,8 +3,7 @@
 from dataclasses import replace
 
 from imu_allan.noise.axis_fit import fit_axes
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.posterior import search, shapes
 from imu_allan.noise.posterior.answer import quantiles
 from imu_allan.noise.posterior.change import change_of
@@ -13,8 +12,9 @@ from imu_allan.noise.posterior.likelihood import batches, losses, SLOTS
 from imu_allan.noise.posterior.posterior import posteriors
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.posterior.report import reported
+from imu_allan.noise.record.bins import bins_of
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.trends import RecordSpectrum
 import numpy as np
 import pytest
 from scipy.integrate import quad

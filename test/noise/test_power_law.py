@@ -6,8 +6,8 @@ from characterized import characterized, holds, one_axis, together
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise import spectrum
 from imu_allan.noise.curve import edf
-from imu_allan.noise.estimator import Estimator
 from imu_allan.noise.fitted_model import FittedModel
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
 import numpy as np

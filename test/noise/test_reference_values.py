@@ -5,7 +5,7 @@
 import allantools
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.curve import edf, octaves
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest

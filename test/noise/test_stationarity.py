@@ -5,7 +5,7 @@
 from itertools import pairwise
 
 from imu_allan.characterization.axis import axis_results, characterize
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.stationarity import segment_powers, short_powers, steadiness
 from imu_allan.noise.terms import Quantity

@@ -5,8 +5,8 @@
 from functools import partial
 
 from characterized import characterized, ends, holds
+from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.simulate import simulate
-from imu_allan.noise.temperature_course import TemperatureCourse
 import numpy as np
 import pytest
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-from imu_allan.noise.bins import bins_of
-from imu_allan.noise.groups import grouped
-from imu_allan.noise.likelihood import maximise
-from imu_allan.noise.periodogram import Periodogram, SpectrumPiece
+from imu_allan.noise.posterior.maximum import maximise
+from imu_allan.noise.record.bins import bins_of
+from imu_allan.noise.record.groups import grouped
+from imu_allan.noise.record.periodogram import Periodogram, SpectrumPiece
 from imu_allan.noise.terms import line_avar
 from imu_allan.noise.tones import find_lines, folded, higher_side, rises, strongest
 from imu_allan.result import Tone

@@ -5,7 +5,7 @@
 from battery.bounds import reference_widths
 from battery.sensors import Sensor
 from characterized import characterized, holds, together
-from imu_allan.noise.shapes import warming
+from imu_allan.noise.courses.waveforms import warming
 from imu_allan.noise.simulate import simulate
 import numpy as np
 

@@ -8,7 +8,7 @@ import re
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import with_start
 from imu_allan.finding import finding
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 from imu_allan.result import TemperatureDependence

@@ -3,7 +3,7 @@
 """Each half of a record predicted from the other."""
 
 from drifting_axes import axis_of
-from imu_allan.noise.estimator import Estimator
+from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Backtest, Coast
 from imu_allan.tuning.backtest import backtest, bands_of

@@ -5,7 +5,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.mean_in_blocks import Course
+from imu_allan.noise.courses.mean_in_blocks import Course
+from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.posterior.courses import CourseKind
 from imu_allan.noise.posterior.likelihood import (
     ALWAYS,
@@ -19,7 +20,6 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
 from imu_allan.noise.posterior.shapes import cubic, GENTLE, LOW_PASSES, TERMS
 from imu_allan.noise.terms import TERMS as SYMBOLS
-from imu_allan.noise.trends import RecordSpectrum
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri

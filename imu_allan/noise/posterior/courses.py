@@ -13,7 +13,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
-from imu_allan.noise.mean_in_blocks import Course
+from imu_allan.noise.courses.mean_in_blocks import Course
+from imu_allan.noise.courses.regressors import RecordSpectrum, regressors
+from imu_allan.noise.courses.temperature import TemperatureCourse
+from imu_allan.noise.courses.waveforms import cycle, legendre, step, warming
 from imu_allan.noise.posterior.evidence import climb
 from imu_allan.noise.posterior.likelihood import (
     batches,
@@ -34,9 +37,6 @@ from imu_allan.noise.posterior.search import (
     Proposals,
     TIME,
 )
-from imu_allan.noise.shapes import cycle, legendre, step, warming
-from imu_allan.noise.temperature_course import TemperatureCourse
-from imu_allan.noise.trends import RecordSpectrum, regressors
 import numpy as np
 from numpy.typing import NDArray
 

@@ -19,7 +19,6 @@ P. Whittle, Ark. Mat. 2 (1953). H. D. Patterson and R. Thompson, Biometrika 58 (
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.groups import Groups
 from imu_allan.noise.posterior.shapes import (
     cubic,
     FREE_TERMS,
@@ -30,6 +29,7 @@ from imu_allan.noise.posterior.shapes import (
     Tables,
     TERMS,
 )
+from imu_allan.noise.record.groups import Groups
 import numpy as np
 from numpy.typing import NDArray
 

@@ -11,12 +11,12 @@ it shows as well, without any one of them as without the others, and is as stron
 from collections.abc import Sequence
 from dataclasses import replace
 
-from imu_allan.noise.groups import Groups, joined_groups
 from imu_allan.noise.posterior.evidence import climb
 from imu_allan.noise.posterior.likelihood import PLAIN
 from imu_allan.noise.posterior.posterior import Posterior
 from imu_allan.noise.posterior.prepared import prepared
 from imu_allan.noise.posterior.search import B, K
+from imu_allan.noise.record.groups import Groups, joined_groups
 import numpy as np
 
 _UNEVEN = 11.0

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imu_allan.noise import chi_square
-from imu_allan.noise.groups import Groups
-from imu_allan.noise.mean_in_blocks import Course
+from imu_allan.noise.courses.mean_in_blocks import Course
+from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.posterior.change import Change, STEADY
 from imu_allan.noise.posterior.courses import (
     Bank,
@@ -37,7 +37,7 @@ from imu_allan.noise.posterior.likelihood import (
 from imu_allan.noise.posterior.prepared import prepared, Start
 from imu_allan.noise.posterior.search import again, best_of, KEPT, of_axis, searched
 from imu_allan.noise.posterior.shapes import cubic
-from imu_allan.noise.trends import RecordSpectrum
+from imu_allan.noise.record.groups import Groups
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from imu_allan.noise.groups import Groups
-from imu_allan.noise.likelihood import maximise, residual_power
 from imu_allan.noise.posterior.likelihood import (
     AMPLITUDES,
     left_to_itself,
@@ -15,6 +13,8 @@ from imu_allan.noise.posterior.likelihood import (
     SLOTS,
     Spectra,
 )
+from imu_allan.noise.posterior.maximum import maximise, residual_power
+from imu_allan.noise.posterior.regression import about_blocks, explained_by_regressors, slope_of
 from imu_allan.noise.posterior.shapes import (
     FEWEST_GROUPS,
     FREE_TERMS,
@@ -23,7 +23,7 @@ from imu_allan.noise.posterior.shapes import (
     tables,
     TERMS,
 )
-from imu_allan.noise.regression import about_blocks, explained_by_regressors, slope_of
+from imu_allan.noise.record.groups import Groups
 import numpy as np
 from numpy.typing import NDArray
 

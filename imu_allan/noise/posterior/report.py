@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from imu_allan.noise.chi_square import NORMAL95
+from imu_allan.noise.courses.regressors import RecordSpectrum
+from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.posterior.answer import answer, Estimate, ramp_beside, Reported
 from imu_allan.noise.posterior.posterior import Posterior
-from imu_allan.noise.temperature_course import TemperatureCourse
 from imu_allan.noise.terms import SLOW_TERMS
-from imu_allan.noise.trends import RecordSpectrum
 from imu_allan.result import GaussMarkov, PowerLaw, Ramp, TemperatureDependence, Trend, WarmUp
 import numpy as np
 

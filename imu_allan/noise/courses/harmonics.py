@@ -1,0 +1,213 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A periodic course of the mean of any shape: its harmonics, its frequency, and a record without it.
+
+The harmonics are regressed together with a last course, the derivative by the logarithm of the
+frequency, whose coefficient says how far the frequency is off (Gauss and Newton). What they
+explain is taken out of the coefficients of the whole record, and of the blocks what it leaks
+there. A coefficient of which the regressors explain the share h, whatever it holds, keeps the
+variance 1 - h, and counts so much.
+
+References
+----------
+D. M. Bates and D. G. Watts, "Nonlinear Regression Analysis and Its Applications", 1988, ch. 2.
+D. C. Hoaglin and R. E. Welsch, Am. Stat. 32 (1978): the share h, the leverage.
+
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import pi
+
+from imu_allan.noise.courses.mean_in_blocks import Course, is_little, leaks
+from imu_allan.noise.courses.regressors import RecordSpectrum, regressors
+from imu_allan.noise.courses.waveforms import cycle
+from imu_allan.noise.posterior.regression import RIDGE
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+KNOWN = 13.8
+"""Likelihood ratio above which a harmonic of a known frequency is there (0.1 %)."""
+_BEYOND = 2
+"""Times the last harmonic that shows: those behind add up to what passes for a process."""
+HARMONICS = (32, 96)
+"""So many are fitted, and more where all of these show: a jagged cycle of a hundred times B."""
+_MOST_TAKEN = 0.5
+"""Share of a coefficient from which on it is left out: too little of it is noise."""
+_STEPS = 8
+"""Most steps to the frequency: two or three are the rule."""
+_LONGEST_STEP = 0.25
+"""In cycles over the record: beyond, the derivative no longer says where the best lies."""
+_NEAR = 0.02
+"""A step in standard errors from which on no other is worth its time."""
+_REACH = 1.25
+"""Times the highest harmonic: up to there its side lobes count, ..."""
+_SINGLE_LOBES = 64
+"""... and at least so many coefficients."""
+_PHASES = 512
+"""At which the highest and the lowest value of a cycle are looked for."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """
+    A periodic course of the mean of one record.
+
+    Attributes
+    ----------
+    frequency_hz : float
+    middle_s : float
+        Of the record, from where phases count.
+    cosines, sines : ndarray, shape (harmonics,)
+        Sizes, in the unit of a sample.
+    off, error : float
+        How far the logarithm of the frequency is from the likeliest one, and its standard error.
+    taken : ndarray, shape (bins,)
+        Share of each coefficient that the regressors explain whatever it holds.
+
+    """
+
+    frequency_hz: float
+    middle_s: float
+    cosines: Array
+    sines: Array
+    off: float
+    error: float
+    taken: Array
+
+    @property
+    def amplitude(self) -> float:
+        """Half of what lies between the highest and the lowest value."""
+        time = np.linspace(0.0, 1 / self.frequency_hz, _PHASES)
+        return float(np.ptp(self.course(time))) / 2
+
+    def course(self, time: Array) -> Array:
+        """Return the cycle over time."""
+        return self._sum(time, self.cosines, self.sines)
+
+    def faster(self, time: Array) -> Array:
+        """Return its derivative by the logarithm of the frequency."""
+        order = np.arange(1, len(self.sines) + 1)
+        return (2 * pi * self.frequency_hz * (time - self.middle_s)
+                * self._sum(time, order * self.sines, -order * self.cosines))
+
+    def _sum(self, time: Array, cosines: Array, sines: Array) -> Array:
+        turn = np.exp(2j * pi * self.frequency_hz * (time - self.middle_s))
+        # Horner: a power of the turn for each harmonic.
+        found = np.zeros(len(time), dtype=np.complex128)
+        for size in (cosines - 1j * sines)[::-1].tolist():
+            found = (found + size) * turn
+        return np.asarray(found.real)
+
+
+def refined(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
+    """
+    Fit a cycle: equation (7) of docs/statistics.md, the frequency by Gauss and Newton.
+
+    `variance` is what the noise gives to the bins. The frequency to begin at has to lie within a
+    quarter of a cycle over the record.
+    """
+    longest = _LONGEST_STEP / (frequency_hz * record.duration_s)
+    for _ in range(_STEPS):
+        found = _cycle(record, variance, frequency_hz, harmonics)
+        if abs(found.off) < _NEAR * found.error:
+            break
+        frequency_hz *= float(np.exp(np.clip(found.off, -longest, longest)))
+    return found
+
+
+def _cycle(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int) -> Cycle:
+    """Fit the sizes of harmonics, then how far the frequency is off."""
+    part = _Slow(record, variance, frequency_hz, harmonics)
+    sizes, _, _ = part.regressed(part.waves)
+    plain = Cycle(frequency_hz, part.middle_s, sizes[::2], sizes[1::2], 0.0, 0.0, np.zeros(0))
+    sizes, errors, taken = part.regressed(
+        np.column_stack((part.waves, part.transformed([plain.faster]))))
+    every = np.zeros(len(variance))
+    every[part.here] = taken
+    return replace(plain, cosines=sizes[:-1:2], sines=sizes[1:-1:2], off=float(sizes[-1]),
+                   error=float(errors[-1]), taken=every)
+
+
+def most_harmonics(record: RecordSpectrum, frequency_hz: float) -> int:
+    """Count the harmonics that the coefficients of a whole record can hold, at least one."""
+    highest = float(record.bins.frequency[record.bins.whole].max(initial=0.0))
+    return max(min(HARMONICS[-1], int(highest / frequency_hz)), 1)
+
+
+def harmonics_of(record: RecordSpectrum, variance: Array, frequency_hz: float, most: int) -> int:
+    """Count the harmonics up to the last that stands above the noise, and as many again."""
+    there = ratios(record, variance, frequency_hz, most) >= KNOWN
+    return min(_BEYOND * (int(np.flatnonzero(there).max(initial=0)) + 1), most)
+
+
+def ratios(record: RecordSpectrum, variance: Array, frequency_hz: float, harmonics: int
+           ) -> Array:
+    """Likelihood ratio of each harmonic of a cycle under a noise that is given."""
+    part = _Slow(record, variance, frequency_hz, harmonics)
+    sizes, errors, _ = part.regressed(part.waves)
+    return np.asarray(((sizes / errors)**2).reshape(-1, 2).sum(axis=1))
+
+
+def without(record: RecordSpectrum, cycle: Cycle, variance: Array) -> RecordSpectrum:
+    """Take a cycle out of a record, which is left as it is; the other is of one axis."""
+    bins, own = record.bins, slice(record.axis, record.axis + 1)
+    leak, doubt = leaks(record.pieces, record.dt, record.duration_s, cycle.course)
+    keep = is_little(leak, doubt, variance) & (cycle.taken < _MOST_TAKEN)
+    keep = keep if record.keep is None else keep & record.keep
+    coefficient = bins.coefficient[own] - regressors(record.pieces, record.dt, [cycle.course]).T
+    power = np.where(bins.whole, coefficient**2, np.maximum(bins.power[own] - leak, 0.0))
+    # Nothing of a coefficient that is all the cycle's, but its band stays.
+    left = np.maximum(1 - cycle.taken, 1e-9)
+    return replace(record, axis=0, keep=keep, bins=replace(
+        bins, power=power, coefficient=coefficient, dof=left * bins.dof,
+        design=left[:, None] * bins.design,
+        cross=-np.sqrt(np.maximum(bins.ramp, 0.0)) * coefficient))
+
+
+class _Slow:
+    """The coefficients of one record that a cycle and its harmonics reach."""
+
+    def __init__(self, record: RecordSpectrum, variance: Array, frequency_hz: float,
+                 harmonics: int) -> None:
+        bins, self._record = record.bins, record
+        harmonics = min(harmonics, most_harmonics(record, frequency_hz))
+        self.middle_s = record.duration_s / 2
+        highest = _REACH * harmonics * frequency_hz
+        self._last = int(np.ceil(2 * record.duration_s * highest)) + _SINGLE_LOBES
+        self.here = bins.whole & (bins.index <= self._last)
+        self._root = 1 / np.sqrt(variance[self.here])
+        self._signal = self._root * bins.coefficient[record.axis, self.here]
+        known = [-np.sqrt(np.maximum(bins.ramp[self.here], 0.0))[:, None]]
+        if record.courses:
+            known.append(self.transformed(record.courses))
+        self._known = self._root[:, None] * np.column_stack(known)
+        self.waves = self.transformed([
+            partial(self._about_middle, wave) for order in range(1, harmonics + 1)
+            for wave in cycle(order * frequency_hz)])
+
+    def _about_middle(self, wave: Course, time: Array) -> Array:
+        return wave(time - self.middle_s)
+
+    def transformed(self, courses: Sequence[Course]) -> Array:
+        """Transform courses of the mean, shape (coefficients, courses)."""
+        return regressors(self._record.pieces, self._record.dt, courses, self._last)
+
+    def regressed(self, columns: Array) -> tuple[Array, Array, Array]:
+        """Return sizes and errors of columns beside what the mean follows, and what they take."""
+        every = np.column_stack((self._known, self._root[:, None] * columns))
+        gram = every.T @ every
+        # A record without slow coefficients says nothing of any column.
+        scale = np.sqrt(np.where(np.diagonal(gram) > 0, np.diagonal(gram), 1.0))
+        half = np.linalg.inv(np.linalg.cholesky(
+            gram / np.outer(scale, scale) + RIDGE * np.eye(len(gram)))) / scale
+        # The last rows are of the columns about what the mean follows anyway.
+        own = half[self._known.shape[1]:]
+        whitened = every @ own.T
+        sizes = own.T @ (whitened.T @ self._signal)
+        here = slice(self._known.shape[1], None)
+        return sizes[here], np.sqrt(np.sum(own[:, here]**2, axis=0)), np.sum(whitened**2, axis=1)

@@ -1,0 +1,148 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a mean that moves leaves in blocks, which are too short for regressors and know no sign.
+
+The transform of a course that is smooth over a block is a matter of its slopes at the two ends.
+That is worked out from the course that was fitted to the whole record, and taken off. Where it is
+not small beside the noise, what is left is not trusted.
+"""
+
+from collections.abc import Callable, Sequence
+
+from imu_allan.noise import spectrum
+from imu_allan.noise.record.cells import end_to_end
+from imu_allan.noise.record.periodogram import BLOCK, Periodogram, SpectrumPiece
+from imu_allan.noise.record.segments import Layout, layout, MEANS, SHORTEST_SEGMENT
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Course = Callable[[Array], Array]
+"""Value at every time, in seconds from the beginning of the record."""
+
+_MOST = 0.2
+"""Share of the noise up to which a leak is taken off: a judgment; beyond, the bin is left out."""
+_DOUBTFUL = 0.01
+"""The same where a leak can be bounded only: it then stays in."""
+_NEAR = 1e-3
+"""Of a block: the distance over which a slope is taken."""
+
+
+def leaks(pieces: Sequence[SpectrumPiece], dt: float, duration_s: float, mean: Course
+          ) -> tuple[Array, Array]:
+    """
+    Return the power that a mean gives to the bins of blocks, and a bound where that is not known.
+
+    The longest blocks of a stage follow one another; of the shorter ones, the ends of stretches,
+    it is not known where they lie.
+
+    Parameters
+    ----------
+    pieces : sequence of SpectrumPiece
+        Of a record.
+    dt : float
+        Sample interval in seconds.
+    duration_s : float
+        From the beginning of the record to its end.
+    mean : callable
+        Over the record.
+
+    Returns
+    -------
+    leak, bound : ndarray, shape (bins,)
+        Zero for the coefficients of the whole record.
+
+    """
+    longest = {piece.step: max(one.length for one in pieces if one.step == piece.step)
+               for piece in pieces}
+    found, bounds = [], []
+    for piece in pieces:
+        nothing = np.zeros(piece.last - piece.first)
+        leak, bound = nothing, nothing
+        if piece.coefficients is None:
+            step = piece.step * dt
+            ends = _slopes(mean, 0.0, duration_s, piece.length * step)
+            index = np.arange(piece.first, piece.last)
+            if piece.length == longest[piece.step]:
+                leak = _of_slopes(piece.length, step, index, *ends)
+            else:
+                steepest = np.array([np.abs(ends).max()])
+                bound = _of_slopes(piece.length, step, index | 1, steepest, steepest)
+        found.append(leak)
+        bounds.append(bound)
+    return np.concatenate(found), np.concatenate(bounds)
+
+
+def is_little(leak: Array, bound: Array, noise: Array) -> NDArray[np.bool_]:
+    """Tell which bins hold noise enough beside a leak."""
+    return np.asarray((leak < _MOST * noise) & (bound < _DOUBTFUL * noise))
+
+
+def without_mean(periodogram: Periodogram, axis: int, dt: float, mean: Course) -> Periodogram:
+    """
+    Take a mean that moves out of the series and the segments of one axis.
+
+    Parameters
+    ----------
+    periodogram : Periodogram
+        Finished; it is left as it is.
+    axis : int
+        Which axis.
+    dt : float
+        Sample interval in seconds.
+    mean : callable
+        Over the record.
+
+    Returns
+    -------
+    Periodogram
+        Of this axis alone. Bands of segments that hold more of the mean than of noise are empty.
+
+    """
+    calm = periodogram.copy()
+    calm.keep([axis])
+    series, segments = calm.series, calm.segments
+    middle = (end_to_end(series.keys) + 0.5) * calm.cell
+    calm.shift_cells(-mean(np.asarray(middle * dt, dtype=np.float64)))
+    seen = np.cumsum(series.counts)
+    seen = seen + (segments.samples - (seen[-1] if len(seen) else 0))
+    for number in range(segments.used):
+        # Samples that are missing do not count for a segment, but time goes on.
+        ends = np.minimum(np.array([number, number + 1]) * segments.width, segments.samples)
+        begin, end = np.interp(ends, seen, middle + calm.cell / 2, left=0.0) * dt
+        if end <= begin:
+            continue
+        for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
+            place = layout(length, step)
+            index = np.arange(place.first, place.last)
+            slopes = _slopes(mean, begin, end, length * step * dt)
+            leak = _by_band(_of_slopes(length, step * dt, index, *slopes), place)
+            power, dof = segments.power[0, number], segments.dof[number]
+            leak = leak * dof[place.bands]
+            left = power[place.bands] - leak
+            little = leak < _MOST * left
+            power[place.bands] = np.where(little, left, 0.0)
+            dof[place.bands] = np.where(little, dof[place.bands], 0)
+    return calm
+
+
+def _slopes(mean: Course, begin_s: float, end_s: float, block_s: float) -> tuple[Array, Array]:
+    """Slopes of a mean at the beginning and at the end of every block."""
+    count = max(round((end_s - begin_s) / block_s), 1)
+    edges = np.linspace(begin_s, end_s, count + 1)
+    near = _NEAR * block_s
+    slope = (mean(edges + near) - mean(edges - near)) / (2 * near)
+    return slope[:-1], slope[1:]
+
+
+def _of_slopes(length: int, step: float, index: NDArray[np.int64], before: Array, after: Array
+               ) -> Array:
+    """Mean power of coefficients, over blocks whose mean has these slopes at their ends."""
+    sign = np.where(index % 2, -1.0, 1.0)
+    square, both = float(np.mean(before**2 + after**2)), float(np.mean(2 * before * after))
+    return np.asarray(spectrum.end_dct(length, step, index)**2 * (square - sign * both))
+
+
+def _by_band(values: Array, place: Layout) -> Array:
+    return np.asarray(np.add.reduceat(values, place.starts) / place.counts)

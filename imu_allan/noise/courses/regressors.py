@@ -1,0 +1,224 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Courses of the mean that are no noise, as regressors on the whole-record coefficients.
+
+Whatever moves the mean slowly stands in the slowest coefficients, where the random walk is read
+too. A course is given as a function of time; its cosine transform over the cells of the series is
+what the coefficients would be if it were all there is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from imu_allan.noise.courses.mean_in_blocks import Course, is_little, leaks
+from imu_allan.noise.record.bins import Bins
+from imu_allan.noise.record.groups import grouped, Groups, joined_groups, regressed
+from imu_allan.noise.record.periodogram import SpectrumPiece
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+Array = NDArray[np.float64]
+_NOTHING = 1e-15
+"""Weight of a bin that is left out where its band has to stay."""
+_POINTS = 1024
+"""Enough for a course of a few dozen cycles in the record."""
+
+
+@dataclass(frozen=True)
+class SlowCoefficients:
+    """
+    The slowest whole-record coefficients of one axis.
+
+    Attributes
+    ----------
+    pieces : sequence of SpectrumPiece
+        Of the record.
+    count : int
+        Index of the last of them.
+    which : ndarray of bool
+        Which coefficients up to that index are no line.
+    dt : float
+        Sample interval in seconds.
+    design : ndarray, shape (n, columns)
+    coefficient, ramp : ndarray, shape (n,)
+        Values, and what a unit ramp would give.
+
+    """
+
+    pieces: Sequence[SpectrumPiece]
+    count: int
+    which: NDArray[np.bool_]
+    dt: float
+    design: Array
+    coefficient: Array
+    ramp: Array
+
+    def regressors(self, courses: Sequence[Course]) -> Array:
+        """Transform courses of the mean, shape (n, courses), which are slow themselves."""
+        return regressors(self.pieces, self.dt, courses, self.count)[self.which]
+
+
+@dataclass(frozen=True)
+class RecordSpectrum:
+    """
+    The spectrum of one axis, to which courses of the mean can be laid.
+
+    Attributes
+    ----------
+    pieces : sequence of SpectrumPiece
+    bins : Bins
+        Of these pieces.
+    axis : int
+    dt : float
+        Sample interval in seconds.
+    keep : ndarray of bool, shape (bins,), or None
+        False where a line is.
+    courses : tuple of Course
+        Regressors that stand in every fit, directly behind the ramp.
+    aligned : bool
+        Whether bands without a bin stay, worth nothing, so that all axes have the same bands.
+
+    """
+
+    pieces: Sequence[SpectrumPiece]
+    bins: Bins
+    axis: int
+    dt: float
+    keep: NDArray[np.bool_] | None = None
+    courses: tuple[Course, ...] = ()
+    aligned: bool = False
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the beginning of the record to its end."""
+        return duration(self.pieces, self.dt)
+
+    def slowest(self, count: int) -> SlowCoefficients:
+        """Return the slowest whole-record coefficients, up to index `count`."""
+        which = slow = self.bins.whole & (self.bins.index <= count)
+        if self.keep is not None:
+            which = slow & self.keep
+        return SlowCoefficients(self.pieces, count, which[slow], self.dt, self.bins.design[which],
+                                self.bins.coefficient[self.axis, which],
+                                -np.sqrt(np.maximum(self.bins.ramp[which], 0)))
+
+    def groups(self, *courses: Course) -> Groups:
+        """Return the spectrum in narrow bands with the ramp and some courses as regressors."""
+        if not courses:
+            return self._still
+        columns = regressors(self.pieces, self.dt, courses)
+        return regressed(self._still, *self._kept,
+                         np.column_stack((*self._columns, columns)))
+
+    @cached_property
+    def _columns(self) -> tuple[Array, ...]:
+        """Regressors of the courses that stand in every fit."""
+        return (regressors(self.pieces, self.dt, self.courses),) if self.courses else ()
+
+    @cached_property
+    def _still(self) -> Groups:
+        """Gather the groups without further courses once: they are asked for again and again."""
+        return grouped(*self._kept, *self._columns)
+
+    @cached_property
+    def _kept(self) -> tuple[Bins, int, NDArray[np.bool_] | None]:
+        """Return the bins, the axis and what is kept of them."""
+        if not self.aligned or self.keep is None:
+            return self.bins, self.axis, self.keep
+        dof = self.bins.dof * np.maximum(self.keep, _NOTHING)
+        return replace(self.bins, dof=dof), self.axis, None
+
+    def beside(self, courses: Sequence[Course]) -> 'RecordSpectrum':
+        """Return the same spectrum with further courses that stand in every fit."""
+        return replace(self, courses=(*self.courses, *courses))
+
+    def mean(self, trend: Array) -> Course:
+        """Return the mean of which a fit beside the courses found the sizes, the ramp's first."""
+        def ramp(time: Array) -> Array:
+            return time
+
+        return lambda time: np.asarray(sum(size * course(time) for size, course in zip(
+            trend.ravel(), (ramp, *self.courses), strict=True)))
+
+    def without_leak(self, mean: Course, noise: Array) -> 'RecordSpectrum':
+        """
+        Take out of the blocks what a mean that moves leaks into them.
+
+        Regressors act on the coefficients of the whole record; a block is shorter, and knows no
+        sign. What it holds of the mean is a matter of its slope at both ends. Where that is not
+        known well enough beside the noise, shape (bins,), bins are left out. The result is of one
+        axis.
+        """
+        bins, own = self.bins, slice(self.axis, self.axis + 1)
+        leak, doubt = leaks(self.pieces, self.dt, self.duration_s, mean)
+        keep = is_little(leak, doubt, noise)
+        keep = keep if self.keep is None else keep & self.keep
+        power = np.maximum(bins.power[own] - leak, 0.0)
+        one = replace(bins, power=power, cross=bins.cross[own], coefficient=bins.coefficient[own],
+                      ramp=np.maximum(bins.ramp, 0.0))
+        return replace(self, bins=one, axis=0, keep=keep)
+
+
+def side_by_side(records: Sequence[RecordSpectrum]) -> Groups:
+    """Give the spectra of several records of one axis, each with its own mean, as one."""
+    return joined_groups([record.groups() for record in records])
+
+
+def regressors(pieces: Sequence[SpectrumPiece], dt: float, courses: Sequence[Course],
+               slowest: int | None = None) -> Array:
+    """
+    Transform courses of the mean as the record was transformed: X of (7) in docs/statistics.md.
+
+    Parameters
+    ----------
+    pieces : sequence of SpectrumPiece
+        Of the record.
+    dt : float
+        Sample interval in seconds.
+    courses : sequence of Course
+        Each gives a column.
+    slowest : int, optional
+        Last index that is wanted; the courses shall be slow themselves.
+
+    Returns
+    -------
+    ndarray, shape (bins, courses)
+        For the bins of the same pieces, zero outside the whole-record part; or for the slowest
+        coefficients of the whole-record parts alone.
+
+    Examples
+    --------
+    A bend, over 100 points of 1 s; being even, it has no odd coefficient:
+
+    >>> from imu_allan.noise.courses.waveforms import legendre
+    >>> nothing = np.zeros((1, 100))
+    >>> piece = SpectrumPiece(1, 100, 1, 1, 100, nothing, nothing)
+    >>> regressors([piece], 1.0, [legendre(2, 100.0)], slowest=4).round(2) + 0.0
+    array([[0.  ],
+           [4.3 ],
+           [0.  ],
+           [1.07]])
+
+    """
+    parts = []
+    for piece in pieces:
+        if piece.coefficients is None:
+            if slowest is None:
+                parts.append(np.zeros((piece.last - piece.first, len(courses))))
+            continue
+        length = piece.length if slowest is None else min(piece.length, max(_POINTS, slowest + 1))
+        last = piece.last if slowest is None else min(piece.last, slowest + 1)
+        middle = (np.arange(length) + 0.5) * (piece.length / length)
+        time: Array = np.asarray((piece.start + middle * piece.step) * dt, dtype=np.float64)
+        rows = dct(np.stack([course(time) for course in courses]), norm='ortho')
+        parts.append(rows[:, piece.first:last].T * np.sqrt(piece.length / length))
+    return np.concatenate(parts)
+
+
+def duration(pieces: Sequence[SpectrumPiece], dt: float) -> float:
+    """Seconds from the beginning of the record to its end; runs are laid end to end."""
+    return max(((piece.start + piece.length * piece.step) * dt for piece in pieces
+                if piece.coefficients is not None), default=0.0)

@@ -1,0 +1,174 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A strong periodic drift of the mean: the cycle of a heater or of an air conditioning.
+
+It stands above the noise in dozens of harmonics, which pass for flicker, a random walk or a
+low-pass while they are in it. All that there may be are taken out first; the noise that is left
+says which there are, and whether they are a cycle. A weak cycle is a course like any other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from imu_allan.noise import chi_square
+from imu_allan.noise.courses.harmonics import (
+    Cycle,
+    HARMONICS,
+    harmonics_of,
+    KNOWN,
+    ratios,
+    refined,
+    without,
+)
+from imu_allan.noise.courses.regressors import RecordSpectrum
+from imu_allan.noise.courses.waveforms import cycle
+from imu_allan.noise.posterior.courses import Bank, CourseKind
+from imu_allan.noise.posterior.maximum import maximise, residual_power, Solution
+from imu_allan.noise.posterior.prepared import smoothed
+from imu_allan.noise.record.groups import QUANTIZATION, WALK
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_STICKS_OUT = 1e-5
+"""Probability of a slow coefficient so large that a search for a cycle is worth its time."""
+_COMB = 8
+"""Harmonics that are asked together, where all of them may have passed for a random walk ..."""
+_COMB_CHANCE = 1e-3
+"""... and the probability of so large ones from where on they are taken out to see."""
+_CERTAIN_COMB = 1e-11
+"""The same in the noise that is left: of frequencies many are tried."""
+_NO_VIBRATION_S = 30.0
+"""From this period on a line is a slow cycle: nothing on the ground swings so slowly."""
+_MOST_CYCLES = 32.0
+"""In the record: of more, each has little to do with a random walk."""
+_FEWEST_CYCLES = 2.0
+"""Below, a strong one is not told from a mean that bends."""
+_FEW = (1, 4)
+"""Harmonics by which the frequency is fitted first."""
+_FEWEST_GROUPS = 24
+"""Bands of which the slow noise is fitted, at least."""
+
+_KIND = CourseKind('slow_cycle', 0.0, lambda duration: np.arange(
+    1.0, _MOST_CYCLES + 0.1, 0.25) / duration, lambda frequency, _: cycle(frequency))
+
+
+@dataclass(frozen=True)
+class SlowCycle:
+    """A cycle, and the record without it."""
+
+    cycle: Cycle
+    record: RecordSpectrum
+
+    @property
+    def period_s(self) -> float:
+        """Seconds from one cycle to the next."""
+        return 1 / self.cycle.frequency_hz
+
+
+def strong_cycle(record: RecordSpectrum) -> SlowCycle | None:
+    """Find a cycle that stands above the noise with its harmonics, and take it out."""
+    if record.duration_s == 0:
+        return None
+    noise = _noise(record)
+    frequency_hz = _likeliest(record, noise)
+    variance = _variance(record, noise)
+    for few in _FEW:
+        frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
+    if (_chance(record, variance, frequency_hz) > _COMB_CHANCE
+            and not _sticks_out(record, noise)):
+        return None
+    found = _taken_out(record, variance, frequency_hz)
+    # Behind a filter, say, the terms do not describe what is left: it is no less than it is.
+    left = _noise(found.record)
+    variance = np.maximum(_variance(found.record, left), _level(found.record, left))
+    if (record.duration_s < _FEWEST_CYCLES * found.period_s
+            or _chance(record, variance, 1 / found.period_s) >= _CERTAIN_COMB):
+        return None
+    return found
+
+
+def known_cycle(record: RecordSpectrum, frequencies_hz: Sequence[float]) -> SlowCycle | None:
+    """Take out the strongest cycle of frequencies that other axes have: what heats one, all."""
+    if record.duration_s == 0:
+        return None
+    variance = _variance(record, _noise(record))
+    ratio, frequency_hz = max((float(ratios(record, variance, hz, 1)[0]), hz)
+                              for hz in frequencies_hz)
+    return _taken_out(record, variance, frequency_hz) if ratio > KNOWN else None
+
+
+def _noise(record: RecordSpectrum) -> Solution:
+    """Fit the terms to the slower half of the band: a low-pass bends the other."""
+    groups = record.groups()
+    last = len(groups.frequency) - 1
+    below = groups.below(float(groups.frequency[min(max(_FEWEST_GROUPS, last // 2), last)]))
+    return maximise(below, fixed={QUANTIZATION: 0.0}, trend='restricted', tolerance=1e-2)
+
+
+def _variance(record: RecordSpectrum, noise: Solution) -> Array:
+    """Return the power that noise gives to every bin."""
+    return np.asarray(np.maximum(record.bins.design @ noise.theta, 1e-300))
+
+
+def _level(record: RecordSpectrum, noise: Solution) -> Array:
+    """Return the power of the neighbourhood of every bin."""
+    groups = record.groups()
+    level = np.maximum(smoothed(groups, groups.power, groups.design @ noise.theta), 1e-300)
+    return np.asarray(np.exp(np.interp(np.log(record.bins.frequency), np.log(groups.frequency),
+                                       np.log(level))))
+
+
+def _sticks_out(record: RecordSpectrum, noise: Solution) -> bool:
+    """Whether a slow coefficient is larger than the terms can mean it to be, or is a line."""
+    groups = record.groups()
+    ratio = residual_power(groups, noise.theta) / np.maximum(groups.design @ noise.theta, 1e-300)
+    slow = groups.frequency <= 2 * _MOST_CYCLES * groups.frequency[0]
+    if np.any(chi_square.survival((groups.dof * ratio)[slow], np.maximum(groups.dof[slow], 1e-9))
+              < _STICKS_OUT):
+        return True
+    slow_bins = record.bins.whole & (record.bins.frequency < _fastest(record))
+    return record.keep is not None and not record.keep[slow_bins].all()
+
+
+def _fastest(record: RecordSpectrum) -> float:
+    """Return the frequency, in Hz, up to which a line may be a slow cycle."""
+    return min(_MOST_CYCLES / record.duration_s, 1 / _NO_VIBRATION_S)
+
+
+def _likeliest(record: RecordSpectrum, noise: Solution) -> float:
+    """Return the frequency that explains most under noise without a random walk."""
+    groups = record.groups()
+    keep = None if record.keep is None else record.keep | (
+        record.bins.frequency < _fastest(record))
+    record = replace(record, keep=keep)
+    bank = Bank(record, (_KIND,))
+    theta = noise.theta.copy()
+    theta[WALK] = 0.0
+    lam = np.maximum(groups.design @ theta, 1e-300)
+    axis = bank.of(record)
+    gains = axis.gains(axis.about(groups.frequency, lam, ()), 0)[0]
+    return float(bank.grids[0][int(np.argmax(gains))])
+
+
+def _chance(record: RecordSpectrum, variance: Array, frequency_hz: float) -> float:
+    """Probability of harmonics so large in a given noise."""
+    ratio = float(ratios(record, variance, frequency_hz, _COMB).sum())
+    return float(chi_square.survival(ratio, 2 * _COMB))
+
+
+def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> SlowCycle:
+    """Fit a cycle, and take it out of the record."""
+    there = HARMONICS[0]
+    # All harmonics that there may be are taken out first: only then it shows which there are.
+    for most in HARMONICS:
+        every = refined(record, variance, frequency_hz, most)
+        calm = without(record, every, variance)
+        frequency_hz, variance = every.frequency_hz, _variance(calm, _noise(calm))
+        there = harmonics_of(record, variance, frequency_hz, most)
+        if there < most:
+            break
+    found = refined(record, variance, frequency_hz, there)
+    return SlowCycle(found, without(record, found, variance))

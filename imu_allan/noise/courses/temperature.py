@@ -1,0 +1,145 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The temperature over a record, that of the thermometer or of the sensor before or behind it."""
+
+from dataclasses import dataclass
+
+from imu_allan.noise.courses.mean_in_blocks import Course
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SMOOTHED = 1 / 4
+"""
+Of a lag, over which a thermometer is smoothed to either side before its slope is taken: a body
+that is so much faster is as good as one without any lag, and readings in steps have a slope.
+"""
+_HALF_CHANGED = 0.25
+"""Of a step: a cell in the middle of one holds readings of either value."""
+
+
+@dataclass(frozen=True)
+class TemperatureCourse:
+    """
+    The temperature over a record.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Seconds from its beginning, runs laid end to end.
+    celsius : ndarray, shape (n,)
+
+    """
+
+    time: Array
+    celsius: Array
+
+    @property
+    def lowest(self) -> float:
+        """Lowest temperature, in degrees Celsius."""
+        return float(self.celsius.min())
+
+    @property
+    def highest(self) -> float:
+        """Highest temperature, in degrees Celsius."""
+        return float(self.celsius.max())
+
+    @property
+    def courses(self) -> tuple[Course, Course]:
+        """Return the temperature about its mean, in kelvin, and the square of that."""
+        about = self.celsius - self.celsius.mean()
+
+        def linear(time: Array) -> Array:
+            return np.asarray(np.interp(time, self.time, about))
+
+        return linear, lambda time: linear(time)**2
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first reading to the last."""
+        return float(self.time[-1] - self.time[0])
+
+    def of_sensor(self, lag_s: float) -> 'TemperatureCourse':
+        """
+        Return the temperature of a sensor that the thermometer follows with a time constant.
+
+        Parameters
+        ----------
+        lag_s : float
+            In seconds; negative where the sensor follows the thermometer.
+
+        Returns
+        -------
+        TemperatureCourse
+
+        Examples
+        --------
+        >>> behind = TemperatureCourse(np.arange(100.0), 20 + 0.1 * np.arange(100.0))
+        >>> behind.of_sensor(30.0).celsius[[50, 60]].round(6)
+        array([28., 29.])
+
+        """
+        if lag_s == 0 or self.duration_s <= 0:
+            return self
+        time = np.linspace(self.time[0], self.time[-1], max(len(self.time), 3))
+        step = float(time[1] - time[0])
+        celsius = np.interp(time, self.time, self.celsius)
+        return TemperatureCourse(time, _ahead(celsius, lag_s, step) if lag_s > 0
+                                 else _behind(celsius, -lag_s, step))
+
+
+def _ahead(celsius: Array, lag_s: float, step: float) -> Array:
+    """Undo a lag: the temperature and its slope, both smoothed to either side."""
+    count = min(max(round(_SMOOTHED * lag_s / step), 1), len(celsius) - 1)
+    # A slope at the end goes on beyond it.
+    total = np.concatenate(([0.0], np.cumsum(
+        np.pad(celsius, count, mode='reflect', reflect_type='odd'))))
+    at = np.arange(len(celsius)) + count
+    before = (total[at] - total[at - count]) / count
+    after = (total[at + 1 + count] - total[at + 1]) / count
+    return np.asarray((before + after) / 2 + lag_s * (after - before) / ((count + 1) * step))
+
+
+def _behind(celsius: Array, lag_s: float, step: float) -> Array:
+    """Lag behind a temperature that stood still before."""
+    from scipy.signal import lfilter  # seldom needed, and slow to import
+
+    kept = float(np.exp(-step / lag_s))
+    middle = np.concatenate((celsius[:1], (celsius[1:] + celsius[:-1]) / 2))
+    return np.asarray(lfilter([1 - kept], [1, -kept], middle, zi=[kept * celsius[0]])[0])
+
+
+def between_steps(time: Array, celsius: Array, step: float) -> Array:
+    """
+    Join readings in coarse steps by lines: in the middle of a change the temperature is known.
+
+    Parameters
+    ----------
+    time, celsius : ndarray, shape (n,)
+        Time is increasing, in any unit.
+    step : float
+        Between neighbouring values of the thermometer.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> readings = np.array([20.0, 20, 20, 20, 21, 21, 21, 21, 22, 22, 22, 22])
+    >>> between_steps(np.arange(12.0), readings, 1.0)[4:8]
+    array([20.625, 20.875, 21.125, 21.375])
+
+    """
+    change = np.diff(celsius)
+    at = np.flatnonzero(np.abs(change) > _HALF_CHANGED * step)
+    if not len(at):
+        return celsius
+    # Where it goes up and down again, it has been at the value in between.
+    turn = np.flatnonzero(np.sign(change[at[1:]]) != np.sign(change[at[:-1]]))
+    middle, level = (time[at] + time[at + 1]) / 2, (celsius[at] + celsius[at + 1]) / 2
+    where = np.concatenate((time[:1], middle, (middle[turn] + middle[turn + 1]) / 2, time[-1:]))
+    value = np.concatenate((celsius[:1], level, celsius[at[turn + 1]], celsius[-1:]))
+    order = np.argsort(where, kind='stable')
+    return np.asarray(np.interp(time, where[order], value[order]))

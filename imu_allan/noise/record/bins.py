@@ -1,0 +1,139 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The spectrum of a record, frequency by frequency, and what each term would give there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+from imu_allan.noise import spectrum
+from imu_allan.noise.record.bridges import Bridges, NO_BRIDGES
+from imu_allan.noise.record.periodogram import SpectrumPiece
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SINGLE = 48
+"""Coefficients of a whole record that stay single: where the slow terms are told apart."""
+_PER_OCTAVE = 8
+"""Bands to an octave: over one of them the spectrum of the terms changes by a few percent."""
+
+
+@dataclass(frozen=True)
+class Bins:
+    """
+    Every frequency of a record, for all axes.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (bins,)
+        In Hz.
+    dof : ndarray, shape (bins,)
+        How many squared coefficients were averaged.
+    power : ndarray, shape (axes, bins)
+        Their mean, in squared sample units.
+    design : ndarray, shape (bins, 4)
+        Expected power for a coefficient 1 of each term.
+    cross : ndarray, shape (axes, bins)
+        Coefficient times that of a unit ramp; zero but in the whole-record part.
+    coefficient : ndarray, shape (axes, bins)
+        The coefficient itself, with its sign; zero but in the whole-record part.
+    ramp : ndarray, shape (bins,)
+        Squared coefficient of a unit ramp, negative where the sign of the ramp is lost.
+    whole : ndarray of bool, shape (bins,)
+        Whether a bin is a single coefficient of a whole-record part.
+    piece, index : ndarray of int, shape (bins,)
+        Which piece a bin is from, and its DCT index there.
+
+    """
+
+    frequency: Array
+    dof: Array
+    power: Array
+    design: Array
+    cross: Array
+    coefficient: Array
+    ramp: Array
+    whole: NDArray[np.bool_]
+    piece: NDArray[np.int64]
+    index: NDArray[np.int64]
+
+    @cached_property
+    def band(self) -> NDArray[np.int64]:
+        """Return the number of the narrow band of each bin: the same for every axis."""
+        single = self.whole & (self.index <= _SINGLE)
+        band = np.floor(_PER_OCTAVE * np.log2(self.frequency)).astype(np.int64)
+        # The key keeps apart what must not be averaged: single coefficients, and the whole-record
+        # part, whose ramp has a sign, from the blocks.
+        key = np.where(single, (self.piece + 2) * 10_000_000 + self.index, band * 2 + self.whole)
+        return np.unique(key, return_inverse=True)[1].astype(np.int64)
+
+
+def _shapes(length: int, first: int, last: int) -> tuple[Array, Array, Array]:
+    """Flicker (with its DCT factor), random walk of unit step, and the squared sine, by index."""
+    j = np.arange(first, last)
+    nu = j / (2.0 * length)
+    return (spectrum.flicker(nu, 1.0) * spectrum.flicker_dct_factor(j),
+            spectrum.random_walk(nu, 1.0), np.sin(np.pi * nu) ** 2)
+
+
+_block_shapes = lru_cache(maxsize=64)(_shapes)
+"""The same for blocks, whose lengths are few. That of a whole record is another in every fit."""
+
+
+def bins_of(pieces: Sequence[SpectrumPiece], dt: float, bridges: Bridges = NO_BRIDGES) -> Bins:
+    """
+    Join the pieces of a spectrum.
+
+    Parameters
+    ----------
+    pieces : sequence of SpectrumPiece
+        At least one.
+    dt : float
+        Sample interval in seconds.
+    bridges : Bridges, optional
+        Samples that stand in for missing ones.
+
+    Returns
+    -------
+    Bins
+
+    """
+    parts = []
+    for number, piece in enumerate(pieces):
+        step = piece.step * dt
+        shapes = _block_shapes if piece.coefficients is None else _shapes
+        flicker, walk, s2 = shapes(piece.length, piece.first, piece.last)
+        index = np.arange(piece.first, piece.last)
+        white = np.full(len(s2), 1 / step)
+        if piece.gaps.white is not None:
+            white *= piece.gaps.white[piece.first:piece.last]
+        if piece.gaps.flicker is not None and piece.gaps.walk is not None:
+            flicker = flicker * piece.gaps.flicker[piece.first:piece.last]
+            walk = walk * piece.gaps.walk[piece.first:piece.last]
+        bridged = bridges.white_power(piece.length, piece.step)
+        if bridged is not None:
+            white *= bridged[piece.first:piece.last]
+        # The second part of the first column is what both ends of a block leak.
+        quantized = 4 * (s2 + (1 - s2) / piece.length) / step**2
+        design = np.stack((quantized, white, flicker, step * walk), axis=1)
+        part = slice(piece.first, piece.last)
+        ramp = spectrum.ramp_dct(piece.length, step)[piece.first - 1:piece.last - 1]
+        if piece.coefficients is None:
+            signed, squared = np.zeros((len(piece.power), len(index))), -ramp**2
+        else:
+            signed, squared = piece.coefficients[:, part], ramp**2
+        # What stands in for missing samples adds nothing new; means of many hardly hold any.
+        known = 1 - max(piece.gaps.filled, bridges.share if piece.step == 1 else 0.0)
+        parts.append((index / (2 * piece.length * step), np.full(len(index), known * piece.blocks),
+                      piece.power[:, part], design, signed * ramp, signed, squared,
+                      np.full(len(index), piece.coefficients is not None),
+                      np.full(len(index), number), index))
+    frequency, dof, power, design, cross, signed_, squared_, whole, number_, index_ = zip(
+        *parts, strict=True)
+    return Bins(np.concatenate(frequency), np.concatenate(dof).astype(np.float64),
+                np.concatenate(power, axis=1), np.concatenate(design),
+                np.concatenate(cross, axis=1), np.concatenate(signed_, axis=1),
+                np.concatenate(squared_), np.concatenate(whole),
+                np.concatenate(number_), np.concatenate(index_))

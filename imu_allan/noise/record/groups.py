@@ -1,0 +1,222 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A spectrum as the likelihood takes it: bins of one axis, gathered into narrow bands.
+
+A group is a band over which the spectra of the terms hardly change, so that the mean power
+and the degrees of freedom are all that has to be kept of its bins; the slowest coefficients of a
+record stay single. What may move the mean beside noise, a ramp and other regressors, comes along
+as products with the coefficients, and only of the whole record: the blocks know no sign.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+from imu_allan.noise.record.bins import Bins
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+QUANTIZATION, WHITE, FLICKER, WALK = range(4)
+"""Columns of a design: the four terms that have a spectrum."""
+LEAST_OF_BLOCKS = 1e-3
+"""Share of the power of blocks that a ramp leaves: by chance they hold less than it gives."""
+
+
+@dataclass(frozen=True)
+class Groups:
+    """
+    Bins of one axis gathered into narrow bands; fields as in `Bins`, for one axis.
+
+    Attributes
+    ----------
+    frequency, dof, power, cross, ramp : ndarray, shape (groups,)
+    design : ndarray, shape (groups, columns)
+    along : ndarray, shape (groups, regressors), optional
+        Mean of coefficient times regressor; zero where the sign is lost.
+    among : ndarray, shape (groups, regressors, regressors), optional
+        Mean products of the regressors.
+    record : ndarray of int, shape (groups,), optional
+        Which of several records a group is of, each having regressors of its own; None for one.
+
+    """
+
+    frequency: Array
+    dof: Array
+    power: Array
+    design: Array
+    cross: Array
+    ramp: Array
+    along: Array | None = None
+    among: Array | None = None
+    record: NDArray[np.int64] | None = None
+
+    @property
+    def records(self) -> int:
+        """How many records the groups are of."""
+        return 1 if self.record is None else int(self.record.max()) + 1
+
+    def at_ramp(self, slope: float) -> Array:
+        """Power about the mean that a ramp of `slope` per second gives, shape (groups,)."""
+        return about_ramp(self.power, self.cross, self.ramp, slope)
+
+    def below(self, frequency_hz: float) -> 'Groups':
+        """Return the groups up to a frequency."""
+        return self.taken(self.frequency <= frequency_hz)
+
+    def taken(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> 'Groups':
+        """Return some of the groups, by mask or in an order."""
+        return Groups(self.frequency[which], self.dof[which], self.power[which],
+                      self.design[which], self.cross[which], self.ramp[which],
+                      None if self.along is None else self.along[which],
+                      None if self.among is None else self.among[which],
+                      None if self.record is None else self.record[which])
+
+    def widened(self, regressors: int) -> 'Groups':
+        """Return the same groups with more regressors, which are nothing."""
+        assert self.along is not None
+        assert self.among is not None
+        more = regressors - self.along.shape[1]
+        return replace(self, along=np.pad(self.along, ((0, 0), (0, more))),
+                       among=np.pad(self.among, ((0, 0), (0, more), (0, more))))
+
+    def with_design(self, design: Array) -> 'Groups':
+        """Return the same power under another set of columns."""
+        return replace(self, design=design)
+
+
+Spectra = Callable[[], Sequence[Groups]]
+"""Gives the spectra of parts of a record, where they are asked for."""
+
+
+def about_ramp(power: Array, cross: Array, ramp: Array, slope: float) -> Array:
+    """
+    Take the mean that a ramp gives the coefficients out of their power.
+
+    Parameters
+    ----------
+    power, cross, ramp : ndarray, shape (n,)
+        As in `Groups`.
+    slope : float
+        Of the ramp, per second.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    """
+    if slope == 0:
+        return power
+    # What is left of coefficients whose sign is known is exact. Of blocks only the mean power of
+    # the ramp is known, and by chance they can hold less.
+    floor = np.where(ramp > 0, 1e-12, LEAST_OF_BLOCKS)
+    return np.maximum(power - 2 * slope * cross + slope**2 * ramp, floor * power)
+
+
+def grouped(bins: Bins, axis: int, keep: NDArray[np.bool_] | None = None,
+            regressors: Array | None = None) -> Groups:
+    """
+    Gather the bins of one axis into bands of an eighth of an octave.
+
+    Parameters
+    ----------
+    bins : Bins
+        The spectrum of all axes.
+    axis : int
+        Column of the axis.
+    keep : ndarray of bool, shape (bins,), optional
+        False leaves a bin out.
+    regressors : ndarray, shape (bins, n), optional
+        Coefficients of what may move the mean beside the ramp, which comes first in any case;
+        zero outside the whole-record part.
+
+    Returns
+    -------
+    Groups
+        The lowest 48 coefficients of every whole-record part stay single.
+
+    """
+    bands = _Bands(bins, keep)
+    still = Groups(bands.frequency, bands.dof, bands.mean(bins.power[axis]),
+                   np.stack([bands.mean(column) for column in bins.design.T], axis=1),
+                   bands.mean(bins.cross[axis]), bands.mean(bins.ramp))
+    return _regressed(still, bands, bins, axis, regressors)
+
+
+def regressed(still: Groups, bins: Bins, axis: int, keep: NDArray[np.bool_] | None,
+              regressors: Array) -> Groups:
+    """
+    Exchange the regressors of the groups that `grouped` makes of the same bins.
+
+    Parameters
+    ----------
+    still : Groups
+        With any regressors.
+    bins, axis, keep, regressors
+        As for `grouped`.
+
+    Returns
+    -------
+    Groups
+
+    """
+    return _regressed(still, _Bands(bins, keep), bins, axis, regressors)
+
+
+class _Bands:
+    """Means over the bands of some bins, in order of frequency."""
+
+    def __init__(self, bins: Bins, keep: NDArray[np.bool_] | None) -> None:
+        self._weight = bins.dof if keep is None else bins.dof * keep
+        self._band = bins.band
+        dof: Array = np.bincount(self._band, self._weight).astype(np.float64)
+        self._count, self._some = len(dof), np.flatnonzero(dof > 0)
+        self.dof = dof[self._some]
+        self.frequency = self.mean(bins.frequency)
+        order = np.argsort(self.frequency)
+        self._some, self.dof, self.frequency = (
+            self._some[order], self.dof[order], self.frequency[order])
+
+    def mean(self, values: Array, at: NDArray[np.int64] | slice = slice(None)) -> Array:
+        """Weigh by degrees of freedom, shape (bands,), values that are zero but at some bins."""
+        total = np.bincount(self._band[at], self._weight[at] * values, self._count)
+        return np.asarray(total[self._some] / self.dof)
+
+
+def _regressed(still: Groups, bands: _Bands, bins: Bins, axis: int, regressors: Array | None
+               ) -> Groups:
+    """Lay the ramp and other regressors to groups."""
+    whole = np.flatnonzero(bins.whole)
+    columns = [-np.sqrt(np.maximum(bins.ramp[whole], 0)),
+               *([] if regressors is None else regressors[whole].T)]
+    along = [bands.mean(bins.coefficient[axis, whole] * column, whole) for column in columns]
+    among = np.empty((len(bands.dof), len(columns), len(columns)))
+    for i, one in enumerate(columns):
+        for j, other in enumerate(columns[:i + 1]):
+            among[:, i, j] = among[:, j, i] = bands.mean(one * other, whole)
+    return replace(still, along=np.stack(along, axis=1), among=among)
+
+
+def joined_groups(parts: Sequence[Groups]) -> Groups:
+    """
+    Put the spectra of several records side by side.
+
+    Parameters
+    ----------
+    parts : sequence of Groups
+        Of each record, with regressors.
+
+    Returns
+    -------
+    Groups
+        In order of frequency; the coefficients are one, those of the regressors each record's own.
+        A record with fewer regressors than another has some that are nothing.
+
+    """
+    most = max(part.along.shape[1] for part in parts if part.along is not None)
+    parts = [part.widened(most) for part in parts]
+    record = np.repeat(np.arange(len(parts)), [len(part.dof) for part in parts])
+    every = Groups(*(np.concatenate([getattr(part, field.name) for part in parts])
+                     for field in fields(Groups) if field.name != 'record'))
+    return replace(every, record=record).taken(np.argsort(every.frequency, kind='stable'))

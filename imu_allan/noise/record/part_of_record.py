@@ -1,0 +1,174 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The spectrum and the means of part of a record, read off a finished periodogram."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+
+from imu_allan.noise.record.bins import Bins, bins_of
+from imu_allan.noise.record.bridges import Bridges, NO_BRIDGES
+from imu_allan.noise.record.cells import Cells
+from imu_allan.noise.record.groups import grouped, Groups
+from imu_allan.noise.record.periodogram import (
+    BLOCK,
+    HIGHEST_OF_MEANS,
+    Periodogram,
+    SpectrumPiece,
+    unbroken,
+)
+from imu_allan.noise.record.segments import (
+    Layout,
+    layout,
+    MEANS,
+    OCTAVES,
+    PER_OCTAVE,
+    SHORTEST_SEGMENT,
+)
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+Array = NDArray[np.float64]
+
+_ENOUGH = 0.5
+"""Share of the samples that the slower transform has to have seen, to stand for all."""
+
+
+def part_cells(periodogram: Periodogram, first: int, last: int) -> Cells:
+    """
+    Cells of the whole-record series that fall into some segments.
+
+    Parameters
+    ----------
+    periodogram : Periodogram
+        Finished.
+    first, last : int
+        The segments, `first` up to and without `last`.
+
+    Returns
+    -------
+    Cells
+
+    """
+    series, segments = periodogram.series, periodogram.segments
+    end = np.cumsum(series.counts)
+    # The samples that an endless record of tiny runs has dropped came first.
+    middle = end - series.counts / 2 + (segments.samples - (end[-1] if len(end) else 0))
+    number = middle // segments.width
+    return series.take((first <= number) & (number < last))
+
+
+@dataclass(frozen=True)
+class Part:
+    """
+    Some neighbouring segments of a record, for all axes.
+
+    Attributes
+    ----------
+    periodogram : Periodogram
+        Finished.
+    dt : float
+        Sample interval in seconds.
+    first, last : int
+        The segments, `first` up to and without `last`.
+    bridges : Bridges
+        Samples of the whole record that stand in for missing ones.
+
+    """
+
+    periodogram: Periodogram
+    dt: float
+    first: int
+    last: int
+    bridges: Bridges = NO_BRIDGES
+
+    def groups(self, axis: int, lines_hz: Sequence[float] = ()) -> Groups:
+        """
+        Spectrum of one axis.
+
+        Parameters
+        ----------
+        axis : int
+            Column of the axis.
+        lines_hz : sequence of float, optional
+            Frequencies of lines, whose bands and those beside them are left out.
+
+        Returns
+        -------
+        Groups
+            From the slowest to the fastest, as `grouped` gives them for the whole record; without
+            any where the part is too short.
+
+        """
+        found = [] if self._slow is None else [grouped(self._slow, axis)]
+        if self.periodogram.cell > 1:
+            found.append(self._banded(axis))
+        groups = Groups(*(np.concatenate([getattr(part, field.name) for part in found])
+                          for field in fields(Groups) if field.name != 'record'))
+        keep = np.ones(len(groups.frequency), dtype=bool)
+        for line in lines_hz:
+            keep &= np.abs(np.log2(groups.frequency / line)) > 1.5 / PER_OCTAVE
+        return groups.taken(keep)
+
+    @cached_property
+    def _slow(self) -> Bins | None:
+        """Spectrum of the series, up to the border."""
+        cell = self.periodogram.cell
+        pieces = []
+        for points, gaps, start in unbroken(
+                part_cells(self.periodogram, self.first, self.last), cell):
+            length = points.shape[1]
+            end = min(length, int(np.ceil(2 * length * cell * self._border)))
+            if end > 1:
+                coefficients = dct(points, norm='ortho')
+                pieces.append(SpectrumPiece(cell, length, 1, 1, end, coefficients**2,
+                                            coefficients, gaps, start))
+        return bins_of(pieces, self.dt, self.bridges) if pieces else None
+
+    @cached_property
+    def _border(self) -> float:
+        """Cycles per sample up to which the series speaks, and above which the bands do."""
+        segments = self.periodogram.segments
+        if self.periodogram.cell == 1:
+            return 0.5
+        highest = HIGHEST_OF_MEANS / self.periodogram.cell
+        slow = layout(SHORTEST_SEGMENT // MEANS, MEANS)
+        seen = segments.dof[self.first:self.last, slow.bands].sum() / slow.counts.sum()
+        samples = min(self.last * segments.width, segments.samples) - self.first * segments.width
+        whole = seen * SHORTEST_SEGMENT > _ENOUGH * samples
+        return float(min(highest, 2.0**-OCTAVES if whole else 1 / 256))
+
+    def _banded(self, axis: int) -> Groups:
+        """Spectrum of the bands above the border."""
+        segments = self.periodogram.segments
+        dof = segments.dof[self.first:self.last].sum(axis=0)
+        power = segments.power[axis, self.first:self.last].sum(axis=0)
+        parts = []
+        for length, step in ((SHORTEST_SEGMENT // MEANS, MEANS), (BLOCK, 1)):
+            place = layout(length, step)
+            frequency, design, ramp = _shapes(length, step, self.dt, self.bridges)
+            keep = (dof[place.bands] > 0) & (frequency * self.dt >= self._border)
+            bands = place.bands[keep]
+            nothing = np.zeros(len(bands))
+            parts.append((frequency[keep], dof[bands].astype(np.float64),
+                          power[bands] / dof[bands], design[keep], nothing, ramp[keep],
+                          nothing[:, None], nothing[:, None, None]))
+        return Groups(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+@lru_cache(maxsize=16)
+def _shapes(length: int, step: int, dt: float, bridges: Bridges
+            ) -> tuple[Array, Array, Array]:
+    """Frequency, design and ramp of the bands of a block: the same for every axis and part."""
+    place = layout(length, step)
+    nothing = SpectrumPiece(step, length, 1, place.first, place.last, np.zeros((1, length)))
+    bins = bins_of([nothing], dt, bridges)
+    return (_by_band(bins.frequency, place), _by_band(bins.design, place),
+            _by_band(bins.ramp, place))
+
+
+def _by_band(values: Array, place: Layout) -> Array:
+    """Mean over the coefficients of each band; the first axis is that of the coefficients."""
+    sums = np.add.reduceat(values, place.starts, axis=0)
+    return np.asarray(sums / place.counts.reshape(-1, *[1] * (values.ndim - 1)))

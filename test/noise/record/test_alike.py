@@ -1,0 +1,60 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from imu_allan.noise.axis_fit import copies
+from imu_allan.noise.record.alike import OPPOSITE, pairs, SAME
+from imu_allan.noise.record.estimator import Estimator
+import numpy as np
+
+WHITE = np.random.default_rng(8).normal([0.1, -9.8, 3.0, 0.0], size=(30_000, 4))
+
+
+def shown(samples):
+    estimator = Estimator(samples.shape[1])
+    estimator.update(samples)
+    return estimator.finished()
+
+
+def test_axes_that_repeat_another_are_found_whatever_the_sign():
+    rows = WHITE.copy()
+    rows[:, 2], rows[:, 3] = rows[:, 0], -rows[:, 1]
+    assert copies(shown(rows)) == [(0, 2, SAME), (1, 3, OPPOSITE)]
+    for rows in (WHITE, np.round(WHITE), np.round(WHITE, 1)):
+        assert copies(shown(rows)) == []
+
+
+def test_one_sample_that_differs_tells_axes_apart():
+    for place in (0, 1, 12_345, len(WHITE) - 1):
+        rows = WHITE.copy()
+        rows[:, 2] = rows[:, 0]
+        rows[place, 2] += 1e-9
+        assert copies(shown(rows)) == []
+
+
+def test_axes_without_noise_of_their_own_are_no_copies():
+    still = np.zeros((1000, 3))
+    assert copies(shown(still)) == []
+    # A knock moves coarse axes by a step at once.
+    still[500] = 1.0
+    assert copies(shown(still)) == []
+
+
+def test_copies_are_found_however_samples_arrive():
+    rows = WHITE.copy()
+    rows[:, 3] = -rows[:, 1]
+    bits, merged = Estimator(4), shown(rows[:9001])
+    for part in np.array_split(rows, 77):
+        bits.update(part)
+        bits = Estimator.from_state(bits.to_state()).copy()
+    merged.merge(shown(rows[9001:]))
+    for found in (bits.finished(), merged):
+        assert copies(found) == [(1, 3, OPPOSITE)]
+    assert pairs(bits.finished().taken([3, 1]).alike) == []
+    assert pairs(bits.finished().taken([1, 3]).alike) == [(0, 1, OPPOSITE)]
+    merged.merge(shown(WHITE))
+    assert copies(merged) == []
+
+
+def test_a_state_without_pairs_finds_none():
+    state = shown(WHITE[:, [0, 0]]).to_state()
+    del state['alike']
+    assert copies(Estimator.from_state(state)) == []

@@ -1,0 +1,410 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+from itertools import pairwise
+
+from characterized import one_axis
+from hypothesis import given, settings, strategies as st
+from imu_allan.characterization.axis import axis_results, characterize
+from imu_allan.noise.curve import octaves
+from imu_allan.noise.record.cells import MOST_RUNS
+from imu_allan.noise.record.estimator import CHUNK, Estimator
+from imu_allan.noise.simulate import simulate
+from imu_allan.noise.terms import Quantity
+import numpy as np
+import pytest
+from whole_lines import refused, Varying
+
+SENSOR = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 5e-5}
+GYRO = [Quantity.ANGULAR_VELOCITY]
+
+
+def same_state(one, other):
+    a, b = one.to_state(), other.to_state()
+    assert a.keys() == b.keys()
+    for key in a:
+        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+
+
+def lived(samples, *gaps):
+    """Show `samples` to an estimator, with gaps of three samples at some places."""
+    estimator = Estimator(samples.shape[1])
+    edges = [0, *sorted(gaps), len(samples)]
+    for begin, end in pairwise(edges):
+        estimator.update(samples[begin:end])
+        if end != len(samples):
+            estimator.skip(3)
+    return estimator
+
+
+RECORD = np.stack([simulate(SENSOR, 30_000, 100, seed) for seed in range(2)], axis=1)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.integers(0, len(RECORD)), max_size=30),
+       st.lists(st.integers(1, len(RECORD) - 1), max_size=3, unique=True))
+def test_any_split_into_batches_gives_the_same_bits(cuts, gaps):
+    whole = lived(RECORD, *gaps)
+    split = Estimator(2)
+    stops = sorted({0, *cuts, *gaps, len(RECORD)})
+    for begin, end in pairwise(stops):
+        split.update(RECORD[begin:end])
+        if end in gaps:
+            split.skip(3)
+    same_state(whole, split)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(1, len(RECORD) - 1))
+def test_saved_state_goes_on_as_if_nothing_had_happened(stop):
+    whole = lived(RECORD)
+    first = Estimator(2)
+    first.update(RECORD[:stop])
+    second = Estimator.from_state(first.to_state())
+    second.update(RECORD[stop:])
+    same_state(whole, second)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(1e-6, 1e6))
+def test_scaling_the_samples_scales_every_number(scale):
+    plain = characterize(RECORD[:, 0], 100)
+    scaled = characterize(RECORD[:, 0] * scale, 100)
+    np.testing.assert_allclose(np.array(scaled.curve.adev), scale * np.array(plain.curve.adev),
+                               rtol=1e-9)
+    for key, one in plain.coefficients.items():
+        other = scaled.coefficients[key]
+        assert one.observable == other.observable
+        if one.observable:
+            assert other.value == pytest.approx(scale * one.value, rel=1e-4)
+            assert other.ci95 == pytest.approx([scale * bound for bound in one.ci95], rel=0.02)
+        else:
+            assert other.upper95 == pytest.approx(scale * one.upper95, rel=0.05)
+
+
+def test_reversing_time_leaves_the_short_record_curve_as_it_is():
+    record = RECORD[:8000, 0]
+    np.testing.assert_allclose(characterize(record[::-1], 100).curve.adev,
+                               characterize(record, 100).curve.adev, rtol=1e-9)
+
+
+def test_adding_a_constant_changes_only_the_mean():
+    plain, raised = characterize(RECORD[:, 0], 100), characterize(RECORD[:, 0] + 9.81, 100)
+    np.testing.assert_allclose(raised.curve.adev, plain.curve.adev, rtol=1e-7)
+    assert raised.mean - plain.mean == pytest.approx(9.81)
+
+
+def test_sample_rate_only_stretches_time():
+    slow, fast = characterize(RECORD[:, 0], 50), characterize(RECORD[:, 0], 100)
+    np.testing.assert_allclose(np.array(slow.curve.tau_s), 2 * np.array(fast.curve.tau_s))
+    assert slow.coefficients['noise_density'].value == pytest.approx(
+        np.sqrt(2) * fast.coefficients['noise_density'].value, rel=1e-4)
+
+
+def test_a_ramp_gives_exactly_its_allan_variance():
+    slope, rate = 0.25, 10.0
+    curve = characterize(slope * np.arange(20_000) / rate, rate).curve
+    tau = np.array(curve.tau_s)
+    np.testing.assert_allclose(curve.adev, slope * tau / np.sqrt(2), rtol=1e-6)
+
+
+def test_no_difference_is_taken_across_a_gap():
+    # A step between two noiseless stretches would show if it were.
+    estimator = Estimator()
+    estimator.update(np.zeros(500))
+    estimator.skip(20)
+    estimator.update(np.ones(500))
+    np.testing.assert_array_equal(octaves(estimator.finished()).avar, 0)
+
+
+def test_new_run_keeps_runs_apart():
+    estimator = Estimator()
+    for level in (0.0, 5.0):
+        estimator.update(np.full(3000, level))
+        estimator.start_run()
+    assert not octaves(estimator.finished()).avar.any()
+
+
+@pytest.mark.parametrize('seed', [3, 6])
+def test_long_gaps_leave_the_coefficients_inside_their_intervals(seed):
+    record = simulate(SENSOR, 400_000, 100, seed)[:, None]
+    estimator = Estimator()
+    for begin in range(0, len(record), 80_000):
+        estimator.update(record[begin:begin + 75_000])
+        estimator.skip(5_000)
+    axis = axis_results(estimator, 100, GYRO)[0][0]
+    for key, truth in SENSOR.items():
+        found = axis.coefficients[key]
+        low, high = found.ci95
+        assert low <= truth <= high, key
+
+
+def test_merging_two_records_adds_their_information():
+    first, second = (simulate(SENSOR, 100_000, 100, seed) for seed in (11, 12))
+    one, other = Estimator(), Estimator()
+    one.update(first)
+    other.update(second)
+    alone = one_axis(one, 100)[0].coefficients['noise_density'].ci95
+    one.merge(other)
+    both = one_axis(one, 100)[0].coefficients['noise_density'].ci95
+    assert one.samples == 200_000
+    assert one.mean[0] == pytest.approx(np.mean([first, second]))
+    assert np.diff(both) / np.diff(alone) == pytest.approx(np.sqrt(0.5), rel=0.25)
+
+
+def test_merged_curve_is_the_pooled_curve():
+    first, second = (simulate(SENSOR, 5_000, 100, seed) for seed in (11, 12))
+    one, other = Estimator(), Estimator()
+    one.update(first)
+    other.update(second)
+    together = Estimator()
+    together.update(first)
+    together.start_run()
+    together.update(second)
+    one.merge(other)
+    a, b = octaves(one.finished()), octaves(together.finished())
+    np.testing.assert_array_equal(a.count, b.count)
+    np.testing.assert_allclose(a.avar, b.avar, rtol=1e-9)
+
+
+def test_merged_records_and_what_follows_stay_apart():
+    records = [simulate(SENSOR, 600, 100, seed)[:, None] for seed in range(5)]
+    together, merged, second = Estimator(), Estimator(), Estimator()
+    for part in records:
+        together.start_run()
+        together.update(part)
+    merged.start_run()
+    merged.update(records[0])
+    second.update(records[1])
+    second.start_run()
+    second.update(records[2])
+    merged.merge(second)
+    third = Estimator()
+    third.update(records[3])
+    merged.merge(third)
+    merged.update(records[4])
+    a, b = merged.finished(), together.finished()
+    assert a.periodogram.samples == b.periodogram.samples == 3000
+    assert len(a.periodogram.series) == len(b.periodogram.series) == 3000
+    np.testing.assert_allclose(a.periodogram.series.sums + a.reference[:, None],
+                               b.periodogram.series.sums + b.reference[:, None])
+    for one, other in zip(a.periodogram.pieces(), b.periodogram.pieces(), strict=True):
+        np.testing.assert_allclose(one.power[:, 1:], other.power[:, 1:], rtol=1e-7)
+    assert axis_results(merged, 100, GYRO)[0][0].mean == pytest.approx(np.mean(records))
+
+
+def test_merged_records_about_different_levels_keep_what_each_saw():
+    one, other = Estimator(), Estimator()
+    one.update([5.0, 5.0, 5.5, 5.0])
+    other.update([-3.0, -2.0, -3.0, -3.25])
+    one.merge(other)
+    finished = one.finished()
+    assert finished.reference + finished.lowest == pytest.approx([-3.25])
+    assert finished.reference + finished.highest == pytest.approx([5.5])
+    assert finished.step == pytest.approx([0.25])
+    assert finished.mean == pytest.approx([np.mean([5, 5, 5.5, 5, -3, -2, -3, -3.25])])
+
+
+def test_more_runs_than_a_key_holds_are_numbered_anew():
+    many, few = Estimator(), Estimator()
+    for _ in range(MOST_RUNS + 10):
+        many.start_run()
+    for part in np.split(RECORD[:3000, 0], 3):
+        for estimator in (many, few):
+            estimator.update(part)
+            estimator.start_run()
+            estimator.start_run()
+    for _ in range(MOST_RUNS):
+        many.start_run()
+    many.update(RECORD[3000:4000, 0])
+    few.update(RECORD[3000:4000, 0])
+    many.merge(few)
+    few.merge(few.copy())
+    for one, other in zip(many.finished().periodogram.pieces(),
+                          few.finished().periodogram.pieces(), strict=True):
+        np.testing.assert_array_equal(one.power, other.power)
+
+
+def test_memory_does_not_grow_with_the_record():
+    rng = np.random.default_rng(0)
+    estimator = Estimator(6)
+    sizes = []
+    for _ in range(120):
+        estimator.update(rng.standard_normal((CHUNK, 6)))
+        sizes.append(sum(array.nbytes for array in estimator.to_state().values()))
+    assert max(sizes) < 3_000_000
+    assert max(sizes[90:]) <= max(sizes[:90])
+
+
+@pytest.mark.thorough
+def test_thousands_of_tiny_runs_stay_bounded():
+    estimator = Estimator()
+    for _ in range(9000):
+        estimator.update([0.0, 1.0])
+        estimator.start_run()
+    state = estimator.to_state()
+    assert sum(array.nbytes for array in state.values()) < 1_000_000
+    assert len(estimator.periodogram.series) <= 8192
+    assert estimator.samples == 18_000
+
+
+@pytest.mark.parametrize(('bad', 'wanted'), [
+    (np.zeros((3, 2)), 'have shape (n, 1), not (3, 2)'),
+    (np.zeros((2, 2, 2)), 'have shape (n, 1), not (2, 2, 2)'),
+    ([np.nan], 'be finite'), ([np.inf], 'be finite')])
+def test_samples_that_are_not_samples_are_refused(bad, wanted):
+    with refused(f'samples must {wanted}', ValueError):
+        Estimator().update(bad)
+
+
+@pytest.mark.parametrize('axes', [1, 6])
+def test_state_of_any_number_of_axes_is_read_back(axes):
+    estimator = Estimator(axes)
+    estimator.update(np.random.default_rng(1).standard_normal((20_000, axes)))
+    same_state(Estimator.from_state(estimator.to_state()), estimator)
+
+
+def test_foreign_state_is_refused():
+    state = Estimator(2).to_state()
+    state['chunk'] = np.zeros((3, 0))
+    with refused('arrays of the estimator do not fit together', ValueError):
+        Estimator.from_state(state)
+
+
+@pytest.mark.parametrize(('part', 'values', 'complaint'), [
+    ('pyramid/sums', [np.zeros(3), np.zeros((3, 2))], 'arrays of the pyramid do not fit together'),
+    ('pyramid/lengths', [np.zeros((1, 3), int), np.array([[-1, 0]]), np.array([[0, 2]]),
+                         np.array([[99, 0]])], 'arrays of the pyramid do not fit together'),
+    ('pyramid/counts', [np.zeros(2, int)], 'arrays of the pyramid do not fit together'),
+    ('periodogram/shape', [np.array([0, 1, 0, 0]), np.array([2, 3, 0, 0]),
+                           np.array([2, 0, 0, 0]), np.array([2, 1, 0, 999])],
+     'shape of the periodogram is out of range')])
+def test_a_state_whose_arrays_do_not_fit_is_refused(part, values, complaint):
+    for value in values:
+        state = Estimator(2).to_state()
+        assert part in state
+        state[part] = value
+        with refused(complaint, ValueError):
+            Estimator.from_state(state)
+
+
+def test_parts_of_states_with_other_axes_are_refused():
+    state, other = Estimator(2).to_state(), Estimator(3).to_state()
+    for key in other:
+        if key.startswith('periodogram/'):
+            state[key] = other[key]
+    with refused('arrays of the estimator do not fit together', ValueError):
+        Estimator.from_state(state)
+
+
+def test_what_an_estimator_cannot_do_is_refused():
+    with refused('axes must be at least 1, not 0', ValueError):
+        Estimator(0)
+    with refused('missing must not be negative: -1', ValueError):
+        Estimator().skip(-1)
+    with refused('cannot merge 3 axes into 2', ValueError):
+        Estimator(2).merge(Estimator(3))
+
+
+def test_merging_with_nothing_changes_nothing():
+    one = lived(RECORD[:5000])
+    both, empty = one.copy(), Estimator(2)
+    both.merge(Estimator(2))
+    empty.merge(one)
+    expected = octaves(one.finished())
+    for other in (both, empty):
+        np.testing.assert_allclose(octaves(other.finished()).avar, expected.avar)
+        np.testing.assert_array_equal(octaves(other.finished()).count, expected.count)
+        np.testing.assert_allclose(other.mean, one.mean)
+
+
+@pytest.mark.parametrize(('part', 'spoil', 'complaint'), [
+    ('periodogram/series/keys', lambda keys: keys[:-1], 'series has the wrong shape'),
+    ('periodogram/series/sums', lambda sums: sums[:, :-1], 'series has the wrong shape'),
+    ('periodogram/series/counts', lambda counts: counts[:-1], 'series has the wrong shape'),
+    ('periodogram/series/keys', lambda keys: keys[::-1], 'series is out of order'),
+    ('periodogram/series/counts', lambda counts: counts * 0, 'series is out of order'),
+    ('power', lambda power: power[:, :-1], 'power0/<number> has the wrong shape')])
+def test_a_series_or_a_spectrum_that_does_not_fit_is_refused(part, spoil, complaint):
+    state = lived(RECORD).to_state()
+    key = part if part in state else next(
+        key for key in state if key.startswith(f'periodogram/{part}') and '/' in key[12:])
+    state[key] = spoil(state[key])
+    with refused(Varying(complaint), ValueError):
+        Estimator.from_state(state)
+
+
+def test_a_record_with_a_long_hole_gives_what_its_parts_give():
+    whole, holed = Estimator(2), Estimator(2)
+    whole.update(RECORD)
+    holed.update(RECORD[:15_000])
+    holed.skip(40_000)
+    holed.update(RECORD[15_000:])
+    for axis, other in zip(axis_results(whole, 100, GYRO * 2)[0:2],
+                           axis_results(holed, 100, GYRO * 2)[0:2], strict=True):
+        expected = axis[0].coefficients['noise_density']
+        found = other[0].coefficients['noise_density']
+        assert found.value == pytest.approx(expected.value, rel=.01)
+        assert found.ci95[0] < SENSOR['noise_density'] < found.ci95[1]
+
+
+def test_a_run_of_a_few_samples_has_no_spectrum_of_its_own():
+    noise = np.random.default_rng(1).normal(size=(500, 1))
+    alone, followed = Estimator(), Estimator()
+    alone.update(noise)
+    followed.update(noise)
+    followed.start_run()
+    followed.update(noise[:5])
+    [one] = alone.finished().periodogram.pieces()
+    [other] = followed.finished().periodogram.pieces()
+    np.testing.assert_array_equal(one.power, other.power)
+
+
+def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
+    rows = np.random.default_rng(0).normal(size=(60_000, 5)) + 3.0
+    together, alone = Estimator(5), Estimator(2)
+    for part in np.array_split(rows[:40_000], 7):
+        together.update(part)
+        alone.update(part[:, [1, 4]])
+    taken = together.taken([1, 4])
+    for part in np.array_split(rows[40_000:], 3):
+        taken.update(part[:, [1, 4]])
+        alone.update(part[:, [1, 4]])
+    state, expected = taken.finished().to_state(), alone.finished().to_state()
+    assert state.keys() == expected.keys()
+    for key, value in expected.items():
+        np.testing.assert_allclose(state[key], value, rtol=1e-12, err_msg=key)
+    assert together.axes == 5
+    assert together.samples == 40_000
+
+
+def test_stand_ins_are_no_values_of_the_sensor_however_they_arrive():
+    rng = np.random.default_rng(4)
+    samples = np.round(rng.normal(size=(3 * CHUNK + 77, 2)))
+    rows = np.flatnonzero(rng.random(len(samples)) < 0.2)
+    samples[rows] = 0.3
+    samples[rows[5]] = 99.0
+    whole, bits = Estimator(2), Estimator(2)
+    whole.update(samples, rows)
+    cuts = [0, *np.sort(rng.integers(0, len(samples), 40)).tolist(), len(samples)]
+    for first, last in pairwise(cuts):
+        low, high = np.searchsorted(rows, [first, last])
+        bits.update(samples[first:last], rows[low:high] - first)
+        bits = Estimator.from_state(bits.to_state()).copy()
+    own = np.delete(samples, rows, axis=0)
+    for one in (whole.finished(), bits.finished()):
+        assert (one.samples, one.measured) == (len(samples), len(own))
+        assert np.array_equal(one.reference + one.lowest, own.min(axis=0))
+        assert np.array_equal(one.reference + one.highest, own.max(axis=0))
+        assert np.array_equal(one.at_zero, np.count_nonzero(own == 0, axis=0))
+        assert one.step.tolist() == [1.0, 1.0]
+    assert {key: value.tobytes() for key, value in whole.to_state().items()} == {
+        key: value.tobytes() for key, value in bits.to_state().items()}
+
+
+def test_nothing_but_stand_ins_is_no_range():
+    estimator = Estimator()
+    estimator.update(np.ones(5), range(5))
+    assert (estimator.finished().measured, estimator.finished().highest[0]) == (0, -np.inf)
+    for rows in ([5], [-1], [3, 1], [1, 3, 2, 4], [2, 2]):
+        with refused(f'bridged must be rising rows of the 5 samples, not {rows}', ValueError):
+            estimator.update(np.ones(5), rows)
