@@ -11,9 +11,9 @@ from imu_allan.noise.courses.regressors import RecordSpectrum
 from imu_allan.noise.courses.slow_cycle import known_cycle, SlowCycle, strong_cycle
 from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.faults.axis_fault import axis_fault, steps_hide_noise
-from imu_allan.noise.posterior.answer import expected, moved_mean
+from imu_allan.noise.posterior.answer import expected, Mean, moved_mean
 from imu_allan.noise.posterior.change import Change, change_of, STEADY
-from imu_allan.noise.posterior.courses import COURSES, lags_of, with_temperature
+from imu_allan.noise.posterior.courses import CourseKind, COURSES, lags_of, with_temperature
 from imu_allan.noise.posterior.maximum import maximise
 from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
@@ -119,30 +119,50 @@ def fit_axes(finished: Estimator, dt: float, temperature: TemperatureCourse | No
         temperature.of_sensor(float(lag)).courses[0] for lag in lags_of(temperature)]
     sources = _without_cycles(_sources(finished, pieces, axes, dt), finished, heat)
     kinds = COURSES if temperature is None else with_temperature(temperature)
-    first = posteriors([source.capped for source in sources], dt,
-                       [source.record for source in sources], kinds)
+    first = _weighed(sources, dt, kinds)
+    # What moves the mean is no change of the noise, and leaks into blocks.
+    means = [moved_mean(posterior, source.record)
+             for source, posterior in zip(sources, first, strict=True)]
+    moved = [number for number, mean in enumerate(means) if mean is not None]
+    for number in moved:
+        sources[number] = _without(sources[number], means[number], finished)
+    for number, posterior in zip(moved, _weighed([sources[number] for number in moved], dt, kinds),
+                                 strict=True):
+        first[number] = posterior
     for axis, source, posterior in zip(axes, sources, first, strict=True):
-        mean = moved_mean(posterior, source.record)
-        beside = source.record
-        if mean is not None:
-            # What moves the mean is no change of the noise, and leaks into blocks.
-            noise = np.exp(np.interp(np.log(source.record.bins.frequency),
-                                     np.log(mean.frequency), np.log(mean.noise)))
-            source = source.calmed(finished, source.record.without_leak(mean.course, noise),
-                                   mean.course)
-            [posterior] = posteriors([source.capped], dt, [source.record], kinds)
-            beside = source.record.beside(posterior.courses(source.record.duration_s))
-        report = reported(replace(posterior, change=_change(posterior, source, dt)), dt,
-                          temperature, source.record)
-        if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
-                and not goes_on(posterior, [[part] for part in parts], dt):
-            report = report.without_walk()
-        if source.cycle is not None:
-            report = report.with_cycle(source.cycle.period_s)
-        lines = vibrations(source.lines, report.trend.cycle_s, pieces, dt)
-        found[axis] = AxisFit(report, lines, source.groups, source.whole, source.steady,
-                              source.segments, beside, source.parts)
+        found[axis] = _fitted(source, posterior, dt, temperature)
     return found
+
+
+def _weighed(sources: Sequence['_Source'], dt: float, kinds: Sequence[CourseKind]
+             ) -> list[Posterior]:
+    """Weigh the models of some axes in one batch."""
+    return posteriors([source.capped for source in sources], dt,
+                      [source.record for source in sources], kinds) if sources else []
+
+
+def _without(source: '_Source', mean: Mean | None, finished: Estimator) -> '_Source':
+    """Take a mean that moves out of the blocks, the segments and the quarters of an axis."""
+    assert mean is not None
+    noise = np.exp(np.interp(np.log(source.record.bins.frequency), np.log(mean.frequency),
+                             np.log(mean.noise)))
+    return source.calmed(finished, source.record.without_leak(mean.course, noise), mean.course)
+
+
+def _fitted(source: '_Source', posterior: Posterior, dt: float,
+            temperature: TemperatureCourse | None) -> AxisFit:
+    """Report one axis; a random walk has to show in its quarters, too."""
+    report = reported(replace(posterior, change=_change(posterior, source, dt)), dt, temperature,
+                      source.record)
+    if report.estimates['rate_random_walk'].observable and (parts := source.parts()) \
+            and not goes_on(posterior, [[part] for part in parts], dt):
+        report = report.without_walk()
+    if source.cycle is not None:
+        report = report.with_cycle(source.cycle.period_s)
+    lines = vibrations(source.lines, report.trend.cycle_s, source.record.pieces, dt)
+    beside = source.record.beside(posterior.courses(source.record.duration_s))
+    return AxisFit(report, lines, source.groups, source.whole, source.steady, source.segments,
+                   beside, source.parts)
 
 
 def copies(finished: Estimator) -> list[tuple[int, int, int]]:
