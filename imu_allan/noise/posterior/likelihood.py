@@ -32,6 +32,7 @@ from imu_allan.noise.posterior.shapes import (
 from imu_allan.noise.record.groups import Groups
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import digamma
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -55,6 +56,8 @@ _SMALL = 1e-300
 """Power that is none, of which there is a logarithm."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
 """Slots that a batch is computed the faster without."""
+_SOME = 1e-3
+"""Degrees of freedom of a group that is there at all."""
 _FEW, _BATCH = 24, 192
 """Rows of one batch: more than what every batch costs anew, and no more than stay in the cache."""
 UNSEEN_LEVEL = 0.2
@@ -150,7 +153,10 @@ def left_to_itself(frequency: Array, dof: Array, power: Array, whole: Array) -> 
     half = half_octaves(frequency)
     new = np.concatenate(([True], half[1:] != half[:-1]))
     number = np.cumsum(new) - 1
-    own = 0.5 * dof * (np.log(np.maximum(power, _SMALL)) + 1) + 0.5 * (dof > 0)
+    # A level of its own gains a group so much in the mean, half a nat where it is well known.
+    known = np.maximum(dof, _SOME)
+    gain = np.where(dof >= _SOME, 0.5 * known * (np.log(known / 2) - digamma(known / 2)), 0.0)
+    own = 0.5 * dof * (np.log(np.maximum(power, _SMALL)) + 1) + gain
     for row, count in zip(own, whole, strict=True):
         octave = np.bincount(number, count)[number]
         level = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
