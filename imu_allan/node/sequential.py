@@ -90,8 +90,7 @@ class SequentialLooks:
             self._hidden_s[key] = self._record_s
             self._shown.discard(key)
             return replace(found, observable_in_s=self._steady_wait(key, found.observable_in_s))
-        presence: float | None = getattr(found, 'presence', None)
-        probable = presence is None or presence >= PROBABLE
+        probable = found.presence is None or found.presence >= PROBABLE
         wait_s = GROWTH * self._hidden_s.get(key, self._first_s) - self._record_s
         if (probable and wait_s <= 0) or key in self._shown or key[1] == _AT_ONCE:
             self._shown.add(key)

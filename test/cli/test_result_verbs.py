@@ -275,7 +275,7 @@ def test_unit_operator_and_station_go_into_every_paper(result_file, tmp_path, ca
 @pytest.mark.parametrize(('limit', 'status', 'word', 'last'), [
     ('0.01 deg/s/sqrt(Hz)', 0, 'pass', 'pass: {} against {}'),
     ('0.004 deg/s/sqrt(Hz)', 3, 'fail',
-     '  (1) gyro_z N: above 0.004 deg/s/sqrt(Hz), certain after <number> s (measured <number>, '
+     '  (3) gyro_z N: above 0.004 deg/s/sqrt(Hz), certain after <number> s (measured <number>, '
      '<number> .. <number>)'),
     ('0.005 deg/s/sqrt(Hz)', 4, 'cannot tell',
      '  (3) gyro_z N: within 10 % of 0.005 deg/s/sqrt(Hz) after <number> s (measured <number>, '
@@ -292,7 +292,7 @@ def test_a_live_check_ends_as_soon_as_the_verdict_is_certain(
     document = json.loads((tmp_path / 'c.json').read_text())
     assert document['verdict'] == word
     expected = Varying(last.format(recording, tmp_path / 'spec.yaml'))
-    assert any(line == expected for line in said.splitlines())
+    assert any(line == expected for line in said.splitlines()), said
 
 
 def test_check_takes_the_part_and_the_clock_that_analyze_takes(recording, tmp_path, capsys):

@@ -175,6 +175,10 @@ def test_progress_is_told_every_minute_and_later_every_hour(
 
 def test_a_line_of_progress_says_what_has_come_what_shows_and_what_is_next(
         result: Result) -> None:
+    axis = result.axes['gyro_x']
+    awaited = replace(axis.coefficients['bias_instability'], observable_in_s=250.0)
+    result = replace(result, axes={**result.axes, 'gyro_x': replace(axis, coefficients={
+        **axis.coefficients, 'bias_instability': awaited})})
     shown = ('observable of 3 axes: noise density of 3; next: bias instability of gyro x in about '
              '<number> min <number> s')
     assert progress_line(result) == Varying(f'6,000 samples at 100 Hz in 60 s; {shown}')

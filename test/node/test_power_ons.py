@@ -117,7 +117,7 @@ def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: in
             run = resumed(run, boot, f'boot {number}')
         if number == cut_off:
             # Two fifths of it stand at the limit, but less than a hundredth of the run.
-            feed(run, 0.5, number, count=int(12 * RATE_HZ), most=0.5 + 0.25 * SIGMA)
+            feed(run, 0.5, number, count=int(7 * RATE_HZ), most=0.5 + 0.25 * SIGMA)
         else:
             feed(run, 0.02 * number, number, count=int(200 * RATE_HZ))
     others = [0.02 * number for number in range(4) if number != cut_off]

@@ -3,7 +3,7 @@
 """A fit every few seconds is a look every few seconds: chance is not published."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import json
 
 from imu_allan.characterization import Characterization
@@ -20,13 +20,6 @@ from ros_harness import Driver, Ros
 from std_msgs.msg import String
 
 WALK = 'rate_random_walk'
-
-
-@dataclass(frozen=True)
-class Probable(Coefficient):
-    """What a fit says that tells how probable a term is."""
-
-    presence: float | None = None
 
 
 @pytest.fixture(scope='module')
@@ -83,7 +76,7 @@ def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
         axis = result.axes['gyro_x']
         walk = axis.coefficients[WALK]
         return replace(result, axes={'gyro_x': replace(axis, coefficients={
-            **axis.coefficients, WALK: Probable(**vars(walk), presence=presence)})})
+            **axis.coefficients, WALK: replace(walk, presence=presence)})})
 
     found = seen(SequentialLooks(), [probably(10.0 * number, presence) for number, presence
                                      in enumerate((0.95, 0.89, 0.89, 0.91, 0.8), 1)])
