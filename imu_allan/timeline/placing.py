@@ -391,8 +391,9 @@ class Placing(Record):
         cursor.late_ns = -float(np.sort(late)[len(late) // 2]) * interval
         mean = float(np.add.reduce(late)) / len(late)
         cursor.jitter = sqrt(max(float(np.dot(late, late)) / len(late) - mean * mean, 0.0))
-        self._memory.tail = (messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
-                      np.concatenate([self._memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
+        self._memory.tail = (
+            messages.samples[c - NEIGHBOURS:c] if c >= NEIGHBOURS else
+            np.concatenate([self._memory.tail, messages.samples[:c]])[-NEIGHBOURS:])
         if all((self._decision.present or [False])[3:]):
             some = messages.samples[:c:SPARSE, 3:]
             total = some.sum(axis=0).tolist()

@@ -93,14 +93,15 @@ def test_the_numbers_for_a_filter_have_the_warm_up_in_them_and_it_is_said():
     assert numbers[0] > 10 * numbers[1]
     assert included({'gyro_x': cold}) == []
     told = included({'gyro_x': cold, 'gyro_y': warm})
-    assert told[0] == ('The warm-up of gyro y is in these numbers, unlike in the coefficients: '
-                    '--start auto or --start TIME of analyze leaves it out, where the recording '
-                    'is long enough.')
+    assert told[0] == (
+        'The warm-up of gyro y is in these numbers, unlike in the coefficients: --start auto or '
+        '--start TIME of analyze leaves it out, where the recording is long enough.')
     heated = replace(warm, trend=replace(warm.trend, warm_up=None, temperature=(
         TemperatureDependence(1e-3, (9e-4, 1.1e-3), 20.0, 30.0))))
     told = included({'gyro_z': heated})
-    assert told[0] == ('What temperature does to gyro z is in these numbers, unlike in the '
-                    'coefficients: a recording at one temperature is without it.')
+    assert told[0] == (
+        'What temperature does to gyro z is in these numbers, unlike in the coefficients: a '
+        'recording at one temperature is without it.')
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ import zstandard
 Message = tuple[str, int, bytes]
 """Topic, stamp, and what is in it."""
 
+
 def messages(topics: int, each: int) -> list[Message]:
     """Interleave topics at random; some change their frame_id, some messages are none."""
     choice = Random(topics)

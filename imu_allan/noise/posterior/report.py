@@ -170,12 +170,13 @@ def reported(posterior: Posterior, dt: float, temperature: TemperatureCourse | N
     found = AxisReport(
         terms, posterior.p_value, posterior.misfit,
         said.window_s if said.low_pass > 0.5 else None, said.edge_hz,
-        gauss_markov=GaussMarkov(said.sigma.value, said.correlation_time_s.value,
-                    (said.sigma.low, said.sigma.high),
-                    (said.correlation_time_s.low, said.correlation_time_s.high))
+        gauss_markov=GaussMarkov(
+            said.sigma.value, said.correlation_time_s.value, (said.sigma.low, said.sigma.high),
+            (said.correlation_time_s.low, said.correlation_time_s.high))
         if said.sigma.observable else None,
-        power_law=PowerLaw(said.exponent.value, (said.exponent.low, said.exponent.high),
-                 said.law.value**2 / (2 * np.pi)**said.exponent.value)
+        power_law=PowerLaw(
+            said.exponent.value, (said.exponent.low, said.exponent.high),
+            said.law.value**2 / (2 * np.pi)**said.exponent.value)
         if said.exponent.observable else None,
         walk_unclear=not told and said.drift > _DRIFTS,
         trend=Trend(

@@ -176,7 +176,6 @@ class Table:
         i = np.clip(u.astype(np.int64), 1, self.count[shape] - 3)
         return self.start[shape] + i, u - i, 1 / self.step[shape]
 
-
     def taken(self, shapes: NDArray[np.int64]) -> 'Table':
         """Return some of the shapes; the rows stay where they are."""
         return replace(self, **{key: getattr(self, key)[shapes] for key in (

@@ -151,10 +151,11 @@ def read_header(header: str, options: RecordingOptions, split: bool = True, stam
             raise ImuAllanError(f'two columns named {meaning}')
         axes[meaning] = column, list(AXES).index(meaning), _factor(
             names[column], units[column], meaning, options)
+    called = [[str(column + 1)] if headless else [names[column], bare[column]]
+              for column in range(len(cells))]
     temperature = next((
         column for column in range(len(cells)) if column not in meanings and (
-            (options.temperature in ([str(column + 1)] if headless else (names[column],
-                                                                        bare[column])))
+            (options.temperature in called[column])
             if options.temperature is not None
             else _TEMPERATURE.fullmatch(names[column].lower()))), None)
     ignored = [] if headless else [
