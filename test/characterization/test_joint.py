@@ -324,7 +324,7 @@ def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order
 
 
 def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes():
-    result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, 0.1)])
+    result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, 0.05)])
     assert [one.axes for one in result.warnings if one.code == 'high_passed'] == [
         ('gyro_x',), ('gyro_y',), ('gyro_z',)]
     for name in ('gyro_x', 'gyro_y', 'gyro_z'):

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 Power = Callable[[Array, float], Array]
 """Power at frequencies in cycles per sample, for a value of the nuisance, up to a constant."""
 
-LEAK = 5e-6
-"""Share of the pass band that a transform of 4096 samples leaks into a stop band, measured."""
+LEAK = 6e-5
+"""Share of the pass band below which power in a stop band is not held against a low-pass."""
 LOWEST_CORNER = 1e-3
 """Of a low-pass, in cycles per sample: below, slow drift looks like noise that one lets pass."""
 FEWEST_GROUPS = 24
