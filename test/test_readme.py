@@ -215,9 +215,9 @@ def test_files_that_are_named_exist(page: str) -> None:
         assert (ROOT / name).exists(), name
 
 
-def test_where_each_convention_was_read_is_said_for_every_consumer() -> None:
+def test_what_each_consumer_wants_is_said_with_where_it_was_read() -> None:
     page = (ROOT / 'docs' / 'filters.md').read_text()
-    table = page.partition('## Where each convention was read')[2].partition('\n## ')[0]
+    table = page.partition('## What each consumer wants')[2].partition('\n## ')[0]
     named = ' '.join(row.split('|')[1] for row in table.splitlines() if row.startswith('|'))
     for title in CONSUMER_TITLES.values():
         if not title.startswith('a filter of your own'):

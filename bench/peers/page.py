@@ -14,11 +14,13 @@ SYMBOLS = {'noise_density': 'N', 'bias_instability': 'B', 'rate_random_walk': 'K
 IDEAL = ('a', 'b', 'mems', 'white', 'walk')
 _AS_GOOD = 1.1
 """An error up to so many times ours is called equal: some dozens of axes tell no better."""
+HOW = ('nearer', 'as near')
+_MARKS = {'nearer': '**', 'as near': '*', '': ''}
 _HEAD = """# Allan tools compared
 
 Which tool's numbers are right, for sensors whose truth is known? And what does each say about
-recordings that anybody can fetch? `make bench-peers` wrote this page, with pinned versions
-(`bench/peers/requirements.txt`). No figure was entered by hand.
+recordings that anybody can fetch? `make bench-peers` wrote this page, with pinned versions, in an
+hour or two. `bench/peers/figures.json` has every figure.
 """
 
 
@@ -32,7 +34,7 @@ def page(figures: Mapping[str, Any]) -> str:
         parts += published(figures)
     if 'speed' in figures:
         parts += speed(figures['speed'])
-    parts += missing()
+    parts += repeating()
     return '\n'.join(parts).rstrip() + '\n'
 
 
@@ -58,43 +60,26 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
     """Say first where another tool is better than ours, or as good."""
     called = names(figures)
     rows: dict[str, dict[str, dict[str, list[str]]]] = {}
-    for case in figures.get('accuracy', {}).values():
-        ours = case['tools'][OURS]['coefficients']
-        for key, symbol in SYMBOLS.items():
-            if 'reported' not in ours[key]:
-                continue
-            mine = ours[key].get('over_bound')
+    for title, case in figures.get('accuracy', {}).items():
+        for key in case['bound']:
             for tool, name in called.items():
-                theirs = case['tools'][tool]['coefficients'][key]
-                error = theirs.get('over_bound')
-                if tool == OURS or error is None:
-                    continue
-                how = ('nearer' if mine is None or error < mine / _AS_GOOD
-                       else 'as near' if error <= mine * _AS_GOOD else '')
+                how = compared(case, key, tool)
                 if how:
-                    shares = (f' (reported {theirs["reported"]:.0%}, ours '
-                              f'{ours[key]["reported"]:.0%})'
-                              if theirs['reported'] != ours[key]['reported'] else '')
                     rows.setdefault(name, {}).setdefault(how, {}).setdefault(
-                        case['title'], []).append(
-                            f'{symbol} {short(error)}, ours {short(mine)}{shares}')
-    for messages, found in figures.get('speed', {}).items():
-        mine = found['imu_allan analyze']
-        for tool, row in found.items():
-            for key, word in (('wall_s', 's'), ('memory_mb', 'MB')):
-                if row['status'] == 0 and row[key] < mine[key]:
-                    rows.setdefault(tool, {}).setdefault('faster or smaller', {}).setdefault(
-                        f'{int(messages):,} messages', []).append(
-                            f'{row[key]:.1f} {word}, ours {mine[key]:.1f}')
+                        title, []).append(SYMBOLS[key])
     yield '## Where another tool is better, or as good\n'
     if rows:
-        yield 'Errors are over the bound, as below.\n'
-        yield table(['tool', 'is', 'where'], [
-            [name, how, '. '.join(f'*{title}*: {"; ".join(each)}'
-                                  for title, each in where.items())]
-            for name, found in rows.items() for how, where in sorted(found.items(), reverse=True)])
+        yield ('Terms by case, as named below; there these figures are bold and italic. Nearer is '
+               f'an error more than {_AS_GOOD - 1:.0%} smaller than ours, as near one at most '
+               f'{_AS_GOOD - 1:.0%} larger.\n')
+        yield table(['tool', *HOW], [
+            [name, *('; '.join(f'{", ".join(terms)} of `{title}`' for title, terms in found.get(
+                how, {}).items()) or '–' for how in HOW)] for name, found in rows.items()])
     else:
         yield 'Nowhere in what was measured.\n'
+    small = smaller(figures.get('speed', {}))
+    if small:
+        yield f'Faster, or smaller in memory: {", ".join(small)} (the last table).\n'
     ratios = [case['tools']['wavelets']['coefficients'][key]['over_bound'] / mine
               for name in IDEAL if name in figures.get('accuracy', {})
               for case in [figures['accuracy'][name]] for key in case['bound']
@@ -103,8 +88,27 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
     if ratios:
         yield ('On ideal sensors with N, B and K, weighted least squares on the wavelet variance '
                f'has errors of {min(ratios):.2f} to {max(ratios):.2f} times ours, median '
-               f'{median(ratios):.2f}. It is ten lines of code. It gives no intervals, and no '
-               'warning where the sensor is not ideal.\n')
+               f'{median(ratios):.2f}. It is ten lines of code, and gives neither intervals nor '
+               'warnings.\n')
+
+
+def compared(case: Mapping[str, Any], key: str, tool: str) -> str:
+    """Return one of `HOW` where the error of a tool is smaller than ours, or like it."""
+    mine, error = (case['tools'][each]['coefficients'][key].get('over_bound')
+                   for each in (OURS, tool))
+    if tool == OURS or error is None:
+        return ''
+    if mine is None or error < mine / _AS_GOOD:
+        return HOW[0]
+    return HOW[1] if error <= mine * _AS_GOOD else ''
+
+
+def smaller(rows: Mapping[str, Any]) -> list[str]:
+    """Return the tools that read a recording in less time, or in less memory, than ours."""
+    return list(dict.fromkeys(
+        tool for found in rows.values() for tool, row in found.items()
+        if row['status'] == 0 and any(row[key] < found['imu_allan analyze'][key]
+                                      for key in ('wall_s', 'memory_mb'))))
 
 
 def tools(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -113,7 +117,8 @@ def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     rows = [[tool['name'], tool['origin']] for tool in figures['tools'].values()]
     yield table(['tool', 'what it is'], rows)
     yield ('Each is asked through an adapter of our own (`bench/peers/adapters/`), with its '
-           'defaults. A tool that gives one number a sensor is compared with each of its axes.\n')
+           'defaults. One number a sensor is compared with each of its axes. Not here: GMWM, '
+           'which needs R, MATLAB itself, tools that need ROS 1.\n')
 
 
 def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -121,20 +126,31 @@ def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
     called = names(figures)
     some = next(iter(figures['accuracy'].values()))
     yield '## Accuracy\n'
-    yield (f'{some["records"]} records of six axes each a case. A cell is the root mean square '
-           'error over the Cramér-Rao bound, of the axes of which a tool reports the '
-           'coefficient. Brackets give that share where it is not all; an axis that is refused '
-           f'is not reported. With {6 * some["records"]} axes an error is known to about '
+    yield (f'{some["records"]} records of six axes each a case (`bench/peers/simulated.py`). A '
+           'cell is the root mean square error over the Cramér-Rao bound, of the axes of which a '
+           'tool reports the coefficient. Brackets give that share where it is not all, a dash '
+           f'none. With {6 * some["records"]} axes an error is known to about '
            f'{100 / math.sqrt(12 * some["records"]):.0f} %. Behind a low-pass the bound is that '
-           'of a tool that knows the filter. The generator draws all terms at once by circulant '
-           'embedding; record *r* of case *c* has the seed `[20261123, c, r]` '
-           '(`bench/peers/simulated.py`).\n')
-    rows = [['' if place else case['title'], SYMBOLS[key], f'{100 * case["bound"][key]:.2g} %', *(
-        short(found[key].get('over_bound')) + ('' if found[key]['reported'] == 1
-                                               else f' ({found[key]["reported"]:.0%})')
-        for tool in called for found in [case['tools'][tool]['coefficients']])]
-        for case in figures['accuracy'].values() for place, key in enumerate(case['bound'])]
-    yield table(['case', 'term', '*bound*', *called.values()], rows)
+           'of a tool that knows the filter.\n')
+    rows = [[f'`{name}`: {case["title"]}', ', '.join(SYMBOLS[key] for key in case['bound']),
+             ', '.join(f'{100 * bound:.2g}' for bound in case['bound'].values()),
+             *(errors_of(case, tool) for tool in called)]
+            for name, case in figures['accuracy'].items()]
+    yield table(['case', 'terms', '*bound, %*', *called.values()], rows)
+
+
+def errors_of(case: Mapping[str, Any], tool: str) -> str:
+    """Return the errors of a tool, one dash where it reports no term."""
+    errors = [error_of(case, key, tool) for key in case['bound']]
+    return ', '.join(errors) if set(errors) != {'–'} else '–'
+
+
+def error_of(case: Mapping[str, Any], key: str, tool: str) -> str:
+    """Return the error of a tool over the bound, and the share of axes that have it."""
+    found = case['tools'][tool]['coefficients'][key]
+    mark = _MARKS[compared(case, key, tool)]
+    share = '' if found['reported'] in (0, 1) else f' ({found["reported"]:.0%})'
+    return f'{mark}{short(found.get("over_bound"))}{mark}{share}'
 
 
 def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -142,7 +158,7 @@ def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
     called = names(figures)
     yield '## Terms that are not there\n'
     yield ('Share of axes of which a tool reports a term that the sensor does not have, over all '
-           'cases without it. Reading lines off a curve always gives all of its numbers.\n')
+           'cases without it.\n')
     rows = []
     for key, symbol in SYMBOLS.items():
         cases = [case for case in figures['accuracy'].values()
@@ -159,55 +175,48 @@ def intervals(figures: Mapping[str, Any]) -> Iterator[str]:
     called = names(figures)
     yield '## Intervals\n'
     yield ('Share of 95 % intervals that contain the truth, and the mean interval score: width '
-           'plus 40 times the miss. Its unit is 3.92 bounds, the width of the best interval; less '
-           'is better. An upper bound counts as an interval from zero. Tools without a row give '
-           'no intervals.\n')
+           'plus 40 times the miss, over the width of the best interval. An upper bound counts as '
+           'an interval from zero. Tools without a row give no intervals.\n')
     rows = []
-    for case in figures['accuracy'].values():
+    for title, case in figures['accuracy'].items():
         for tool, name in called.items():
             found = case['tools'][tool]['coefficients']
             cells = [f'{SYMBOLS[key]} {found[key]["coverage"]:.0%}, '
                      f'{short(found[key]["score"] / (3.92 * case["bound"][key]))}'
                      for key in case['bound'] if 'coverage' in found[key]]
             if cells:
-                rows.append([case['title'], name, '; '.join(cells)])
+                rows.append([f'`{title}`', name, '; '.join(cells)])
     yield table(['case', 'tool', 'contains, score'], rows)
 
 
 def refusals(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show who refuses what, in the words of the tool."""
-    rows = []
     for tool, name in names(figures).items():
         refused = [case['tools'][tool] for case in figures['accuracy'].values()
                    if case['tools'][tool]['refused']]
         if refused:
-            rows.append([name, f'{len(refused)} of {len(figures["accuracy"])}',
-                         str(refused[0]['reason']).replace('|', '\\|')])
-    if rows:
-        yield '## Refusals\n'
-        yield table(['tool', 'cases with a refusal', 'the first reason'], rows)
+            reason = str(refused[0]['reason']).split('. ')[0].replace('|', '\\|')
+            yield (f'{name} refuses records of {len(refused)} of {len(figures["accuracy"])} '
+                   f'cases. Its first reason: `{reason}`.\n')
 
 
 def published(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show what the tools say of the telephone and the tag."""
     found, called = figures['published'], names(figures)
     yield '## Two recordings that anybody can fetch\n'
-    yield ('The wheel of scikit-diveMove 0.4.0 on PyPI holds two recordings: six hours of a '
-           'Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz with its temperature. Its '
-           'licence is the GNU Affero General Public License: the benchmark fetches it when it '
-           'runs, and nothing of it is here. Nobody knows the truth of these sensors. What can be '
-           'seen is whether two halves agree, and whether a filter with the numbers of one half '
-           'predicts the other. No tool is given the temperature.\n')
-    yield '**Telephone, x axes**: rad/s and m/s² based SI units, 95 % intervals in brackets.\n'
+    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz, from the '
+           'wheel of scikit-diveMove 0.4.0 on PyPI (AGPL; fetched when the benchmark runs). '
+           'Nobody knows the truth. What can be seen is whether two halves agree, and whether a '
+           'filter with the numbers of one half predicts the other. No tool is given the '
+           'temperature.\n')
+    yield '**Telephone, x axes**, SI units, 95 % intervals in brackets.\n'
     rows = []
     for tool, name in called.items():
         answer = found['tools'][tool]['answers']['telephone']
         rows.append([name, *cells(answer, ('gyro_x', 'accel_x'))])
     yield table(['tool', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'], rows)
-    yield ('**Halves of the telephone**: median over the axes of the ratio of both halves, the '
-           'larger over the smaller. Then the mean normalized innovation squared of a filter that '
-           'is corrected every ten seconds, of six axes both ways: 1 is right, above 1 '
-           'overconfident.\n')
+    yield ('**Halves of the telephone**: median over the axes of the ratio of both halves. NIS '
+           'is that of a filter that is corrected every ten seconds, six axes both ways.\n')
     rows = []
     for tool, name in called.items():
         of = found['tools'][tool]['filter']
@@ -215,24 +224,25 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
                         if axis[key] is not None]
                   for key in ('noise_density', 'bias_instability', 'rate_random_walk')}
         nis = [value for axis in of['nis'].values() for value in axis if value is not None]
-        rows.append([name, *(f'{math.exp(median(values)):.2f} ({len(values)} of 6)' if values
+        rows.append([name, *(f'{math.exp(median(values)):.2f}'
+                             + (f' ({len(values)} of 6)' if len(values) < 6 else '') if values
                              else '–' for values in ratios.values()),
                      f'{short(min(nis))} to {short(max(nis))}, median {short(median(nis))}'
                      if nis else '–'])
-    yield table(['tool', 'N', 'B', 'K', 'innovations'], rows)
+    yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
     rests = ', '.join(f'{rest["hours"]:.1f} h at {rest["coldest_c"]:.1f} to '
                       f'{rest["warmest_c"]:.1f} °C' for rest in found['rests'])
-    yield f'**Whale tag, x axes**, {len(found["rests"])} rests: {rests}.\n'
+    yield (f'**Whale tag, gyroscope x**, {len(found["rests"])} rests: {rests}. The accelerometer '
+           'is in the file of figures.\n')
     numbers = range(1, len(found['rests']) + 1)
     rows = []
     for tool, name in called.items():
-        each = [cells(found['tools'][tool]['answers'][f'rest {number}'], ('gyro_x', 'accel_x'),
+        each = [cells(found['tools'][tool]['answers'][f'rest {number}'], ('gyro_x',),
                       interval=False) for number in numbers]
         rows.append([name, *(', '.join(dict.fromkeys(column) if len({*column}) == 1 else column)
                              for column in zip(*each, strict=True))])
-    yield table(['tool, by rest', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'],
-                rows)
-    yield ('Findings of `imu_allan` beside its numbers ([what they mean](findings.md)):\n')
+    yield table(['tool, by rest', 'N', 'B', 'K'], rows)
+    yield ('[Findings](findings.md) of `imu_allan` beside its numbers:\n')
     yield '\n'.join(f'- *{part}*: ' + (', '.join(dict.fromkeys(
         code for line in lines for code in re.findall('^`(.*?)`', line))) or 'none')
         for part, lines in found['findings'].items()) + '\n'
@@ -259,26 +269,22 @@ def written(numbers: list[float | None], interval: bool = True) -> str:
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
-    yield ('Every tool that reads recordings, on an MCAP with zstd chunks at 1 kHz: the whole '
-           'process, medians. Processor time is that of all threads and processes.\n')
+    yield ('Tools that read recordings, on an MCAP with zstd chunks at 1 kHz: the whole '
+           'process, medians.\n')
     yield table(['messages', 'tool', 'wall', 'processor', 'memory'], [
         [f'{int(messages):,}', tool,
          *((f'{row["wall_s"]:.1f} s', f'{row["cpu_s"]:.1f} s', f'{row["memory_mb"]:.0f} MB')
            if row['status'] == 0 else
            (f'{row["wall_s"]:.1f} s, then refused', f'{row["cpu_s"]:.1f} s',
             f'{row["memory_mb"]:.0f} MB'))]
-        for messages, found in rows.items() for tool, row in found.items()])
+        for messages, found in list(rows.items())[::len(rows) - 1 or 1]
+        for tool, row in found.items()])
 
 
-def missing() -> Iterator[str]:
-    """Say what is not here."""
-    yield '## What is not here\n'
-    yield ('GMWM itself, which needs R; its idea is here as least squares on wavelets. MATLAB, '
-           'whose example is written anew. Tools that need ROS 1.\n')
+def repeating() -> Iterator[str]:
+    """Say how a row is made again."""
     yield '## Repeating it\n'
-    yield ('`make bench-peers` makes everything anew, in an hour or two. One row, the same to the '
-           'digit wherever the same versions run:\n')
+    yield 'One row, the same to the digit wherever the same versions run:\n'
     yield ('```text\nmake .venv-peers/.installed\n.venv-peers/bin/python bench/peers/run.py '
            '--row b wavelets --records 1\n```\n')
-    yield ('A tool that is missing or asked wrongly: an adapter has some thirty lines, and a '
-           'correction is welcome.\n')
+    yield 'A tool that is missing or asked wrongly: an adapter has some thirty lines.\n'
