@@ -15,19 +15,18 @@ from imu_allan.writers.words import WORDS, Words
 HEAD = """\
 # Findings
 
-Made from `imu_allan/writers/words.py` by `docs/make_findings.py`.
-`imu_allan explain CODE` prints one of them.
+Made by `docs/make_findings.py`. `imu_allan explain CODE` prints one of them, and how it is found.
 
-A result lists what was found as `warnings`:
+A result lists them as `warnings`:
 
 ```json
 {"code": "band_limited", "severity": "know", "axes": ["gyro_x", "gyro_y"],
  "values": {"window_s": [0.0148, 0.0152]}, "message": "..."}
 ```
 
-`severity` is `act` where the numbers are not what you want until you do something, and `know`
-where they are. `values` are in SI units, a list where axes differ. Scripts may rely on all but
-`message`, which is made from the others.
+`severity` is `act` where the numbers are not what you want until you do something, else `know`.
+`values` are in SI units, a list where axes differ. Scripts may rely on all but `message`. *Do* is
+for a recording, *live* at a running node where that differs.
 """
 
 
@@ -43,11 +42,10 @@ def page() -> str:
 
 
 def sentences(code: str, words: Words) -> Iterator[str]:
-    """Yield what a finding means, how it is found, and the advice that is the same for all."""
+    """Yield what a finding means, and the advice that is the same for all."""
     if words.title != code.replace('_', ' '):
         yield f'**{words.title}.**'
     yield words.means
-    yield f'*Found:* {words.found}'
     do = words.do if isinstance(words.do, str) else ''
     live = words.live or ''
     if do:

@@ -90,7 +90,7 @@ class Words:
     title : str
         In two or three words.
     means, found : str
-        What it means for the numbers, and how it is found; for docs/findings.md.
+        What it means for the numbers, for docs/findings.md, and how it is found.
     says : callable
         One sentence with the figures.
     do, live : str or callable
@@ -396,111 +396,116 @@ def _disagree(v: Figures) -> str:
 WORDS: Mapping[str, Words] = {
     # --------------------------------------------------------------- the sensor does not measure
     'stood_still': Words(
-        'stood still', 'The axis gave no new value for a while, so it has no coefficients.',
-        'One value is repeated far longer than noise ever repeats it.',
+        'stood still', 'The axis gave no new value for a while: it has no coefficients.',
+        'One value repeats for far longer than noise does.',
         lambda v: f'one and the same value for {v.time("duration_s")} from {v.time("start_s")} '
                   'on: the sensor or its driver stood still',
         'no coefficient is given; analyze the rest with --start and --duration',
         'look at the sensor and its driver, then call ~/reset'),
     'constant_axis': Words(
-        'constant', 'The axis never changes: it is not connected, or its noise is below one step '
-        'of its output.', 'Every sample is the same number.',
+        'constant', 'The axis is not connected, or its noise is below one step of its output.',
+        'Every sample is the same.',
         lambda v: f'every sample is {_values(v)} {v["unit"]}: there is no noise to measure',
         'look whether the axis is connected and read out'),
     'saturated': Words(
-        'saturated', 'The output is cut off at an end of its range, so the noise is higher than '
-        'it seems.', 'Many samples stand at the highest or lowest value.',
+        'saturated',
+        'The output is cut off at an end of its range: the noise is higher than it seems.',
+        'Many samples are at the highest or lowest value.',
         lambda v: f'{v.percent("share", 1)} of the samples stand at {v.number("value", ".6g")} '
                   f'{v["unit"]}, the {v["end"]} value: the output is cut off there',
         'no coefficient is given; choose a larger range or another position',
         'no coefficient is given; choose a larger range or another position, then call ~/reset'),
     'deadband': Words(
-        'deadband', 'The driver gives small values as zero, so the noise is higher than it seems.',
-        'Many samples are exactly zero, and none lies close to zero.',
+        'deadband', 'The driver gives small values as zero: the noise is higher than it seems.',
+        'Many samples are exactly zero, none close to zero.',
         lambda v: f'{v.percent("share")} of the samples are exactly 0, and none lies between 0 '
                   f'and {v.number("width")} {v["unit"]}: the driver gives small values as 0',
         'no coefficient is given; switch the deadband off',
         'no coefficient is given; switch the deadband off, then call ~/reset'),
     'copied_axis': Words(
-        'copied axis', 'The driver gives one axis of the sensor twice, and another one not at '
-        'all.', 'Every sample of two axes is the same to the last digit.',
+        'copied axis', 'The driver gives one axis twice, and another not at all.',
+        'All samples of two axes are equal.',
         lambda v: 'they are the same to the last digit of every sample'
                   f'{", but for the sign" if v["opposite"] else ""}: the driver gives one axis '
                   'twice',
         'correct the assignment of axes in the driver'),
     'high_passed': Words(
-        'slow part removed', 'A filter has removed the bias, and with it the slow noise: only N '
-        'is that of the sensor.', 'The spectrum falls towards low frequencies, which no '
-        "sensor's does.",
+        'slow part removed',
+        'A filter has removed the bias, and slow noise with it: only N is that of the sensor.',
+        'The spectrum falls towards low frequencies.',
         lambda v: f'below about {v.number("corner_hz", ".2g")} Hz the noise falls away, as behind '
                   'a filter that subtracts a bias it estimates (imu_complementary_filter does)',
         'only N is that of the sensor; take the raw topic'),
     'filtered': Words(
-        'filtered', 'The samples are not those of the sensor: a filter has changed them.',
+        'filtered', 'A filter has changed the samples.',
         'The raw topic beside them has other values, or the log says so.', _filtered,
         lambda v: _RAW if v['by'] == 'autopilot' else f'take {v["raw"]}'),
     'axis_not_finite': Words(
         'not finite', 'The axis holds no numbers and is left out.',
-        'All of its values are NaN or infinite, or a table has no column of it.',
+        'All values are NaN or infinite, or a table has no such column.',
         'no numbers (no such column, NaN or infinite), left out',
         'name its column, or look whether the driver fills in this axis'),
     'frozen': Words(
-        'frozen sensor', 'The sensor or its driver gave no new values for a while; that time is '
-        'left out.', 'Messages repeat all of their values for far longer than noise would.',
+        'frozen sensor',
+        'The sensor or its driver gave no new values for a while, which is left out.',
+        'Whole messages repeat for far longer than noise does.',
         lambda v: f'{v["messages"]} messages repeat one value again and again'
                   f'{_since(v)}: the sensor or its driver stood still, they are left out',
         'look at the cable and the driver'),
     'unknown_rate': Words(
         'no rate', 'Without a sample rate there are no averaging times.',
-        'Fewer stamps came than a rate needs.',
+        'There are too few stamps.',
         'the sample rate is not known from so few stamps', 'record for longer'),
     # ------------------------------------------------------------------------- it did not rest
     'mostly_motion': Words(
-        'motion', 'The IMU was not at rest, so what is measured is motion.',
-        'The noise rises above its own level in more than half of the samples.',
+        'motion', 'The IMU was not at rest: what is measured is motion.',
+        'More than half of the samples are above the noise level.',
         lambda v: f'{v.percent("share")} of the samples are motion',
         'record while the sensor stands still', 'let the IMU rest, or set motion to keep'),
     'slow_motion': Words(
-        'slow motion', 'A slow turn or tilt looks like slow noise: B and K of this axis are upper '
-        'bounds.', 'The mean goes away and comes back, by more than the noise explains.',
+        'slow motion', 'A slow turn or tilt looks like slow noise.',
+        'The mean leaves and returns, by more than the noise explains.',
         _slow_motion, 'B and K are upper bounds; ' + _PART.format('the rest'), _AGAIN),
     'noise_level_changed': Words(
         'noise level changes', 'The curve mixes two levels of noise and describes neither.',
-        'The noise changes for good, on all axes, with motion left out.',
+        'The noise of all axes changes for good.',
         lambda v: 'the noise changed for good: ' + ', '.join(
             f'{ratio:.3g} times at about {time_s:.5g} s' for time_s, ratio in zip(
                 v['at_s'], v['ratios'], strict=True)),
         'the curve mixes both levels; analyze them apart with --start and --duration',
         'call ~/reset to characterize the present level alone'),
     'bias_step': Words(
-        'bias step', 'One step of the mean looks like a random walk: K is an upper bound.',
-        'The mean steps once by more than the noise explains, and nowhere else.',
+        'bias step', 'One step of the mean looks like a random walk.',
+        'The mean steps once by more than the noise explains.',
         lambda v: f'the mean steps by {v.number("size")} {v["unit"]} after about '
                   f'{v.about("after_s")}, and nowhere else (a knock, or another supply voltage or '
                   'setting)',
         'K is an upper bound; analyze what lies before or behind it with --start and --duration',
         'K is an upper bound; call ~/reset to characterize what lies behind it alone'),
     'not_steady': Words(
-        'not steady', 'The noise was not the same all the time, so a later recording may differ '
-        'by as much.', 'Segments of the record differ by more than chance, band by band.',
+        'not steady',
+        'The noise was not the same all the time: a later recording may differ by as much.',
+        'Segments differ by more than chance, band by band.',
         _not_steady, _not_steady_advice,
         'the intervals are widened; call ~/reset once temperature, supply and vibration are '
         'steady'),
     'warm_up': Words(
         'warming up', 'The sensor was still warming up: its mean settles exponentially.',
-        'One or two exponentials from the beginning explain the mean better than noise.',
+        'One or two exponentials explain the mean better than noise.',
         _warm_up, _warm_up_advice,
         'numbers for a filter have the warm-up in them; call ~/reset when it is over'),
     # ---------------------------------------------------------------- whose messages are these
     'several_publishers': Words(
-        'several publishers', 'Two sensors on one topic make the rate twice too high and N wrong '
-        'by any factor.', 'The values of neighbouring messages differ in turn.',
+        'several publishers',
+        'Two sensors share a topic: the rate is twice too high, and N wrong by any factor.',
+        'Neighbouring values differ in turn.',
         'neighbouring messages differ in turn, as those of two sensors that publish '
         'with one frame_id do',
         'find them with ros2 topic info --verbose, and record each alone', _PUBLISHERS),
     'alternating': Words(
-        'values in turn', 'If two sensors share the topic, the rate is twice too high and N is '
-        'wrong.', 'The means of neighbouring messages differ in turn.',
+        'values in turn',
+        'If two sensors share the topic, the rate is twice too high and N is wrong.',
+        'Means of neighbouring messages differ in turn.',
         'the values of neighbouring messages differ in turn: a vibration at half the message '
         'rate, or two sensors that publish with one frame_id',
         'see with ros2 topic info --verbose whether there are two publishers', _PUBLISHERS),
@@ -519,30 +524,31 @@ WORDS: Mapping[str, Words] = {
         if v['most_left_out'] else 'analyze them by themselves with --start and --duration',
         'a change that lasts begins a new run by itself'),
     'clock_changed': Words(
-        'clock changed', 'The header stamps became unusable; receive stamps, which are less even, '
-        'are used from there.', 'Header stamps stand still, jump or come in whole seconds.',
+        'clock changed', 'The header stamps became unusable; receive stamps are used from there.',
+        'Header stamps stand still, jump or come in whole seconds.',
         lambda v: f'header stamps are {v["flaw"]} from about {v.number("since_s", ".6g")} s on: '
                   'receive stamps are used from there', 'mend the stamps of the driver'),
     'clock_speed': Words(
-        'speed of clocks', 'One of the two clocks is wrong, as in a replay: averaging times may '
-        'be off by their ratio.', 'Header and receive stamps last differently long.',
+        'speed of clocks',
+        'One clock is wrong, as in a replay: averaging times may be off by their ratio.',
+        'Header and receive stamps last differently long.',
         lambda v: f'header stamps run {v.number("ratio")} times as fast as receive stamps, as in '
                   'a replay or a simulation',
         'if they are wrong, --clock receive uses the other clock',
         'check the clock of the driver'),
     'gravity': Words(
         'gravity', 'The acceleration is in another unit, or gravity was subtracted.',
-        'The mean acceleration is not about 9.81 m/s^2.', _gravity,
+        'The mean is not about 9.81 m/s^2.', _gravity,
         'check the unit and the topic; --accel :g converts', 'check the unit of the driver'),
     'implausible': Words(
         'implausible', 'The numbers are those of another unit, of raw counts, or of motion.',
-        'A mean or a noise density is far beyond what a sensor of its kind has at rest.',
+        'A mean or noise density is far beyond any sensor at rest.',
         _implausible,
         'state the unit (--gyro, --accel), or record it at rest', 'check the unit of the driver'),
     # ------------------------------------------------------------------------ messages are lost
     'many_missing': Words(
         'many missing', 'So many samples are interpolated that N may be off.',
-        'Places in the even time grid are empty.',
+        'Places in the time grid are empty.',
         lambda v: f'{v.percent("share", 1)} of the samples are missing and interpolated'
                   + (f': N may be up to {v.percent("density_error_share")} off'
                      if 'density_error_share' in v else ''),
@@ -550,19 +556,19 @@ WORDS: Mapping[str, Words] = {
         'ask for a deeper queue or for reliable delivery with qos_overrides'),
     'spikes': Words(
         'outliers', 'Single outliers are left out; they point to errors on the bus.',
-        'Single samples lie ten times the noise and more from their neighbours.',
+        'Samples lie ten times the noise from their neighbours.',
         lambda v: f'{counted(v["messages"], "single message holds", "single messages hold")} '
                   'outliers, ten times the noise and more, and '
                   f'{"is" if v["messages"] == 1 else "are"} left out',
         'look for errors on the bus of the sensor'),
     'field_absent': Words(
         'absent field', 'Some messages lack a sensor and are left out.',
-        'covariance[0] is -1 in them, which means not provided.',
+        'Their covariance[0] is -1: not provided.',
         lambda v: f'{v["messages"]} messages declare angular velocity or linear acceleration as '
                   'not provided (covariance[0] is -1), others do not: they are left out',
         'let the driver fill in both, or publish them apart'),
     'axis_absent_in_part': Words(
-        'absent in part', 'The record of this axis is shorter; the others lose nothing.',
+        'absent in part', 'The record of this axis is shorter.',
         'Values are NaN for a while, or declared absent.',
         lambda v: f'no values in {v.number("absent", "d")} of {v["messages"]} messages (NaN, or '
                   'covariance[0] is -1)', 'look at the cable and the driver of this axis'),
@@ -577,18 +583,18 @@ WORDS: Mapping[str, Words] = {
         'The log says so.', lambda v: f'topic {v["topic"]} comes in batches with pauses: it shows '
         'N and no more', _RAW),
     'damaged_recording': Words(
-        'damaged recording', 'Part of the recording could not be read; the rest is used.',
+        'damaged recording', 'Part of the recording cannot be read; the rest is used.',
         'Checksums or places in the file are wrong.', _damaged, ''),
     'truncated_recording': Words(
         'truncated recording', 'The recording ends too early; what comes before is used.',
         'The file ends inside a record.', _truncated, ''),
     'lost_messages': Words(
-        'lost messages', 'Fewer messages were found than were counted when recording.',
+        'lost messages', 'Fewer messages were found than recorded.',
         'metadata.yaml counts more.',
         lambda v: f'{v["found"]} of the {v["counted"]} messages of {v["topic"]} that '
                   'metadata.yaml counts were found', ''),
     'missing_file': Words(
-        'missing file', 'Files of the recording are not there; the others are used.',
+        'missing file', 'Files of the recording are missing; the others are used.',
         'metadata.yaml lists them.',
         lambda v: f'{v["missing"]} of {v["listed"]} files that metadata.yaml lists cannot be '
                   f'found: {v["files"]}; the others were read', ''),
@@ -597,16 +603,17 @@ WORDS: Mapping[str, Words] = {
         'They are too short, or hold no numbers.', _malformed, ''),
     # ------------------------------------------------------------------- what the model explains
     'short_recording': Words(
-        'short recording', 'The record is too short to show this coefficient: it is somewhere '
-        'below the bound.', 'The interval of the coefficient reaches to zero.', _short,
+        'short recording',
+        'The record is too short to show this coefficient: it lies below the bound.',
+        'Its interval reaches to zero.', _short,
         'record for longer', 'wait, or let it run overnight'),
     'poor_fit': Words(
-        'poor fit', 'The noise is not the sum of terms that is fitted, so intervals are widened.',
-        'The spectrum or the curve leaves the model by more than chance.', _poor_fit,
+        'poor fit', 'The noise is no sum of the terms that are fitted.',
+        'Spectrum or curve leave the model by more than chance.', _poor_fit,
         'the intervals are widened; look for vibration, or a filter in the sensor or driver'),
     'recordings_disagree': Words(
-        'recordings disagree', 'The recordings are not of one noise: one of them is an outlier.',
-        'A coefficient differs between recordings by more than its errors.', _disagree,
+        'recordings disagree', 'The recordings are not of one noise.',
+        'A coefficient differs by more than its errors.', _disagree,
         'the interval is widened; look at what was different in that recording'),
     'thermometer': Words(
         'thermometer', 'The temperature cannot be used, or only partly.',
@@ -620,19 +627,20 @@ WORDS: Mapping[str, Words] = {
         'record for longer, the sensor warm and at one temperature'),
     'power_law': Words(
         'no flicker', 'The slow noise has another slope than flicker: B is an upper bound.',
-        'An exponent other than 1 explains the spectrum better than chance.', _power_law,
+        'An exponent other than 1 explains the spectrum better.', _power_law,
         _power_law_advice),
     'band_limited': Words(
-        'low-pass', 'The sensor or driver filters the fast noise; the coefficients are those '
-        'below the filter.', 'The spectrum falls towards the highest frequencies.',
+        'low-pass',
+        'Sensor or driver filter the fast noise; the coefficients are those below the filter.',
+        'The spectrum falls towards the highest frequencies.',
         lambda v: f'the spectrum falls above {v.number("edge_hz")} Hz (a low-pass in sensor or '
                   'driver, or noise that no term describes); the coefficients are fitted below'
         if 'edge_hz' in v else
         'the noise rolls off towards the highest frequencies (a low-pass in sensor or driver): '
         f'its effective window is {v.number("window_s")} s'),
     'gauss_markov': Words(
-        'correlated noise', 'Part of the slow noise forgets itself after a correlation time, as a '
-        'first-order Gauss-Markov process.', 'Such a process explains the spectrum better.',
+        'correlated noise', 'Part of the slow noise levels off after a correlation time.',
+        'A first-order Gauss-Markov process explains the spectrum better.',
         lambda v: f'a first-order Gauss-Markov process of {v.number("sigma")} {v["unit"]} with a '
                   f'correlation time of {v.number("correlation_time_s")} s is part of the noise'),
     'temperature': Words(
@@ -645,20 +653,20 @@ WORDS: Mapping[str, Words] = {
                   + (", such as a heater's" if _end(v, 'period_s', min) >= _HEATED_S else ''),
         'coefficients are given without it, numbers for a filter with it'),
     'coarse_resolution': Words(
-        'coarse steps', 'The output steps by more than its noise: what lies below one step is '
-        'hidden.', 'The smallest step of the output is larger than the noise of a sample.',
+        'coarse steps', 'What lies below one step of the output is hidden.',
+        'The smallest step is larger than the noise of a sample.',
         lambda v: f'the output steps by {v.number("step")} {v["unit"]}, '
                   f'{v.number("ratio", ".1f")} times the noise of one sample: what lies below '
                   'the step is hidden', 'choose a smaller range of the sensor'),
     'tones': Words(
-        'tones', 'Vibration, mains or an idle tone of a converter: not noise, and left out of '
-        'the fit.', 'Narrow lines stand above the spectrum.',
+        'tones', 'Vibration, mains or a converter: not noise, and left out of the fit.',
+        'Narrow lines stand above the spectrum.',
         lambda v: f'{v.said("count", lambda n: f"{n:d}")} '
                   f'{"line" if _end(v, "count", max) == 1 else "lines"}, the strongest at '
                   f'{v.number("frequency_hz", ".4g")} Hz ({v.in_unit("amplitude")}), left out of '
                   'the fit'),
     'turn_on_bias': Words(
-        'turn-on bias', 'The bias differs from one power-on to the next by so much.',
+        'turn-on bias', 'The bias differs from one power-on to the next.',
         'Means of the recordings differ by more than they drift in one.',
         lambda v: f'the mean differs from recording to recording by {v.in_unit("sigma")} beyond '
                   f'what it drifts in one ({v.in_unit("sigma_low")} to '
@@ -669,16 +677,16 @@ WORDS: Mapping[str, Words] = {
         _start, lambda v: 'record for longer, or switch on earlier'
         if v['warm_up_s'] and not v['left_out'] else ''),
     'motion': Words(
-        'motion', 'Motion and knocks are left out, the rest is used.',
-        'The noise rises above its own level for a moment.',
+        'motion', 'Motion and knocks are left out.',
+        'The noise rises for a moment.',
         lambda v: f'motion or knocks were cut out {_times(v["count"])}, '
                   f'{v.number("excluded_s", ".6g")} s in all'),
     'rest_within_motion': Words(
         'rest within motion', 'Only the time at rest is used.',
-        'The noise between motions is steady for five seconds and more.', _rest),
+        'Between motions the noise is steady for five seconds and more.', _rest),
     'motion_kept': Words(
         'motion kept', 'Motion is part of what was measured, as asked for.',
-        'The noise rises above its own level for a moment.',
+        'The noise rises for a moment.',
         lambda v: f'motion or knocks were seen {_times(v["count"])}, '
                   f'{v.number("seen_s", ".6g")} s in all, first at {v.number("first_s", ".5g")} '
                   's, and kept as asked', 'coefficients and bounds describe them as much as the '
@@ -688,7 +696,7 @@ WORDS: Mapping[str, Words] = {
         'There are more than are kept.',
         lambda v: f'only the first {v["listed"]} spans of motion are listed'),
     'receive_clock': Words(
-        'receive clock', 'The stamps of reception are used, which are less even.',
+        'receive clock', 'Receive stamps are used, which are less even.',
         'Header stamps are zero, constant or coarse.',
         lambda v: f'header stamps are {v["flaw"]}: receive stamps are used' if 'flaw' in v else
         'header stamps come in ticks or batches: receive stamps, which come evenly, are used'),
@@ -698,7 +706,7 @@ WORDS: Mapping[str, Words] = {
         lambda v: f'no usable stamps: samples are counted at the stated '
                   f'{v.number("rate_hz", "g")} Hz, and missing ones cannot be seen'),
     'uneven_stamps': Words(
-        'uneven stamps', 'Single missing samples cannot be seen by the stamps.',
+        'uneven stamps', 'Single missing samples cannot be seen.',
         'The stamps scatter by a good part of the interval.', _uneven_stamps, _uneven_error),
     'uneven_rate': Words(
         'uneven rate', 'The rate varies: averaging times are off by up to so much, N by half of '
@@ -710,7 +718,7 @@ WORDS: Mapping[str, Words] = {
                   'as much'),
     'clock_jumps': Words(
         'clock jumps', 'The record is in several segments; no difference is taken across a jump.',
-        'A stamp lies far from where the rate puts it, and the following ones go on from it.',
+        'A stamp and all that follow lie far from where the rate puts them.',
         lambda v: f'the {v["clock"]} clock jumped {_times(v["count"])}: no difference is taken '
                   'across a jump'),
     'gaps_not_listed': Words(
@@ -719,8 +727,8 @@ WORDS: Mapping[str, Words] = {
         lambda v: f'{v["gaps"]} gaps of {v.number("gaps_s", ".6g")} s in all; only the first '
                   f'{v["listed"]} are listed'),
     'held_values': Words(
-        'held values', 'The driver polls the sensor faster than it samples: its own rate is '
-        'used.', 'Messages repeat all values of the one before.',
+        'held values', 'The driver polls the sensor faster than it samples.',
+        'Messages repeat all values of the one before.',
         lambda v: f'{v.percent("share")} of the messages repeat the values of the one before: the '
                   'sensor is polled faster than it samples',
         'its own rate is used and the repeats are left out'),
@@ -730,13 +738,13 @@ WORDS: Mapping[str, Words] = {
         lambda v: f'the first {v["messages"]} messages hold one value or none: the sensor had not '
                   'come to life yet, they are left out'),
     'axis_late_start': Words(
-        'late axis', 'The record of this axis begins later; the others lose nothing.',
+        'late axis', 'The record of this axis begins later.',
         'It holds one value at first.',
         lambda v: f'one value for the first {v.number("late", "d")} of {v["messages"]} messages: '
                   'the axis had not come to life yet'),
     'unit_g': Words(
         'unit g', 'Acceleration in g was converted to m/s^2.',
-        'The magnitude of the acceleration is near 1.',
+        'Its magnitude is near 1.',
         'the magnitude of the acceleration is near 1: taken as g, not m/s^2',
         '--accel :g says so, --accel :m/s^2 takes the numbers as they are',
         'set accel_unit to g to say so, to m/s^2 to take the numbers as they are'),
@@ -745,7 +753,7 @@ WORDS: Mapping[str, Words] = {
         'They come on two topics, or one repeats its values.', _two_rates),
     'repeated_half': Words(
         'repeated half', 'One sensor repeats its values between new ones of the other.',
-        'Its values do not change where those of the other do.', _repeated,
+        'Its values change at a rate of their own.', _repeated,
         'each sensor is analyzed at its own rate'),
     'chosen_topic': Words(
         'chosen topic', 'Of several IMU topics one was chosen.', 'By its name and kind.',
@@ -753,7 +761,7 @@ WORDS: Mapping[str, Words] = {
         f'{", ".join(v["others"])}'),
     'short_part': Words(
         'short part', 'Less is recorded than was asked for.',
-        'The recording ends before the duration that was asked for.',
+        'The recording ends before.',
         lambda v: f'only {v.time("recorded_s")} of the {v.time("asked_s")} asked for are '
                   'recorded'),
     'ignored_columns': Words(
