@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator, Mapping
 import math
-import re
 from statistics import fmean, median
 from typing import Any
 
@@ -172,21 +171,24 @@ def false_terms(figures: Mapping[str, Any]) -> Iterator[str]:
 
 def intervals(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show coverage and interval score of the tools that have intervals."""
-    called = names(figures)
     yield '## Intervals\n'
-    yield ('Share of 95 % intervals that contain the truth, and the mean interval score: width '
-           'plus 40 times the miss, over the width of the best interval. An upper bound counts as '
-           'an interval from zero. Tools without a row give no intervals.\n')
+    yield ('Share of 95 % intervals that contain the truth, and the interval score: width plus 40 '
+           'times the miss, over the width of the best interval, median and worst case. A bound '
+           'counts as an interval from zero. Tools without a row give no intervals.\n')
     rows = []
-    for title, case in figures['accuracy'].items():
-        for tool, name in called.items():
-            found = case['tools'][tool]['coefficients']
-            cells = [f'{SYMBOLS[key]} {found[key]["coverage"]:.0%}, '
-                     f'{short(found[key]["score"] / (3.92 * case["bound"][key]))}'
-                     for key in case['bound'] if 'coverage' in found[key]]
-            if cells:
-                rows.append([f'`{title}`', name, '; '.join(cells)])
-    yield table(['case', 'tool', 'contains, score'], rows)
+    for tool, name in names(figures).items():
+        for key, symbol in SYMBOLS.items():
+            found = [(entry['score'] / (3.92 * case['bound'][key]), title, entry['coverage'])
+                     for title, case in figures['accuracy'].items() if key in case['bound']
+                     for entry in [case['tools'][tool]['coefficients'][key]]
+                     if 'coverage' in entry]
+            if found:
+                worst = max(found)
+                rows.append([name, symbol, str(len(found)),
+                             f'{fmean(each[2] for each in found):.0%}',
+                             short(median(each[0] for each in found)),
+                             f'{short(worst[0])} (`{worst[1]}`)'])
+    yield table(['tool', 'term', 'cases', 'contains', 'score', 'worst'], rows)
 
 
 def refusals(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -209,12 +211,6 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
            'Nobody knows the truth. What can be seen is whether two halves agree, and whether a '
            'filter with the numbers of one half predicts the other. No tool is given the '
            'temperature.\n')
-    yield '**Telephone, x axes**, SI units, 95 % intervals in brackets.\n'
-    rows = []
-    for tool, name in called.items():
-        answer = found['tools'][tool]['answers']['telephone']
-        rows.append([name, *cells(answer, ('gyro_x', 'accel_x'))])
-    yield table(['tool', 'gyro N', 'gyro B', 'gyro K', 'accel N', 'accel B', 'accel K'], rows)
     yield ('**Halves of the telephone**: median over the axes of the ratio of both halves. NIS '
            'is that of a filter that is corrected every ten seconds, six axes both ways.\n')
     rows = []
@@ -232,38 +228,32 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
     rests = ', '.join(f'{rest["hours"]:.1f} h at {rest["coldest_c"]:.1f} to '
                       f'{rest["warmest_c"]:.1f} °C' for rest in found['rests'])
-    yield (f'**Whale tag, gyroscope x**, {len(found["rests"])} rests: {rests}. The accelerometer '
-           'is in the file of figures.\n')
+    yield (f'**Whale tag, gyroscope x**, {len(found["rests"])} rests: {rests}. The accelerometer, '
+           'the whole telephone and findings are in the file of figures.\n')
     numbers = range(1, len(found['rests']) + 1)
     rows = []
     for tool, name in called.items():
-        each = [cells(found['tools'][tool]['answers'][f'rest {number}'], ('gyro_x',),
-                      interval=False) for number in numbers]
+        each = [cells(found['tools'][tool]['answers'][f'rest {number}'], 'gyro_x')
+                for number in numbers]
         rows.append([name, *(', '.join(dict.fromkeys(column) if len({*column}) == 1 else column)
                              for column in zip(*each, strict=True))])
     yield table(['tool, by rest', 'N', 'B', 'K'], rows)
-    yield ('[Findings](findings.md) of `imu_allan` beside its numbers:\n')
-    yield '\n'.join(f'- *{part}*: ' + (', '.join(dict.fromkeys(
-        code for line in lines for code in re.findall('^`(.*?)`', line))) or 'none')
-        for part, lines in found['findings'].items()) + '\n'
 
 
-def cells(answer: Mapping[str, Any], axes: tuple[str, ...], *, interval: bool = True
-          ) -> list[str]:
-    """Return N, B and K of the axes with intervals, bounds, or the word of refusal."""
+def cells(answer: Mapping[str, Any], axis: str) -> list[str]:
+    """Return N, B and K of an axis, their bounds, or the word of refusal."""
     if 'refused' in answer:
-        return ['refused'] * 3 * len(axes)
-    return [written(answer['axes'].get(axis, {}).get(key, [None, None, None]), interval)
-            for axis in axes for key in ('noise_density', 'bias_instability', 'rate_random_walk')]
+        return ['refused'] * 3
+    return [written(answer['axes'].get(axis, {}).get(key, [None, None, None]))
+            for key in ('noise_density', 'bias_instability', 'rate_random_walk')]
 
 
-def written(numbers: list[float | None], interval: bool = True) -> str:
+def written(numbers: list[float | None]) -> str:
     """Return a coefficient as a cell."""
-    value, low, high = numbers
-    if value is None:
-        return '–' if high is None else f'< {high:.2g}'
-    return f'{value:.3g}' + (
-        '' if low is None or not interval else f' ({low:.3g}, {high:.3g})')
+    value, _, high = numbers
+    if value is not None:
+        return f'{value:.3g}'
+    return '–' if high is None else f'< {high:.2g}'
 
 
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
