@@ -375,9 +375,9 @@ def moved_mean(posterior: Posterior, record: RecordSpectrum) -> Mean | None:
 
 
 def expected(model: Drawn) -> tuple[Array, Array]:
-    """Return the expected power of a model by group, and that of its white noise."""
+    """Return the expected power of a model by group, and what of it is white noise."""
     lam, slopes, used = spectrum(model.spectra, model.row, model.row.x)
-    return lam[0], slopes[np.searchsorted(used, ALWAYS), 0] / 2
+    return lam[0], slopes[np.isin(used, (ALWAYS, _OUTPUT)), 0].sum(axis=0) / 2
 
 
 def _window(posterior: Posterior) -> float | None:
