@@ -323,9 +323,7 @@ def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order
                                 'is not certain in night1; analyze the raw topic of each')
 
 
-@pytest.mark.parametrize('gain', [0.05, pytest.param(0.1, marks=pytest.mark.xfail(
-    strict=True, raises=ImuAllanError,
-    reason='a corner at .8 Hz of 50 Hz is not told of every axis, and N may be too low'))])
+@pytest.mark.parametrize('gain', [0.05, 0.1])
 def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes(gain):
     result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, gain)])
     assert [one.axes for one in result.warnings if one.code == 'high_passed'] == [

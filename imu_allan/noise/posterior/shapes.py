@@ -100,7 +100,7 @@ def _butterworth(order: int) -> Power:
 
 def _high_pass(nu: Array, corner: float) -> Array:
     """First-order high-pass; the ends of a finite record leak what it has taken out."""
-    falls = 1 / (1 + nu * nu * np.exp(-2 * corner))
+    falls = 1 / (1 + (np.sin(np.pi * nu) / np.pi)**2 * np.exp(-2 * corner))
     leak = min(float(nu[0]) / (np.pi * np.exp(corner)), 1.0)
     return np.asarray(1 - falls * (1 - leak))
 
@@ -144,8 +144,8 @@ LOW_PASSES = (
 """Responses of which a sensor has one at most; the first may be too gentle to be seen."""
 
 HIGH_PASSES = (Shape(HIGH_PASS, 0.1, _high_pass, lambda band: Grid(
-    np.log(band.slowest / 2), np.log(max(0.01, 2 * band.slowest)), 0.25)),)
-"""What follows a bias is slower than a hundredth of the sample rate."""
+    np.log(band.slowest / 2), np.log(max(0.2, 2 * band.slowest)), 0.25)),)
+"""What follows a bias is slower than a fifth of the sample rate."""
 
 
 @dataclass(frozen=True)
