@@ -7,7 +7,6 @@ Write docs/commands.md from the parsers of the command itself.
 """
 
 import argparse
-from collections import Counter
 from pathlib import Path
 
 from imu_allan.cli.main import command_parser
@@ -15,10 +14,8 @@ from imu_allan.cli.main import command_parser
 HEAD = """\
 # Every option of the command
 
-Made from the command's own help by `docs/make_commands.py`.
-
-Results go to stdout, messages to stderr. A known error is one line that names the file, topic or
-option and what to do. A traceback means a bug.
+Made from the command's own help by `docs/make_commands.py`. Results go to stdout, messages to
+stderr. A known error is one line; a traceback means a bug.
 
 | exit status | |
 | --- | --- |
@@ -29,33 +26,31 @@ option and what to do. A traceback means a bug.
 | 4 | `check` cannot tell |
 | 130 | after Ctrl-C |
 """
-SHARED = """\
-## Options of every verb that reads a recording
-
-"""
-_SHARED = 3
+READERS = 'Options of every verb that reads a recording'
+BOTH = 'Options of analyze and check'
 
 
 def page() -> str:
-    """Return the text of the page; an option that several verbs have alike is described once."""
+    """Return the text of the page; options that several verbs have alike are described once."""
     parser = command_parser()
     [verbs] = [action for action in parser._actions
                if isinstance(action, argparse._SubParsersAction)]
     rows = {name: described(verb) for name, verb in verbs.choices.items()}
-    count = Counter(row for found in rows.values() for row in found)
-    shared = {row: None for found in rows.values() for row in found
-              if count[row] >= _SHARED}
+    both = [row for row in rows['analyze'] if row in rows['check'] and row not in rows['info']]
+    readers = [row for row in rows['info'] if row in rows['analyze'] and row in rows['tune']]
     lines = [HEAD]
     for name, verb in verbs.choices.items():
-        own = [row for row in rows[name] if row not in shared]
-        if len(rows[name]) - len(own) < _SHARED:
-            own = rows[name]
+        apart = [(title, shared) for title, shared in ((BOTH, both), (READERS, readers))
+                 if {*shared} <= {*rows[name]}]
+        own = [row for row in rows[name] if not any(row in shared for _, shared in apart)]
         names = ' '.join(argument(action) for action in verb._actions
                          if not action.option_strings)
         lines += [f'## imu_allan {name} {names}', '', verb.description or '', '', *table(own)]
-        if own != rows[name]:
-            lines += ['And the options of every verb that reads a recording, below.', '']
-    return '\n'.join([*lines, SHARED + '\n'.join(table(list(shared)))])
+        if apart:
+            lines += [f'Also: {" and ".join(title.lower() for title, _ in apart)}.', '']
+    for title, shared in ((BOTH, both), (READERS, readers)):
+        lines += [f'## {title}', '', *table(shared)]
+    return '\n'.join(lines)
 
 
 def table(rows: list[str]) -> list[str]:

@@ -63,31 +63,29 @@ def register(verbs: Any) -> None:
                         help='the Imu topic; may be left out where there is only one')
     topics.add_argument('--all-topics', action='store_true', help='every Imu topic in turn')
     parser.add_argument('--output', metavar='DIR',
-                        help='write result.json, curve.csv, allan_deviation.png and report.html '
-                             'here; with several recordings or topics, into a folder for each, '
-                             'and fleet.html, fleet.csv and fleet.json beside them')
+                        help='folder for result.json, curve.csv, allan_deviation.png and '
+                             'report.html; of several recordings or topics a folder each, with '
+                             'fleet.html, fleet.csv and fleet.json')
     parser.add_argument('--together', action='store_true',
                         help='the recordings are of one IMU: one result by their joint '
-                             'likelihood, with the spread of the mean from one to the next '
-                             '(turn-on bias)')
+                             'likelihood, with the turn-on bias')
     parser.add_argument('--name-from', metavar='SOURCE', default='file',
-                        help='what a unit among several is called: file (the recording, default), '
-                             'folder (the one it lies in), or a regular expression on the path '
-                             'whose first group is the name')
+                        help='what names a unit: file (default), folder (in which it lies), or '
+                             'a regular expression on the path whose first group is the name')
     parser.add_argument('--resume', action='store_true',
-                        help='with --output: leave out the recordings whose folder holds a result '
-                             'that is newer and was made with the same options')
+                        help='with --output: leave out recordings that have a newer result of '
+                             'the same options')
     add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
                         type=consumer,
-                        help='configuration of a filter, too (imu_allan export --list names them; '
-                             'may be given several times): into --output DIR, or else on standard '
-                             'output, and the table on standard error')
+                        help='configuration of a filter, too (imu_allan export --list names '
+                             'them; may be repeated): into --output DIR, or to stdout, and the '
+                             'table to stderr')
     parser.add_argument('--units', choices=('datasheet', 'si'), default='datasheet',
                         help='of the table (default: %(default)s)')
     parser.add_argument('--verbose', action='store_true',
-                        help='on a terminal, too: remarks in full, and terms that no axis shows')
+                        help='remarks in full, and terms that no axis shows, on a terminal too')
     add_recording_options(parser)
     add_timeline_options(parser)
     workers = parser.add_mutually_exclusive_group()

@@ -137,8 +137,8 @@ def _paths(args: argparse.Namespace, name: str) -> list[str]:
 def add_inspection(parser: argparse.ArgumentParser) -> None:
     """Add the option that says which unit is measured, by whom and where."""
     parser.add_argument('--meta', metavar='KEY=VALUE', type=_meta, action='append', default=[],
-                        help='which unit is measured, by whom and where, for the result: serial='
-                             'A-0017, operator=NAME, station=NAME; may be given several times')
+                        help='which unit is measured, by whom and where: serial=A-0017, '
+                             'operator=NAME, station=NAME; may be repeated')
     for key in _META:
         # As they were called before there was --meta.
         parser.add_argument(f'--{key}', metavar='TEXT', help=argparse.SUPPRESS)

@@ -47,33 +47,32 @@ def register(verbs: Any) -> None:
     parser = verbs.add_parser(
         'check', short=_SHORT, examples=_EXAMPLES,
         help='compare with a datasheet: pass, fail or cannot tell',
-        description='Compare each quantity with the limit of a datasheet: pass where the '
-                    'measured 95 % interval (or upper bound) lies below it, fail where it lies '
-                    'above, cannot tell where it reaches across. A constant, missing or dead axis '
-                    'fails. Exit status 3 if any fails, else 4 if any is undecided.')
+        description='Compare each quantity with the limit of a datasheet: pass where its 95 % '
+                    'interval (or upper bound) lies below, fail where it lies above, cannot '
+                    'tell where it reaches across. A constant, missing or dead axis fails. Exit '
+                    'status 3 if any fails, else 4 if any is undecided.')
     parser.add_argument('source', metavar='RESULT_OR_RECORDING',
                         help='result file (.json), or anything that analyze takes')
     parser.add_argument('--spec', metavar='FILE', required=True,
-                        help='datasheet (YAML with units; see config/ for examples), or the name '
-                             'of one that is shipped (consumer_mems, tactical_mems)')
+                        help='datasheet: a YAML file with units, or one that is shipped '
+                             '(consumer_mems, tactical_mems)')
     undecided = parser.add_mutually_exclusive_group()
     undecided.add_argument('--allow-undecided', action='store_true',
-                           help='exit status 0, not 4, where nothing fails but something is '
-                                'undecided')
+                           help='exit status 0, not 4, where something is undecided')
     # What is the rule now had to be asked for before.
     undecided.add_argument('--strict', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--min-duration', metavar='TIME', type=duration, default=0.0,
                         help='from a shorter record nothing passes (30min, 3h)')
     parser.add_argument('--live', action='store_true',
-                        help='read a recording as if it came live, and stop as soon as the '
-                             'verdict is certain: wrong in at most one unit of twenty')
+                        help='stop as soon as the verdict is certain: wrong in at most one unit '
+                             'of twenty')
     parser.add_argument('--margin', metavar='PERCENT', type=positive_number, default=10.0,
                         help='with --live: a unit nearer to its limit is called neither good nor '
                              'bad (default: %(default)g)')
     parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON')
     parser.add_argument('--junit', metavar='FILE', help='write the verdicts as JUnit XML')
     parser.add_argument('--certificate', metavar='FILE',
-                        help='write the verdicts as a page to print, one A4 sheet (HTML)')
+                        help='write the verdicts as an A4 sheet (HTML)')
     add_inspection(parser)
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
     add_recording_options(parser)

@@ -17,8 +17,7 @@ def register(verbs: Any) -> None:
         description='Say what a finding of a result means, how it is found, and what to do about '
                     'it. Without CODE all findings are listed.')
     parser.add_argument('code', metavar='CODE', nargs='?',
-                        help='code of a finding, as in "warnings" of a result file, such as '
-                             'not_steady')
+                        help='code of a finding, such as not_steady')
     parser.set_defaults(run=run)
 
 

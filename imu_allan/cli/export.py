@@ -39,28 +39,25 @@ def register(verbs: Any) -> None:
     parser = verbs.add_parser(
         'export', help='write the configuration of a filter from a result', examples=_EXAMPLES,
         usage='imu_allan export RESULT --for NAME [options]',
-        description='Write what a filter wants to know about the noise: its keys, its units, '
-                    'continuous or per sample. The numbers are tuned for what usually corrects '
-                    'this filter; the file says what they are expected to reach. The worst axis '
-                    'counts.')
+        description='Write the configuration of a filter with its keys, units and convention. '
+                    'The numbers are tuned for what usually corrects it; the file says what '
+                    'they are expected to reach.')
     parser.add_argument('result', metavar='RESULT', nargs='?',
-                        help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
-                             'or the folder that --output wrote')
+                        help='result file of analyze --json RESULT, or the folder of --output')
     parser.add_argument('--for', dest='consumer', metavar='NAME', required=True, type=consumer,
-                        help='which filter, in capitals or not, also as people call it (vins, '
-                             'ekf); --list names them')
+                        help='which filter, also as people call it (vins, ekf); --list names '
+                             'them')
     parser.add_argument('--list', action=_List, nargs=0, help='name the filters, and end')
     parser.add_argument('--spec', metavar='FILE',
-                        help='in place of RESULT: the numbers of a datasheet (YAML with units), '
-                             'where there is no recording yet; the file says so')
+                        help='in place of RESULT: the numbers of a datasheet (YAML with units)')
     parser.add_argument('--rate', metavar='RATE', type=rate,
                         help='rate at which the filter takes samples or predicts (default: the '
                              "result's sample rate; 100 for px4, 83 for ardupilot)")
     parser.add_argument('--as-measured', action='store_true',
                         help='the coefficients as measured, not tuned')
     parser.add_argument('--aiding', metavar='TIME', type=duration,
-                        help='time between two corrections of the filter (default: what is usual '
-                             'for it; the file says what that is)')
+                        help='time between two corrections of the filter (default: what is '
+                             'usual for it)')
     parser.add_argument('--coast', metavar='TIME', type=duration,
                         help='the longest time without any (default: 60s; 10min for simulators)')
     parser.add_argument('--conservative', action='store_true',

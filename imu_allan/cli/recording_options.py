@@ -23,12 +23,12 @@ _FASTEST_HZ = 1e6
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
     """Add the options to a verb."""
     parser.add_argument('--rate', metavar='RATE', type=rate,
-                        help='sample rate (100Hz, 2kHz), instead of the one measured from the '
-                             'stamps; needed for a CSV without a time column')
+                        help='sample rate (100Hz, 2kHz) in place of the measured one; needed '
+                             'for a CSV without a time column')
     group = parser.add_argument_group('messages of other types, other units, two topics')
     group.add_argument('--definitions', metavar='PATH', nargs='+', default=[],
-                       help='.msg files, or packages and workspaces that hold them, for a '
-                            'recording that does not carry the definitions of its messages')
+                       help='.msg files, or packages and workspaces with them, for a recording '
+                            'without definitions of its messages')
     group.add_argument('--gyro', metavar='FIELD[:UNIT]',
                        help='field of the angular velocity and its unit: imu.gyro[0:3]:deg/s; or '
                             'the unit alone: :deg/s')
@@ -44,16 +44,15 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
                        help='topic of the gyroscope of an IMU on two topics')
     group.add_argument('--accel-topic', metavar='NAME', help='topic of its accelerometer')
     group.add_argument('--accel-rate', metavar='RATE', type=rate,
-                       help='sample rate of an accelerometer on a topic of its own, instead of '
-                            'the one measured; --rate is that of the gyroscope then')
+                       help='sample rate of an accelerometer on a topic of its own; --rate is '
+                            'that of the gyroscope then')
     group.add_argument('--temperature', metavar='NAME',
-                       help='topic (sensor_msgs/Temperature), field of the messages, or column '
-                            'with the temperature of the IMU; one of its namespace or frame_id '
-                            'is found')
+                       help='topic (sensor_msgs/Temperature), field or column of the '
+                            'temperature; one of its namespace or frame_id is found')
     group.add_argument('--columns', metavar='AXIS=NAME', action='append', default=[],
-                       help='column of a CSV, by name or number from 1, and its unit: gyro_x=w0,'
-                            "gyro_y=w1,accel_x=7,'time=t us'; other units as in --gyro :deg/s "
-                            'and --accel :g')
+                       help='column of a CSV, by name or number from 1, and its unit: '
+                            "gyro_x=w0,accel_x=7,'time=t us'; other units by --gyro :deg/s and "
+                            '--accel :g')
 
 
 def add_timeline_options(parser: argparse.ArgumentParser) -> None:
@@ -61,11 +60,11 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     # What --clock none says now.
     parser.add_argument('--force-rate', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--clock', choices=('header', 'receive', 'none'),
-                        help='stamps to trust (default: header, unless they are unusable); none '
-                             'counts the samples and needs --rate')
+                        help='stamps to trust (default: header, unless unusable); none counts '
+                             'samples and needs --rate')
     parser.add_argument('--start', metavar='TIME', type=start, default=0.0,
-                        help='leave out the beginning, as long as this (10 or 10s, 5min, 2h), or '
-                             'auto: the warm-up')
+                        help='leave out the beginning (10 or 10s, 5min, 2h), or auto: the warm- '
+                             'up')
     parser.add_argument('--duration', metavar='TIME', type=duration,
                         help='use only as much (30min, 3h)')
     parser.add_argument('--motion', choices=('exclude', 'keep'), default='exclude',

@@ -13,22 +13,19 @@ def register(verbs: Any) -> None:
     """Add the verb and its options to the command."""
     parser = verbs.add_parser(
         'report', help='plots and an HTML report; several results are compared',
-        description='Write an HTML report that works offline, and the plots as PNG, SVG and PDF. '
-                    'Several results are drawn into one figure, with a table of their '
-                    'differences in units of their intervals.')
+        description='Write an HTML report that works offline, and the plots. Several results '
+                    'are drawn into one figure, with a table of their differences in units of '
+                    'their intervals.')
     parser.add_argument('results', metavar='RESULT', nargs='+',
-                        help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
-                             'or the folder that --output wrote')
+                        help='result file of analyze --json RESULT, or the folder of --output')
     parser.add_argument('--output', metavar='DIR', default='.',
                         help='folder to write to (default: this folder)')
     parser.add_argument('--format', metavar='LIST', type=_formats, default=('png', 'svg', 'pdf'),
-                        help='what to write besides, of png, svg, pdf, and of one result latex: a '
-                             'table, a paragraph on the method and its references (default: '
-                             'png,svg,pdf)')
+                        help='what to write besides: png, svg, pdf, and of one result latex, a '
+                             'table and a paragraph on the method (default: png,svg,pdf)')
     parser.add_argument('--width', metavar='CM', type=_width,
-                        help='of one result, the Allan deviation for a column of a paper, too: so '
-                             'many centimetres wide, without heading and table (8.5 or 17 are '
-                             'usual)')
+                        help='of one result: the Allan deviation for a column of a paper, too, '
+                             'in centimetres (8.5 or 17 are usual)')
     parser.set_defaults(run=run, inputs=('results',), outputs={'output': ''})
 
 

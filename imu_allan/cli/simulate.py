@@ -29,8 +29,8 @@ def register(verbs: Any) -> None:
         description='Write a rosbag2 recording of an IMU at rest with the noise of a model file. '
                     'The same seed gives the same samples.')
     parser.add_argument('model', metavar='MODEL',
-                        help='noise model: a YAML file with units, or the name of one that is '
-                             'shipped (consumer_mems, tactical_mems)')
+                        help='noise model: a YAML file with units, or one that is shipped '
+                             '(consumer_mems, tactical_mems)')
     parser.add_argument('--output', metavar='DIR',
                         help='recording to write (default: the name of MODEL, in this folder)')
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap',

@@ -31,13 +31,11 @@ def register(verbs: Any) -> None:
     parser = verbs.add_parser(
         'tune', short=_SHORT, examples=_EXAMPLES,
         help='what a filter needs, and how far it can trust that',
-        description='Choose noise density and bias numbers for a filter by how often something '
-                    'corrects it and how long it must do without. Beside them stands what the '
-                    'measured coefficients, ten times K and the full drift model would reach, '
-                    'then the unaided drift.')
+        description='Choose the numbers for a filter by how often something corrects it and how '
+                    'long it must do without. Beside them: what the measured coefficients, ten '
+                    'times K and the drift model reach, and the unaided drift.')
     parser.add_argument('result', metavar='RESULT',
-                        help='result file, written by: imu_allan analyze RECORDING --json RESULT, '
-                             'or the folder that --output wrote')
+                        help='result file of analyze --json RESULT, or the folder of --output')
     parser.add_argument('--aiding', metavar='TIME', type=duration, default=0.1,
                         help='time between two corrections of the filter (default: 0.1s)')
     parser.add_argument('--coast', metavar='TIME', type=duration, default=60.0,
@@ -47,14 +45,14 @@ def register(verbs: Any) -> None:
     parser.add_argument('--calibration', metavar='TIME', type=duration, default=60.0,
                         help='how long the bias is averaged before a drift (default: 60s)')
     parser.add_argument('--verify', metavar='OTHER',
-                        help='run filters with the numbers over another recording: another day, '
-                             'or with the motors on, standing still now and then; a result in '
-                             'its place compares the models alone')
+                        help='run filters with the numbers over another recording, of another '
+                             'day or with the motors on; of a result the models alone are '
+                             'compared')
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of the other recording')
     add_recording_options(parser)
     parser.add_argument('--plot', metavar='FILE',
-                        help='picture of the drift observed there, beside what was predicted '
-                             '(.png, .svg or .pdf); with --verify')
+                        help='with --verify: the drift observed there beside the one predicted '
+                             '(.png, .svg or .pdf)')
     parser.add_argument('--json', metavar='FILE', help='write the numbers as JSON')
     parser.add_argument('--no-progress', action='store_true', help='show no progress bar')
     parser.set_defaults(run=run, inputs=('result', 'verify'),
