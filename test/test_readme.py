@@ -19,7 +19,7 @@ import sys
 import time
 
 from imu_allan.cli.main import main
-from imu_allan.writers.consumer_names import CONSUMER_TITLES
+from imu_allan.writers.consumers import CONSUMERS
 import numpy as np
 import pytest
 
@@ -219,7 +219,7 @@ def test_what_each_consumer_wants_is_said_with_where_it_was_read() -> None:
     page = (ROOT / 'docs' / 'filters.md').read_text()
     table = page.partition('## What each consumer wants')[2].partition('\n## ')[0]
     named = ' '.join(row.split('|')[1] for row in table.splitlines() if row.startswith('|'))
-    for title in CONSUMER_TITLES.values():
+    for title in (consumer.title for consumer in CONSUMERS.values()):
         if not title.startswith('a filter of your own'):
             assert title.partition(',')[0] in named, title
 

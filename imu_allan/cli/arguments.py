@@ -11,7 +11,7 @@ from typing import Literal, TYPE_CHECKING
 
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
-from imu_allan.writers.consumer_names import consumer_called
+from imu_allan.writers.consumers import consumer_called
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
@@ -159,7 +159,7 @@ def _meta(text: str) -> tuple[str, str]:
 
 
 def consumer(text: str) -> str:
-    """Read the name of a consumer, as `imu_allan.writers.consumer_names` knows it."""
+    """Read the name of a consumer, as `imu_allan.writers.consumers` knows it."""
     try:
         return consumer_called(text)
     except KeyError as error:

@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan.cli.arguments import consumer, duration, factors, rate
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
-from imu_allan.writers.consumer_names import consumers_by_family
+from imu_allan.writers.consumers import consumers_by_family
 
 if TYPE_CHECKING:
     from imu_allan.result import Result

@@ -53,6 +53,7 @@ _UNITS: dict[str, tuple[float, _Powers]] = {
         ('Hz hertz', 1.0, (0.0, 0.0, -1.0, 0.0)),
         ('dps', pi / 180, (1.0, 0.0, -1.0, 0.0)),
         ('g', STANDARD_GRAVITY, (0.0, 1.0, -2.0, 0.0)),
+        ('Gal', 1e-2, (0.0, 1.0, -2.0, 0.0)),
         # A difference of temperature: a degree Celsius is as large as a kelvin.
         ('K kelvin degC', 1.0, _KELVIN),
     )

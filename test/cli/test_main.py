@@ -13,7 +13,7 @@ import time
 from imu_allan.cli.main import command_parser, main
 from imu_allan.cli.recording_options import recording_options
 from imu_allan.recordings import RecordingOptions
-from imu_allan.writers.consumer_names import FAMILIES
+from imu_allan.writers.consumers import FAMILIES
 import pytest
 from whole_lines import Varying
 import zstandard

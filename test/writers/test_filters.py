@@ -23,8 +23,8 @@ from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, 
 from imu_allan.sensor.noise_model import load_model
 from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
-from imu_allan.writers.consumer_names import consumer_called, CONSUMER_TITLES, FAMILIES
-from imu_allan.writers.filters import CONSUMERS, export as export_as_wished, Wishes
+from imu_allan.writers.consumers import consumer_called, CONSUMERS, FAMILIES
+from imu_allan.writers.filters import export as export_as_wished, Wishes
 from imu_allan.writers.filters.from_datasheet import result_of_datasheet
 import numpy as np
 import pytest
@@ -395,8 +395,7 @@ def test_an_unknown_consumer_is_refused_with_the_known_ones(easy):
 
 
 def test_the_command_knows_the_names_without_loading_numerics():
-    assert list(CONSUMER_TITLES) == list(CONSUMERS)
-    code = ('import sys, imu_allan.writers.consumer_names, imu_allan.cli.export; '
+    code = ('import sys, imu_allan.writers.consumers, imu_allan.cli.export; '
             'sys.exit("numpy" in sys.modules)')
     subprocess.run([sys.executable, '-c', code], check=True)
 
@@ -1041,8 +1040,8 @@ def test_every_consumer_has_a_family_and_is_called_by_what_people_say():
     for said, name in (('VINS', 'vins_fusion'), ('vins-mono', 'vins_fusion'),
                        ('OpenVINS', 'openvins'), ('ekf', 'robot_localization'),
                        ('ORB-SLAM3', 'orb_slam3'), ('FAST-LIO2', 'fast_lio'), ('PX4', 'px4'),
-                       *((title, name) for name, title in CONSUMER_TITLES.items()
-                         if title.replace('-', '_').casefold() == name)):
+                       *((known.title, name) for name, known in CONSUMERS.items()
+                         if known.title.replace('-', '_').casefold() == name)):
         assert consumer_called(said) == name
     for said, meant in (('kalbr', 'kalibr'), ('robot_localisaton', 'robot_localization')):
         with pytest.raises(KeyError) as error:

@@ -5,7 +5,7 @@ What to put into a filter's configuration.
 
 Every consumer has its own names, its own file format and its own idea of what the numbers mean:
 continuous or per sample, standard deviation or variance, a random walk or a Gauss-Markov process.
-The modules here know them, a family each; each function says in its docstring where in the
+Most are templates, filled by `template`; `structured` writes the others. Each says where in the
 consumer's source the meaning was read. Throughout, N is the noise density and K the rate random
 walk, tuned for what corrects the consumer, f the sample rate.
 
@@ -13,15 +13,14 @@ A consumer that takes one value for a sensor gets that of the worst axis, the ot
 it in a comment.
 """
 
-from imu_allan.writers.filters.chosen_numbers import Aiding, Wishes
+from imu_allan.writers.consumers import CONSUMERS
+from imu_allan.writers.filters.chosen_numbers import Wishes
 from imu_allan.writers.filters.export import (
-    Consumer,
-    CONSUMERS,
     export,
     FilterConfig,
     left_from_before,
     left_from_earlier,
 )
 
-__all__ = ['CONSUMERS', 'Aiding', 'Consumer', 'FilterConfig', 'Wishes', 'export',
-           'left_from_before', 'left_from_earlier']
+__all__ = ['CONSUMERS', 'FilterConfig', 'Wishes', 'export', 'left_from_before',
+           'left_from_earlier']

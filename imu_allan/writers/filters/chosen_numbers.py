@@ -23,27 +23,30 @@ from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
 from imu_allan.tuning.uncertainty import known_less_than
 from imu_allan.wording import duration
+from imu_allan.writers.consumers import Consumer
 from imu_allan.writers.included import included
 
-Key = Literal['N', 'K', 'sigma', 'time']
+Key = Literal['N', 'K', 'sigma', 'Tc']
 Sensor = Literal['accel', 'gyro']
-Share = Literal['axis', 'sensor', 'both', 'model']
 Scale = Callable[[float], float]
 
 N: Key = 'N'
 K: Key = 'K'
 SIGMA: Key = 'sigma'
-TIME: Key = 'time'
+TIME: Key = 'Tc'
 KEYS = (N, K, SIGMA, TIME)
 SENSORS: tuple[Sensor, ...] = ('accel', 'gyro')
 SENSOR_NAMES: dict[Sensor, str] = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
-COAST_S = 60.0
-"""How long a filter must do without corrections where nobody says: an outage in a tunnel."""
 
-_COEFFICIENTS = {N: 'noise_density', K: 'rate_random_walk'}
-_PEAK = 1.89            # a Gauss-Markov process is highest at 1.89 correlation times
-_SIGMA_OF_FLAT = 1.08   # Farrell et al., IEEE Control Systems 42(6), 2022
-_TIME_OF_NOTHING = 100.0   # s, of a process without size: filters refuse zero
+
+def unscaled(value: float) -> float:
+    """Return the number as it is."""
+    return value
+
+
+def times(factor: float) -> Scale:
+    """Return what multiplies by a factor."""
+    return lambda value: value * factor
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,7 @@ class Number:
     by_curve: bool = False
     of_flicker: bool = False
 
-    def measured(self, scale: Scale = lambda value: value) -> str:
+    def measured(self, scale: Scale = unscaled) -> str:
         """Say what was measured, scaled as in the file."""
         if self.bound:
             return f'not observable, below {scale(self.value):.4g}'
@@ -130,26 +133,6 @@ class Number:
                 f'{", of flicker B" if self.of_flicker else ""}')
 
 
-@dataclass(frozen=True)
-class Aiding:
-    """
-    What usually corrects a consumer.
-
-    Attributes
-    ----------
-    interval_s : float or None
-        None for one without a bias state, which gets the measured noise density.
-    reason : str
-    coast_s : float
-        The longest it must do without.
-
-    """
-
-    interval_s: float | None
-    reason: str
-    coast_s: float = COAST_S
-
-
 class Numbers:
     """
     The numbers of every axis for one consumer.
@@ -157,18 +140,11 @@ class Numbers:
     Parameters
     ----------
     result : Result
-    consumer, title : str
-        Name of the consumer in the command, and as its authors write it.
-    aiding : Aiding
-        What usually corrects it.
-    bias : {'random_walk', 'gauss_markov'}
-        What it takes the bias for.
+    name : str
+        Of the consumer, in the command.
+    consumer : Consumer
+        What usually corrects it, and what it takes the bias for.
     wishes : Wishes
-    one_time : bool, optional
-        Whether it has one correlation time for all axes.
-    share : {'axis', 'sensor', 'both', 'model'}, optional
-        What has numbers of its own in the file: each axis; each sensor, those of its worst axis;
-        both sensors together one random walk, the larger; or the drift models themselves.
 
     Raises
     ------
@@ -177,28 +153,26 @@ class Numbers:
 
     """
 
-    def __init__(self, result: Result, consumer: str, title: str, aiding: Aiding, bias: Bias,
-                 wishes: Wishes, one_time: bool = False, share: Share = 'sensor') -> None:
-        self.result, self.consumer, self.title = result, consumer, title
-        self.aiding, self.bias, self.wishes = aiding, bias, wishes
-        self.one_time, self.share = one_time, share
-        self.aiding_s = wishes.aiding_s or aiding.interval_s
-        self.coast_s = wishes.coast_s or max(aiding.coast_s, self.aiding_s or 0.0)
+    def __init__(self, result: Result, name: str, consumer: Consumer, wishes: Wishes) -> None:
+        self.result, self.name, self.consumer, self.wishes = result, name, consumer, wishes
+        self.aiding_s = wishes.aiding_s or consumer.aiding.interval_s
+        self.coast_s = wishes.coast_s or max(consumer.aiding.coast_s, self.aiding_s or 0.0)
         self.tunings: dict[str, FilterTuning] = {}
         if not wishes.as_measured and self.aiding_s is not None:
-            self._tune()
-        self._as_measured = {name: _measured(axis, bias) for name, axis in result.axes.items()}
+            self._tune(self.aiding_s)
+        self._as_measured = {axis: _measured(found, consumer.bias)
+                             for axis, found in result.axes.items()}
         self.of_axis: dict[str, dict[Key, Number]] = {
-            name: {} if axis.high_passed_hz is not None else self._numbers(name)
-            for name, axis in result.axes.items()}
-        if one_time:
+            axis: {} if found.high_passed_hz is not None else self._numbers(axis)
+            for axis, found in result.axes.items()}
+        if consumer.one_time:
             self._agree_on_a_time()
         if not any(self.of_axis.values()):
             why = ('a filter has taken out the slow part of every axis that has noise); take the '
                    'raw topic' if any(axis.high_passed_hz is not None
                                       for axis in result.axes.values()) else
                    'constant or too short); look at the driver, or record longer')
-            raise ImuAllanError(f'no configuration for {consumer}: no axis of this result has a '
+            raise ImuAllanError(f'no configuration for {name}: no axis of this result has a '
                                 f'noise density ({why}')
 
     def axes(self, sensor: Sensor) -> dict[str, AxisResult]:
@@ -225,7 +199,7 @@ class Numbers:
         name = max(known, key=lambda axis: by.get(axis, known[axis]).value)
         return name, known[name]
 
-    def measured(self, name: str, key: Key, scale: Scale = lambda value: value) -> str:
+    def measured(self, name: str, key: Key, scale: Scale = unscaled) -> str:
         """Say what was measured of a number of an axis: value and 95 % interval, or bound."""
         found = self._as_measured[name].get(key)
         if found is None:
@@ -240,10 +214,10 @@ class Numbers:
 
     def given(self, sensor: Sensor, name: str) -> dict[Key, Number]:
         """Return the numbers that an axis gets: its own, or those that it shares with others."""
-        if self.share == 'axis':
+        if self.consumer.share == 'axis':
             return self.of_axis[name]
         found = {key: one[1] for key in KEYS if (one := self.worst(sensor, key)) is not None}
-        if self.share == 'both' and K in found:
+        if self.consumer.share == 'both' and K in found:
             walks = [one[1] for each in SENSORS if (one := self.worst(each, K)) is not None]
             found[K] = max(walks, key=lambda number: number.value)
         return found
@@ -272,9 +246,9 @@ class Numbers:
                             'numbers below')
         return said
 
-    def rate(self, usual_hz: float | None = None) -> float:
+    def rate(self, sensor: Sensor | None = None) -> float:
         """
-        Return the rate that the consumer works at.
+        Return the rate that the consumer works at, or that of the messages of a sensor.
 
         Raises
         ------
@@ -282,23 +256,21 @@ class Numbers:
             If nobody knows it.
 
         """
-        rate = self.wishes.rate_hz or usual_hz or self.result.timeline.sample_rate_hz
+        of_messages = None if sensor is None or not self.consumer.per_message else next(
+            (axis.sample_rate_hz for axis in self.axes(sensor).values()
+             if axis.sample_rate_hz is not None), None)
+        rate = (self.wishes.rate_hz or of_messages or self.consumer.predicts_hz
+                or self.result.timeline.sample_rate_hz)
         if rate is None:
-            raise ImuAllanError(f'the configuration for {self.consumer} needs the sample rate, '
+            raise ImuAllanError(f'the configuration for {self.name} needs the sample rate, '
                                 'which this result does not have; give it with --rate HZ')
         return rate
-
-    def rate_of(self, sensor: Sensor) -> float:
-        """Return the rate of the messages of a sensor, which may have a topic of its own."""
-        own = next((axis.sample_rate_hz for axis in self.axes(sensor).values()
-                    if axis.sample_rate_hz is not None), None)
-        return self.wishes.rate_hz or own or self.rate()
 
     def provenance(self) -> list[str]:
         """Say where the numbers come from and what they are expected to reach."""
         source, timeline = self.result.source, self.result.timeline
         if self.of_datasheet:
-            return [f'IMU noise for {self.title}, by imu_allan '
+            return [f'IMU noise for {self.consumer.title}, by imu_allan '
                     f'{printable(self.result.imu_allan_version)} from',
                     f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
                     'sensors as mounted are often worse.', *self._inflated(),
@@ -310,23 +282,25 @@ class Numbers:
                  f'of {printable(source.start_time)}' if source.start_time else '',
                  f'{timeline.samples} samples{rate} over {timeline.duration_s:.6g} s']
         expected = self._consistency()
-        return [f'IMU noise for {self.title}, by imu_allan '
+        return [f'IMU noise for {self.consumer.title}, by imu_allan '
                 f'{printable(self.result.imu_allan_version)} from',
                 ', '.join(part for part in parts if part), *self._choice(bool(expected)),
                 *expected, *(line for sensor in SENSORS for line in self.dead(sensor))]
 
-    def _tune(self) -> None:
-        assert self.aiding_s is not None
+    def _tune(self, aiding_s: float) -> None:
         axes = {name: axis for name, axis in self.result.axes.items()
                 if axis.drift_model is not None}
+
+        def tuned(axis: AxisResult, time_s: float | None) -> FilterTuning:
+            return tune(axis, aiding_s, self.coast_s, self.consumer.bias,
+                        self.wishes.conservative, time_s)
+
         common: float | None = None
-        if self.one_time and axes:
+        if self.consumer.one_time and axes:
             # The correlation time of the axes' own choices, in the middle.
-            times = sorted(self._tuned(axis, None).correlation_time_s or 0.0
-                           for axis in axes.values())
-            common = times[len(times) // 2]
-        for name, axis in axes.items():
-            self.tunings[name] = self._tuned(axis, common)
+            own = sorted(tuned(axis, None).correlation_time_s or 0.0 for axis in axes.values())
+            common = own[len(own) // 2]
+        self.tunings = {name: tuned(axis, common) for name, axis in axes.items()}
 
     def _agree_on_a_time(self) -> None:
         """Give all axes the correlation time of the gyroscope that drifts furthest."""
@@ -335,11 +309,6 @@ class Numbers:
             if found is not None and SIGMA in numbers:
                 sigma, numbers[TIME] = numbers[SIGMA], found[1]
                 numbers[K] = Number(sigma.value * sqrt(2 / found[1].value), sigma.bound)
-
-    def _tuned(self, axis: AxisResult, time_s: float | None) -> FilterTuning:
-        assert self.aiding_s is not None
-        return tune(axis, self.aiding_s, self.coast_s, self.bias, self.wishes.conservative,
-                    time_s)
 
     def _numbers(self, name: str) -> dict[Key, Number]:
         found = self._tuned_numbers(name) or self._as_measured[name]
@@ -365,7 +334,7 @@ class Numbers:
 
     def _choice(self, expected: bool) -> list[str]:
         lines = []
-        if self.share == 'model':
+        if self.consumer.share == 'model':
             lines.append('The whole drift model, as measured: NIS and squared unaided errors '
                          'are expected to be what it predicts.')
             lines += [f'{name}: ' + ', '.join(
@@ -373,14 +342,14 @@ class Numbers:
                 for name in self.result.axes if self._as_measured[name]]
             lines += included(self.result.axes)
         elif self.aiding_s is None:
-            lines.append(f'Noise densities as measured: {self.aiding.reason}.')
+            lines.append(f'Noise densities as measured: {self.consumer.aiding.reason}.')
         elif self.wishes.as_measured:
             lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
             lines += self._beyond('what is expected is') if expected else []
         elif not self.tunings:
             lines.append('Coefficients as measured: this result has no drift model to tune from.')
         else:
-            why = f' ({self.aiding.reason})' if self.wishes.aiding_s is None else ''
+            why = f' ({self.consumer.aiding.reason})' if self.wishes.aiding_s is None else ''
             kind = 'Conservatively tuned' if self.wishes.conservative else 'Tuned'
             lines.append(f'{kind} for a correction every {duration(self.aiding_s)}{why} and '
                          f'{duration(self.coast_s)} without one.')
@@ -411,7 +380,7 @@ class Numbers:
                 f'1/f to the power of {axis.power_law.exponent:.2f}'
                 for name, axis in self.result.axes.items()
                 if (axis.power_law is not None or name in told) and name not in self.tunings}
-        if not laws or self.share == 'model':
+        if not laws or self.consumer.share == 'model':
             return []
         each = ', '.join(f'{name} {law}' for name, law in laws.items())
         instead = '; tuned numbers have it in them' if self.wishes.as_measured else ''
@@ -419,7 +388,7 @@ class Numbers:
 
     def _consistency(self) -> list[str]:
         """Say what filters with the numbers of the file reach on each sensor."""
-        if self.aiding_s is None or self.share == 'model':
+        if self.aiding_s is None or self.consumer.share == 'model':
             return []
         lines = []
         for sensor in SENSORS:
@@ -455,7 +424,7 @@ def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
 def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:
     """Return coefficients as measured, or their bounds; nothing for an axis without noise."""
     found: dict[Key, Number] = {}
-    for key, name in _COEFFICIENTS.items():
+    for key, name in ((N, 'noise_density'), (K, 'rate_random_walk')):
         coefficient = axis.coefficients[name]
         if coefficient.observable and coefficient.value:
             found[key] = Number(coefficient.value, False, coefficient.ci95)
@@ -480,11 +449,13 @@ def _process(axis: AxisResult) -> tuple[Number, Number]:
     level = flat.value if flat.observable else upper_bound(axis, 'bias_instability')
     curve = axis.curve
     if not level or not curve.tau_s:
-        return Number(0.0), Number(_TIME_OF_NOTHING)
+        # Filters refuse a time of zero, even of a process without size.
+        return Number(0.0), Number(100.0)
     above = [tau for tau, adev in zip(curve.tau_s, curve.adev, strict=True)
              if adev <= 1.1 * max(min(curve.adev), FLICKER_FLOOR * level)]
     peak = sqrt(above[0] * above[-1]) if above else curve.tau_s[-1]
-    ends = None if flat.ci95 is None else (_SIGMA_OF_FLAT * flat.ci95[0],
-                                           _SIGMA_OF_FLAT * flat.ci95[1])
-    return (Number(_SIGMA_OF_FLAT * level, not flat.observable, ends, of_flicker=True),
-            Number(peak / _PEAK, of_flicker=True))
+    # Farrell et al., IEEE Control Systems 42(6), 2022: sigma is 1.08 B, and the Allan deviation of
+    # a process is highest at 1.89 correlation times.
+    ends = None if flat.ci95 is None else (1.08 * flat.ci95[0], 1.08 * flat.ci95[1])
+    return (Number(1.08 * level, not flat.observable, ends, of_flicker=True),
+            Number(peak / 1.89, of_flicker=True))

@@ -1,0 +1,184 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The programs that want to know how noisy an IMU is, in one table.
+
+It stands alone so that the command knows them without loading numerics.
+"""
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Literal
+
+from imu_allan.errors import printable, shorten
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """
+    What usually corrects a consumer.
+
+    Attributes
+    ----------
+    interval_s : float or None
+        None for one without a bias state, which gets the measured noise density.
+    reason : str
+    coast_s : float
+        The longest it must do without; by default an outage in a tunnel.
+
+    """
+
+    interval_s: float | None
+    reason: str
+    coast_s: float = 60.0
+
+
+CAMERA = Aiding(0.05, 'camera frames at 20 Hz')
+LIDAR = Aiding(0.1, 'lidar scans at 10 Hz')
+SATELLITES = Aiding(1.0, 'satellite fixes at 1 Hz')
+AUTOPILOT = Aiding(0.2, 'satellite fixes of an autopilot at 5 Hz')
+SIMULATION = Aiding(1.0, 'a simulation shall drift like the sensor from a second on', 600.0)
+ESTIMATOR = Aiding(0.1, 'an estimator at 10 Hz')
+NO_BIAS = Aiding(None, 'the consumer has no bias state')
+MATLAB = Aiding(None, 'imuSensor models white noise, flicker and walk itself')
+
+
+@dataclass(frozen=True)
+class Consumer:
+    """
+    A program that wants to know how noisy an IMU is.
+
+    Attributes
+    ----------
+    title : str
+        Its name as its authors write it.
+    file : str
+        Suggested name of its configuration, different for every consumer.
+    aiding : Aiding
+        What usually corrects it.
+    bias : {'random_walk', 'gauss_markov'}
+        What it takes the bias for.
+    share : {'axis', 'sensor', 'both', 'model'}
+        What has numbers of its own in the file: each axis; each sensor, those of its worst axis;
+        both sensors together one random walk, the larger; or the drift models themselves.
+    one_time : bool
+        Whether it has one correlation time for all axes.
+    predicts_hz : float or None
+        Rate at which it predicts; None for that of the samples.
+    per_message : bool
+        Whether its numbers are of a message, each sensor at the rate of its own topic.
+
+    """
+
+    title: str
+    file: str
+    aiding: Aiding
+    bias: Literal['random_walk', 'gauss_markov'] = 'random_walk'
+    share: Literal['axis', 'sensor', 'both', 'model'] = 'sensor'
+    one_time: bool = False
+    predicts_hz: float | None = None
+    per_message: bool = False
+
+
+FAMILIES: dict[str, dict[str, Consumer]] = {
+    'cameras': {
+        'kalibr': Consumer('Kalibr', 'imu.yaml', CAMERA),
+        'openvins': Consumer('OpenVINS', 'kalibr_imu_chain.yaml', CAMERA),
+        'vins_fusion': Consumer('VINS-Fusion', 'vins_fusion_imu.yaml', CAMERA),
+        'vins_fusion_midpoint': Consumer('VINS-Fusion, midpoint', 'vins_fusion_midpoint_imu.yaml',
+                                         CAMERA),
+        'orb_slam3': Consumer('ORB-SLAM3', 'orb_slam3_imu.yaml', CAMERA),
+        'basalt': Consumer('Basalt', 'basalt_imu.json', CAMERA, share='axis'),
+        'kimera': Consumer('Kimera-VIO', 'kimera_imu.yaml', CAMERA),
+        'okvis2': Consumer('OKVIS2', 'okvis2_imu.yaml', CAMERA),
+        'msckf_vio': Consumer('MSCKF-VIO', 'msckf_vio_noise.yaml', CAMERA),
+        'maplab': Consumer('maplab', 'maplab_imu.yaml', CAMERA),
+        'rovio': Consumer('ROVIO', 'rovio_imu.info', CAMERA, share='axis'),
+        'svo_pro': Consumer('SVO Pro', 'svo_pro_imu.yaml', CAMERA),
+        'rtabmap': Consumer('RTAB-Map', 'rtabmap_imu.yaml', CAMERA),
+        'isaac_ros_vslam': Consumer('Isaac ROS Visual SLAM', 'isaac_ros_vslam_imu.yaml', CAMERA)},
+    'lidars': {
+        'lio_sam': Consumer('LIO-SAM', 'lio_sam_imu.yaml', LIDAR),
+        'lio_sam_ros1': Consumer('LIO-SAM, ROS 1', 'lio_sam_ros1_imu.yaml', LIDAR),
+        'fast_lio': Consumer('FAST-LIO', 'fast_lio_imu.yaml', LIDAR),
+        'fast_livo2': Consumer('FAST-LIVO2', 'fast_livo2_imu.yaml', LIDAR),
+        'point_lio': Consumer('Point-LIO', 'point_lio_imu.yaml', LIDAR),
+        'glim': Consumer('GLIM', 'glim_sensors.json', LIDAR, share='both')},
+    'wheels and satellites': {
+        'robot_localization': Consumer('robot_localization', 'imu_covariance.yaml', NO_BIAS,
+                                       per_message=True),
+        'fusioncore': Consumer('FusionCore', 'fusioncore_imu.yaml', SATELLITES),
+        'autoware': Consumer('Autoware imu_corrector', 'imu_corrector.param.yaml', NO_BIAS,
+                             per_message=True),
+        'drivers': Consumer('drivers', 'imu_drivers.yaml', NO_BIAS, per_message=True),
+        'kf_gins': Consumer('KF-GINS', 'kf_gins_imu.yaml', SATELLITES, 'gauss_markov', 'axis',
+                            one_time=True),
+        'ob_gins': Consumer('OB_GINS', 'ob_gins_imu.yaml', SATELLITES, 'gauss_markov',
+                            one_time=True),
+        'navego': Consumer('NaveGo', 'navego_imu.m', SATELLITES, 'gauss_markov', 'axis'),
+        'psins': Consumer('PSINS', 'psins_imuerr.m', SATELLITES, 'gauss_markov', 'axis')},
+    'autopilots': {
+        # EKF2_PREDICT_US is 10000 by default, EKF_TARGET_DT in AP_NavEKF3_core.h 0.012 s.
+        'px4': Consumer('PX4', 'px4_imu.params', AUTOPILOT, predicts_hz=100.0),
+        'ardupilot': Consumer('ArduPilot', 'ardupilot_imu.params', AUTOPILOT, predicts_hz=83.0)},
+    'simulators': {
+        'gazebo': Consumer('Gazebo', 'gazebo_imu.sdf', SIMULATION, 'gauss_markov', 'axis'),
+        'rotors': Consumer('RotorS', 'rotors_imu.xml', SIMULATION, 'gauss_markov'),
+        'pegasus': Consumer('Pegasus Simulator', 'pegasus_imu.py', SIMULATION, 'gauss_markov',
+                            one_time=True),
+        'airsim': Consumer('AirSim', 'airsim_imu.json', SIMULATION),
+        'matlab': Consumer('MATLAB imuSensor', 'imu_sensor.m', MATLAB)},
+    'a filter of your own': {
+        'plain': Consumer('a filter of your own, numbers alone', 'imu_noise.yaml', ESTIMATOR,
+                          share='axis'),
+        'gtsam': Consumer('GTSAM', 'gtsam_imu.yaml', ESTIMATOR),
+        'state_space': Consumer('a filter of your own, matrices', 'state_space.json', ESTIMATOR,
+                                share='model'),
+        'state_space_cpp': Consumer('a filter of your own, matrices in C++', 'state_space.hpp',
+                                    ESTIMATOR, share='model')}}
+"""By the name in the command, the usual ones first."""
+CONSUMERS = {name: consumer for family in FAMILIES.values() for name, consumer in family.items()}
+_ALIASES = {
+    'camera_imu': 'kalibr', 'open_vins': 'openvins', 'vins': 'vins_fusion',
+    'vins_mono': 'vins_fusion', 'vinsfusion': 'vins_fusion', 'vins_fusion_ros2': 'vins_fusion',
+    'orbslam3': 'orb_slam3', 'orb_slam': 'orb_slam3', 'orbslam': 'orb_slam3',
+    'liosam': 'lio_sam', 'fastlio': 'fast_lio', 'fast_lio2': 'fast_lio', 'fastlio2': 'fast_lio',
+    'fastlivo2': 'fast_livo2', 'fast_livo': 'fast_livo2', 'pointlio': 'point_lio',
+    'okvis': 'okvis2', 'kimera_vio': 'kimera', 'msckf': 'msckf_vio', 'svo': 'svo_pro',
+    'rtab_map': 'rtabmap', 'isaac': 'isaac_ros_vslam', 'isaac_ros_visual_slam': 'isaac_ros_vslam',
+    'ekf': 'robot_localization', 'ukf': 'robot_localization', 'ekf_node': 'robot_localization',
+    'robot_localisation': 'robot_localization', 'px4_autopilot': 'px4', 'ekf2': 'px4',
+    'apm': 'ardupilot', 'arducopter': 'ardupilot', 'ekf3': 'ardupilot', 'gz': 'gazebo',
+    'gz_sim': 'gazebo', 'ignition': 'gazebo', 'pegasus_simulator': 'pegasus',
+    'isaac_sim': 'pegasus', 'imu_sensor': 'matlab', 'yaml': 'plain', 'numbers': 'plain',
+    'own': 'plain'}
+"""What people call them besides."""
+
+
+def consumer_called(text: str) -> str:
+    """
+    Return the name of a consumer for what a user calls it, in capitals or not.
+
+    Raises
+    ------
+    KeyError
+        If none is called so; the message says where all are named, and which are near.
+
+    """
+    name = '_'.join(text.casefold().replace('-', ' ').replace('_', ' ').split())
+    found = name if name in CONSUMERS else _ALIASES.get(name)
+    if found is not None:
+        return found
+    near = get_close_matches(name, [*CONSUMERS, *_ALIASES], n=3, cutoff=0.7)
+    meant = ' or '.join(dict.fromkeys(_ALIASES.get(word, word) for word in near))
+    raise KeyError(f'no consumer is called {shorten(printable(repr(text)), 60)}'
+                   + (f'; did you mean {meant}? imu_allan' if meant else '; imu_allan')
+                   + ' export --list names all')
+
+
+def consumers_by_family() -> str:
+    """Return a list of the consumers for the terminal."""
+    width = max(map(len, CONSUMERS))
+    return '\n\n'.join('\n'.join([f'{family}:', *(
+        f'  {name:<{width}}  {consumer.title}' for name, consumer in consumers.items())])
+        for family, consumers in FAMILIES.items())

@@ -1,0 +1,327 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Consumers whose files are more than keys and formulas: JSON, XML, programs and matrices.
+
+Each function says in its docstring where in the consumer's source the meaning was read.
+"""
+
+import json
+from math import pi, sqrt
+
+from imu_allan.errors import ImuAllanError
+from imu_allan.sensor.units import STANDARD_GRAVITY
+from imu_allan.tuning.state_space import state_space as space_of_axis, StateSpace
+from imu_allan.writers.filters.chosen_numbers import (
+    K,
+    Key,
+    N,
+    Numbers,
+    Sensor,
+    TIME,
+    times,
+)
+from imu_allan.writers.filters.template import (
+    each,
+    expanded,
+    heading,
+    joined,
+    quoted_in_xml,
+    real,
+    UNITS,
+    worst,
+)
+
+_Named = dict[tuple[Sensor, Key], str]
+_PARTS = ('transition', 'observation', 'process', 'measurement', 'cross', 'initial')
+"""Of a state space, as the files name them."""
+
+
+def basalt(numbers: Numbers) -> str:
+    """
+    Basalt's ``calibration.json``: N and K for each axis, continuous.
+
+    ``Calibration::dicrete_time_accel_noise_std`` (calibration.hpp) multiplies by the root of
+    ``imu_update_rate``, and ``IntegratedImuMeasurement::integrate`` (preintegration.h) adds dt^2
+    times the square at each sample: N^2 dt. ``ImuBlock::linearizeImu`` (imu_block.hpp) weighs the
+    difference of two biases by ``1/(K sqrt(dt))``, dt the time between the frames. JSON knows no
+    comments: they stand under a key that cereal passes over.
+    """
+    values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
+    remarks = numbers.provenance()
+    names: _Named = {('accel', N): 'accel_noise_std', ('gyro', N): 'gyro_noise_std',
+                              ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
+    for (sensor, key), name in names.items():
+        found, said = each(numbers, sensor, key)
+        remarks += [f'{name}: {remark}' for remark in said]
+        if found is not None:
+            values[name] = [float(real(value)) for value in found]
+            remarks.append(f'{name}: {key} of x, y, z [{UNITS[sensor, key]}], continuous')
+    text = json.dumps({'value0': values, 'imu_allan': remarks}, indent=4, ensure_ascii=False)
+    return text + '\n'
+
+
+def rovio(numbers: Numbers) -> str:
+    """
+    Write ROVIO's ``PredictionNoise``: N^2 and K^2 for each axis, continuous.
+
+    rovio.info names the units: velocity m^2/s^3, attitude rad^2/s, biases m^2/s^5 and rad^2/s^3,
+    which are squared densities. They are the diagonal of ``prenoiP_`` (Prediction.hpp of
+    lightweight_filtering), the covariance of a noise that ``ImuPrediction::evalPrediction``
+    (ImuPrediction.hpp) divides by ``sqrt(dt)`` for rates and multiplies by it for biases.
+    """
+    lines = [*heading(numbers, ';'),
+             '; Part of rovio.info: put these lines in place of those of the same names.',
+             'Prediction', '{', '    PredictionNoise', '    {']
+    names: _Named = {('accel', N): 'vel', ('gyro', N): 'att', ('accel', K): 'acb',
+                              ('gyro', K): 'gyb'}
+    for (sensor, key), name in names.items():
+        found, remarks = each(numbers, sensor, key, lambda value: value**2)
+        lines += [f'        ; {name}: {key}^2 of x, y, z [({UNITS[sensor, key]})^2]',
+                  *(f'        ; {name}: {remark}' for remark in remarks)]
+        lines += [f'        {name}_{i} {real(value)};' for i, value in enumerate(found or [])]
+    return joined([*lines, '    }', '}'])
+
+
+def glim(numbers: Numbers) -> str:
+    """
+    Write GLIM's ``config_sensors.json``: N for each sensor, one bias step for both per frame.
+
+    ``IMUIntegration`` (imu_integration.cpp) squares ``imu_acc_noise`` and ``imu_gyro_noise`` into
+    GTSAM's continuous covariances. ``OdometryEstimationIMU::insert_frame``
+    (odometry_estimation_imu.cpp) ties the biases of two frames by ``Sigma(6, imu_bias_noise)``
+    whatever the time between them: K times the root of that time, of the sensor for which that is
+    larger.
+    """
+    frame = numbers.aiding_s or 0.1
+    densities = expanded(numbers, """    "imu_acc_noise": {accel N},
+    "imu_gyro_noise": {gyro N},""")
+    steps, said = [], []
+    units: dict[Sensor, str] = {'accel': 'm/s^2', 'gyro': 'rad/s'}
+    for sensor, unit in units.items():
+        if (found := numbers.worst(sensor, K)) is not None:
+            name, step = found[0], found[1].value * sqrt(frame)
+            steps.append(step)
+            said.append(f'{name} {real(step)} {unit}, '
+                        f'{numbers.measured(name, K, times(sqrt(frame)))}')
+    return joined([
+        *heading(numbers, '//'), '// Part of config_sensors.json, which allows comments: put '
+        'these in place of its own.', '{', '  "sensors": {', str(densities),
+        f'    // K sqrt(T), T = {frame:g} s between lidar frames; one value for both sensors, the '
+        'larger:', f'    // {", ".join(said) or "no value"}',
+        f'    "imu_bias_noise": {real(max(steps))}' if steps else '    // imu_bias_noise',
+        '  }', '}'])
+
+
+def gazebo(numbers: Numbers) -> str:
+    """
+    SDF noise of a Gazebo IMU sensor, for each axis: N sqrt(f), and the driving density K.
+
+    ``GaussianNoiseModel::ApplyImpl`` of gz-sensors (GaussianNoiseModel.cc) adds noise of standard
+    deviation ``dynamic_bias_stddev sqrt(Tc/2 (1 - exp(-2 dt/Tc)))`` to the bias at a step: that is
+    the density which drives the bias, ``sigma sqrt(2/Tc)``, not its standard deviation.
+    ``stddev`` is that of a sample. Releases whose ``ApplyImpl`` knows no time step have no dynamic
+    bias.
+    """
+    f = numbers.rate()
+    lines = ['<!--', *map(quoted_in_xml, numbers.provenance()),
+             f'stddev = N sqrt(f) at f = {f:g} Hz, the update_rate of the sensor; '
+             'dynamic_bias_stddev is the', 'driving density K = sigma sqrt(2/Tc), as gz-sensors '
+             'uses it, not the standard deviation of the bias.', '-->', '<imu>']
+    tags: dict[Sensor, str] = {'gyro': 'angular_velocity', 'accel': 'linear_acceleration'}
+    for sensor, tag in tags.items():
+        lines.append(f'  <{tag}>')
+        for name in numbers.axes(sensor):
+            own = numbers.of_axis[name]
+            if N not in own:
+                continue
+            lines += [f'    <{name[-1]}><noise type="gaussian">', '      <mean>0</mean>',
+                      f'      <!-- N sqrt(f) {numbers.measured(name, N, times(sqrt(f)))} -->',
+                      f'      <stddev>{real(own[N].value * sqrt(f))}</stddev>']
+            if TIME in own:
+                lines += [f'      <!-- K {numbers.measured(name, K)}; Tc '
+                          f'{numbers.measured(name, TIME)} -->',
+                          f'      <dynamic_bias_stddev>{real(own[K].value)}'
+                          '</dynamic_bias_stddev>',
+                          f'      <dynamic_bias_correlation_time>{real(own[TIME].value)}'
+                          '</dynamic_bias_correlation_time>']
+            lines.append(f'    </noise></{name[-1]}>')
+        lines.append(f'  </{tag}>')
+    return joined([*lines, '</imu>'])
+
+
+def airsim(numbers: Numbers) -> str:
+    """
+    Write AirSim's ``Imu`` settings: deg/sqrt(h), deg/h, mg/sqrt(Hz), ug.
+
+    ImuSimpleParams.hpp converts them so; ImuSimple.hpp walks the bias by ``stability/sqrt(tau)``
+    per root second: the stability is K sqrt(tau), at AirSim's own tau.
+    """
+    settings: dict[str, object] = {'SensorType': 2, 'Enabled': True}
+    # In seconds: ImuSimpleParams.hpp has these, which the file then states.
+    gyro_tau, accel_tau = 500.0, 800.0
+    units: dict[tuple[Sensor, Key], tuple[str, float]] = {
+        ('gyro', N): ('AngularRandomWalk', pi / 180 / 60),
+        ('accel', N): ('VelocityRandomWalk', STANDARD_GRAVITY * 1e-3),
+        ('gyro', K): ('GyroBiasStability', pi / 180 / 3600 / sqrt(gyro_tau)),
+        ('accel', K): ('AccelBiasStability', STANDARD_GRAVITY * 1e-6 / sqrt(accel_tau))}
+    remarks = [*numbers.provenance(), 'Imu goes below Vehicles, NAME, Sensors of settings.json.']
+    for (sensor, key), (name, unit) in units.items():
+        value, said = worst(numbers, sensor, key, times(1 / unit))
+        if value is None:
+            remarks.append(f'{name}: this result has no value for it')
+        else:
+            settings[name] = float(real(value))
+            remarks += [f'{name}: {remark}' for remark in said]
+    settings |= {'GyroBiasStabilityTau': gyro_tau, 'AccelBiasStabilityTau': accel_tau}
+    return json.dumps({'imu_allan': remarks, 'Imu': settings}, indent=2, ensure_ascii=False) + '\n'
+
+
+def matlab(numbers: Numbers) -> str:
+    """
+    Write MATLAB's ``gyroparams`` and ``accelparams``: N, B and K, for each axis, single-sided.
+
+    ``setupBandwidth`` of imuSensor (IMUSensorSimulator.m of the toolbox) takes f for a NoiseType
+    of 'single-sided' and f/2 for 'double-sided', the default. ``setStdDevWhiteNoise`` multiplies
+    NoiseDensity by the root of that, ``setStdDevRandWalk`` divides RandomWalk by it: N sqrt(f) and
+    K/sqrt(f), as they should be, are those of 'single-sided'. ``setStdDevBiasInst`` takes B times
+    ``sqrt(2/(f pCorrelationTime))``, which is B as it is, because ``setupBiasInstabilityDrift``
+    sets that time to two samples: white noise that goes through the filter of
+    BiasInstabilityCoefficients. That is
+    ``fractalcoef`` (R2023b; N. J. Kasdin, Proc. IEEE 83(5), 1995): of n poles it makes flicker of
+    level B out of it for as long as n samples, and of one, the default, white noise of 2 B a
+    sample, without any flicker.
+    """
+    # Flicker is right to 2 % for half as many samples, to 10 % for four times as many.
+    poles = 2000
+    lines = [*heading(numbers, '%'), "% NoiseType is 'single-sided': imuSensor then makes N "
+             "sqrt(f) of NoiseDensity. 'double-sided', its default,",
+             '% makes N sqrt(f/2) of it.']
+    flicker = {name: axis.coefficients['bias_instability']
+               for name, axis in numbers.result.axes.items()}
+    if any(found.value for found in flicker.values()):
+        lines += [f'% BiasInstability is B, flicker, by a filter of {poles} poles: right '
+                  f'to 10 % for {4 * poles / numbers.rate():.3g} s; more poles reach',
+                  '% further and take more time. fractalcoef, which makes it, needs MATLAB R2023b '
+                  'or later; the default of one pole makes no flicker.']
+    for sensor in ('gyro', 'accel'):
+        own = {f'{sensor}_{letter}': flicker.get(f'{sensor}_{letter}') for letter in 'xyz'}
+        levels = [found.value or 0.0 if found else 0.0 for found in own.values()]
+        densities = expanded(numbers, f"""
+{sensor} = {sensor}params;
+{sensor}.NoiseType = 'single-sided';
+
+{sensor}.NoiseDensity = [{{{sensor} N of x, y, z}}];
+
+{sensor}.RandomWalk = [{{{sensor} K of x, y, z}}];
+""")
+        lines += [str(densities),
+                  '% B of x, y, z, bias instability; 0 where it is not observable',
+                  *(f'% {name} {found}' for name, found in own.items()
+                    if found and (found.upper95 or found.observable)),
+                  f'{sensor}.BiasInstability = [{", ".join(map(real, levels))}];']
+        if any(levels):
+            lines.append(f'{sensor}.BiasInstabilityCoefficients = fractalcoef({poles}, 1);')
+    lines += ['', f"imu = imuSensor('accel-gyro', 'SampleRate', {real(numbers.rate())}, "
+              "'Gyroscope', gyro, 'Accelerometer', accel);"]
+    return joined(lines)
+
+
+def plain(numbers: Numbers) -> str:
+    """
+    Write N, B and K of each axis as measured, and N and K for a filter, as YAML in SI units.
+
+    A coefficient that does not show has its 95 % upper bound, ``below95``, in place of a value.
+    """
+    lines = [*heading(numbers),
+             '# SI units: noise_density rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), bias_instability rad/s '
+             'and m/s^2, rate_random_walk',
+             '# rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz). Measured with 95 % intervals; filter_... are '
+             'for a filter, as said above.']
+    for name, axis in numbers.result.axes.items():
+        own = numbers.of_axis[name]
+        if not own:
+            continue
+        lines += ['', f'{name}:']
+        for key in ('noise_density', 'bias_instability', 'rate_random_walk'):
+            found = axis.coefficients[key]
+            if found.value is not None:
+                ends = '' if found.ci95 is None else (
+                    f', low95: {real(found.ci95[0])}, high95: {real(found.ci95[1])}')
+                lines.append(f'  {key}: {{value: {real(found.value)}{ends}}}')
+            elif found.upper95 is not None:
+                lines.append(f'  {key}: {{below95: {real(found.upper95)}}}')
+            else:
+                lines.append(f'  # {key}: this result has no value for it')
+        for letter, number in own.items():
+            word = {N: 'filter_noise_density', K: 'filter_random_walk'}.get(letter)
+            if word is not None:
+                bound = '   # the upper bound' if number.bound else ''
+                lines.append(f'  {word}: {real(number.value)}{bound}')
+    return joined(lines)
+
+
+def state_space(numbers: Numbers) -> str:
+    """
+    Write the drift model of every axis as a state space of the mean rate over a step, as JSON.
+
+    ``x' = transition x + w``, ``y = observation x + v``, ``process`` = E[w w'], ``measurement`` =
+    E[v v], ``cross`` = E[w v], ``initial`` = covariance of x; SI units. All digits, unlike numbers
+    for a configuration: a process of an hour keeps 0.99997 of itself in a step of 0.1 s.
+    """
+    spaces = _spaces(numbers)
+    step = next(iter(spaces.values())).step_s
+    document = {'imu_allan': numbers.provenance(), 'step_s': step,
+                'axes': {name: {part: getattr(space, part).tolist() for part in _PARTS}
+                         for name, space in spaces.items()}}
+    return json.dumps(document, indent=2) + '\n'
+
+
+def state_space_cpp(numbers: Numbers) -> str:
+    """Write the same as a C++ header of constants, a namespace for each axis."""
+    spaces = _spaces(numbers)
+    lines = ['#pragma once', *heading(numbers, '//'), '//',
+             "// x' = transition x + w, y = observation x + v, y the mean rate over one step;",
+             "// process = E[w w'], measurement = E[v v], cross = E[w v], initial = covariance "
+             'of x.', '', '#include <array>', '', 'namespace imu_allan {', '',
+             'template <int Rows, int Columns>',
+             'using Matrix = std::array<std::array<double, Columns>, Rows>;']
+    for name, space in spaces.items():
+        lines += ['', f'namespace {name} {{',
+                  f'constexpr int states = {len(space.transition)};',
+                  f'constexpr double step_s = {space.step_s!r};']
+        for part in _PARTS:
+            rows = getattr(space, part).tolist()
+            cells = ', '.join(
+                '{{' + ', '.join(repr(value) for value in row) + '}}' for row in rows)
+            lines.append(f'constexpr Matrix<{len(rows)}, {len(rows[0])}> {part}'
+                         f'{{{{{cells}}}}};')
+        lines.append(f'}}  // namespace {name}')
+    return joined([*lines, '', '}  // namespace imu_allan'])
+
+
+def _spaces(numbers: Numbers) -> dict[str, StateSpace]:
+    if numbers.wishes.conservative or numbers.wishes.inflate:
+        raise ImuAllanError(f'{numbers.name} is the drift model as measured: neither '
+                            '--conservative nor --inflate applies; scale its matrices yourself')
+    known = {name: axis for name, axis in numbers.result.axes.items()
+             if axis.drift_model is not None}
+    # Without a wish, the first step that every axis is known for.
+    step = numbers.wishes.aiding_s or max(
+        [numbers.aiding_s or 0.0, *(axis.drift_model.from_s for axis in known.values()
+                                    if axis.drift_model is not None)])
+    spaces = {}
+    for name, axis in known.items():
+        try:
+            spaces[name] = space_of_axis(axis, step)
+        except ImuAllanError as error:
+            raise ImuAllanError(f'{name}: {error}') from error
+    if not spaces:
+        raise ImuAllanError(f'no configuration for {numbers.name}: this result has no drift '
+                            'model; analyze the recording again')
+    return spaces
+
+
+WRITERS = {write.__name__: write for write in (
+    basalt, rovio, glim, gazebo, airsim, matlab, plain, state_space, state_space_cpp)}
+"""By the name of the consumer; the others have a template."""

@@ -1,0 +1,246 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A configuration from its template: the file as its consumer reads it, with formulas for numbers.
+
+The templates lie beside this module, one for a consumer. Lines that begin with ``#:`` say where in
+the consumer's source the meaning of its numbers was read. In the others stand
+
+- ``{gyro N sqrt(f)}`` for a number of the worst axis, in the unit that follows after ``in``. With
+  ``of x, y, z``, ``on the diagonal`` of a matrix and ``times identity`` it is several numbers.
+  With ``from 0.1 to 1`` it stays within what is safe to load, with ``gyro_x`` it is of that axis.
+  What is to be said of it comes above it, as comments.
+- ``{heading}`` for where the numbers come from, ``{f}`` and ``{1/f}`` for the rate, ``{rates}``
+  for that of each sensor, ``{topic}``, and ``{hours}`` for the correlation time of all axes.
+
+A paragraph with something that the result does not know is left out; of a number of a whole sensor
+a comment says so.
+"""
+
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+import json
+from math import sqrt
+from pathlib import PurePath
+import re
+
+from imu_allan.errors import printable
+from imu_allan.sensor.units import convert
+from imu_allan.wording import is_table
+from imu_allan.writers.filters.chosen_numbers import (
+    K,
+    Key,
+    KEYS,
+    N,
+    Numbers,
+    Scale,
+    Sensor,
+    SENSORS,
+    SIGMA,
+    TIME,
+    times,
+    unscaled,
+)
+
+_NUMBER = re.compile(
+    r'\{(?P<sensor>gyro|accel)(?:_(?P<letter>[xyz]))? (?P<key>N|K|sigma|Tc|mean)(?P<scaling>.*?)'
+    r'(?: in (?P<unit>\S+?))?(?: (?P<layout>of x, y, z|on the diagonal|times identity))?'
+    r'(?: from (?P<least>\S+) to (?P<most>\S+))?\}')
+_WORD = re.compile(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}')
+_COMMENTS = {'.m': ('% ', ''), '.json': ('// ', ''), '.xml': ('<!-- ', ' -->')}
+_TERMS: dict[tuple[Sensor, Key], str] = {
+    ('gyro', N): 'angle random walk', ('gyro', K): 'gyro bias random walk',
+    ('accel', N): 'velocity random walk', ('accel', K): 'accelerometer bias random walk',
+    ('gyro', SIGMA): 'standard deviation of the gyro bias',
+    ('accel', SIGMA): 'standard deviation of the accelerometer bias',
+    ('gyro', TIME): 'correlation time of the gyro bias',
+    ('accel', TIME): 'correlation time of the accelerometer bias'}
+UNITS: dict[tuple[Sensor, Key], str] = {
+    ('gyro', N): 'rad/s/sqrt(Hz)', ('gyro', K): 'rad/s^2/sqrt(Hz)',
+    ('accel', N): 'm/s^2/sqrt(Hz)', ('accel', K): 'm/s^3/sqrt(Hz)',
+    ('gyro', SIGMA): 'rad/s', ('accel', SIGMA): 'm/s^2', ('gyro', TIME): 's',
+    ('accel', TIME): 's'}
+_SCALINGS = {
+    '': (1, 1.0, 0.0), ' sqrt(2)': (1, sqrt(2), 0.0), ' sqrt(f)': (1, 1.0, 0.5),
+    ' sqrt(2 f)': (1, sqrt(2), 0.5), '^2': (2, 1.0, 0.0), '^2 f': (2, 1.0, 1.0),
+    '^2/f': (2, 1.0, -1.0)}
+"""What is made of a number: its power, a factor, and the power of the rate."""
+
+
+def filled(numbers: Numbers) -> str:
+    """Return the configuration of a consumer that has a template."""
+    template = files(__package__) / 'templates' / f'{numbers.name}.in'
+    lines = template.read_text(encoding='utf-8').splitlines()
+    text = '\n'.join(line for line in lines if not line.startswith('#:'))
+    made = (expanded(numbers, paragraph) for paragraph in text.split('\n\n'))
+    return joined(['\n\n'.join(paragraph for paragraph in made if paragraph is not None)])
+
+
+def expanded(numbers: Numbers, paragraph: str) -> str | None:
+    """Return lines of a template with what stands in the braces; None where that is not known."""
+    before, after = _COMMENTS.get(PurePath(numbers.consumer.file).suffix, ('# ', ''))
+    lines, last = [], ''
+    for line in paragraph.split('\n'):
+        field = _NUMBER.search(line)
+        if field is None:
+            known = _word_filled(numbers, line)
+            if known is None:
+                return None
+            lines += known
+            continue
+        # Of an autopilot's lines two numbers come before the name.
+        name = re.findall(r'[A-Za-z][\w./]*', line)[0]
+        value, remarks = _value(numbers, name, field)
+        if value is None and field['letter']:
+            return None
+        indent = line[:len(line) - len(line.lstrip())]
+        if field[0] != last:
+            # Two keys may want the same number: it is explained once.
+            lines += [f'{indent}{before}{quoted_in_xml(remark) if after else remark}{after}'
+                      for remark in remarks]
+        last = field[0]
+        lines.append(f'{indent}{before}{name}:{after}' if value is None else
+                     f'{line[:field.start()]}{value}{line[field.end():]}')
+    return '\n'.join(lines)
+
+
+def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
+    """Return a line without a number; None where the result does not know what stands in it."""
+    word = _WORD.search(line)
+    if word is None:
+        return [line]
+    before, after = line[:word.start()], line[word.end():]
+    if word[1] == 'heading':
+        said = numbers.provenance()
+        return [f'{before}{one}' for one in (said if before else map(quoted_in_xml, said))]
+    if word[1] == 'topic':
+        topic = topic_of(numbers) or word[2]
+        return None if topic is None else [f'{before}{topic}{after}']
+    if word[1] == 'hours':
+        found = numbers.worst('gyro', TIME) or numbers.worst('accel', TIME)
+        return None if found is None else [f'{before}{real(found[1].value / 3600)}{after}']
+    rates = {sensor: numbers.rate(sensor) for sensor in SENSORS}
+    same = len(set(rates.values())) == 1
+    f = rates['gyro']
+    text = {'f': real(f), '1/f': real(1 / f), 'f:g': f'{f:g}',
+            'rates': f'f = {f:g} Hz' if same else 'f = ' + ', '.join(
+                f'{rate:g} Hz ({sensor})' for sensor, rate in rates.items())}[word[1]]
+    return [f'{before}{text}{after}']
+
+
+def _value(numbers: Numbers, name: str, field: re.Match[str]) -> tuple[str | None, list[str]]:
+    """Return a number as it stands in the file, and what to say about it."""
+    sensor: Sensor = 'gyro' if field['sensor'] == 'gyro' else 'accel'
+    axis = f'{sensor}_{field["letter"]}'
+    if field['key'] == 'mean':
+        mean = numbers.result.axes[axis].mean if axis in numbers.result.axes else None
+        return None if mean is None else real(mean), []
+    key = {str(known): known for known in KEYS}[field['key']]
+    scale, unit = _scale(numbers, sensor, key, field)
+    what = f'{"filter " if numbers.tunings else ""}{key}{field["scaling"]}'
+    term = f'[{unit}], {_TERMS[sensor, key]}'
+    if field['letter']:
+        number = numbers.of_axis.get(axis, {}).get(key)
+        return (None if number is None else real(scale(number.value)),
+                [f'{what} {numbers.measured(axis, key, scale)}'] if number is not None else [])
+    if field['layout'] in ('of x, y, z', 'on the diagonal'):
+        values, said = each(numbers, sensor, key, scale)
+        remarks = [f'{what} of x, y, z {term}', *(f'{name}: {remark}' for remark in said)]
+        if values is not None and field['layout'] == 'on the diagonal':
+            values = [values[i] if i == j else 0.0 for i in range(3) for j in range(3)]
+        return None if values is None else ', '.join(map(real, values)), remarks
+    value, said = worst(numbers, sensor, key, scale)
+    if value is None:
+        return None, [f'{what} {term}: this result has no value for it']
+    remarks = [f'{what} {term}', *said]
+    if field['layout'] == 'times identity':
+        rows = ([value if i == j else 0.0 for j in range(3)] for i in range(3))
+        return ''.join(f'\n  - [{", ".join(map(real, row))}]' for row in rows), remarks
+    if field['least']:
+        least, most = float(field['least']), float(field['most'])
+        remarks.append(f"at rest {real(value)}; {numbers.consumer.title}'s default {least:g}, "
+                       f'at most {most:g}')
+        value = min(max(value, least), most)
+    return real(value), remarks
+
+
+def _scale(numbers: Numbers, sensor: Sensor, key: Key, field: re.Match[str]
+           ) -> tuple[Scale, str]:
+    """Return what a formula makes of a number, and in which unit that is."""
+    # Autopilots write F for the rate at which they predict.
+    power, factor, of_rate = _SCALINGS[field['scaling'].replace('F', 'f')]
+    unit = UNITS[sensor, SIGMA if of_rate < 0 else key]
+    if field['unit'] is not None:
+        return times(factor * convert(1.0, unit, field['unit'])), field['unit']
+    if of_rate:
+        # Who needs no rate is not asked for one.
+        factor *= numbers.rate(sensor)**of_rate
+        unit = unit.removesuffix('/sqrt(Hz)')
+    return (lambda value: value**power * factor), f'({unit})^2' if power == 2 else unit
+
+
+def worst(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
+          ) -> tuple[float | None, list[str]]:
+    """Return the largest of the axes' numbers, scaled, and what was measured of all of them."""
+    found = numbers.worst(sensor, key)
+    if found is None:
+        return None, []
+    name, chosen = found
+    if chosen.bound:
+        bound = ('the most that its Allan deviation allows' if chosen.by_curve
+                 else 'its 95 % upper bound')
+        first = f'NOT OBSERVABLE on {name} in this recording: {bound}, the true value is smaller'
+    else:
+        first = f'{name}, the worst axis; {numbers.measured(name, key, scale)}'
+    others = [f'{axis} {f"{scale(other.value):.4g}; " if numbers.tunings else ""}'
+              f'{numbers.measured(axis, key, scale)}'
+              for axis, other in numbers.known(sensor, key).items() if axis != name]
+    return scale(chosen.value), [first, *others]
+
+
+def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
+         ) -> tuple[list[float] | None, list[str]]:
+    """Return the numbers of x, y, z, or None where one lacks, and what to say about them."""
+    known = numbers.known(sensor, key)
+    if len(known) < 3:
+        return None, ['the result does not have all three axes']
+    remarks = [', '.join(f'{name[-1]} {numbers.measured(name, key, scale)}' for name in known)]
+    bounds = [name[-1] for name, one in known.items() if one.bound]
+    if bounds:
+        remarks.append(f'not observable on {", ".join(bounds)}, there the 95 % upper bound')
+    allowed = [name[-1] for name, one in known.items() if one.by_curve]
+    if allowed:
+        remarks.append(f'on {", ".join(allowed)} the bound is the most that the Allan deviation '
+                       'allows')
+    return [scale(one.value) for one in known.values()], remarks
+
+
+def heading(numbers: Numbers, sign: str = '#') -> list[str]:
+    """Return the comment at the top of a file."""
+    return [f'{sign} {line}' for line in numbers.provenance()]
+
+
+def topic_of(numbers: Numbers) -> str | None:
+    """Return the topic as a string in YAML and JSON, or None."""
+    topic = numbers.result.source.topic
+    if not topic or is_table(topic):
+        return None
+    return json.dumps(printable(topic), ensure_ascii=False)
+
+
+def real(value: float) -> str:
+    """`value` in six digits, so that YAML 1.1 reads it, where a real must have a point."""
+    # A noise density is known to three digits at best.
+    text = repr(float(f'{value:.5e}'))
+    return text.replace('e', '.0e') if 'e' in text and '.' not in text else text
+
+
+def quoted_in_xml(text: str) -> str:
+    """`text` so that it cannot end a comment."""
+    return escape(text, quote=False).replace('--', '- -')
+
+
+def joined(lines: Sequence[str]) -> str:
+    """Return the text of a file."""
+    return '\n'.join(line.rstrip(' ') for line in lines) + '\n'
