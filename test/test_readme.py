@@ -121,7 +121,7 @@ def test_command_of_the_tool_runs_as_printed(command: str, workplace: Path) -> N
 
 
 @pytest.mark.parametrize('block', [
-    block for page in (*PAGES, 'docs/how_it_works.md') for block in python_blocks(page)])
+    block for page in PAGES for block in python_blocks(page)])
 def test_python_of_the_pages_runs(block: str, workplace: Path,
                                   monkeypatch: pytest.MonkeyPatch) -> None:
     import imu_allan
