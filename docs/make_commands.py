@@ -45,29 +45,28 @@ def page() -> str:
         own = [row for row in rows[name] if not any(row in shared for _, shared in apart)]
         names = ' '.join(argument(action) for action in verb._actions
                          if not action.option_strings)
-        lines += [f'## imu_allan {name} {names}', '', verb.description or '', '', *table(own)]
+        lines += [f'## imu_allan {name} {names}', '', verb.description or '', '', *entries(own)]
         if apart:
             lines += [f'Also: {" and ".join(title.lower() for title, _ in apart)}.', '']
     for title, shared in ((BOTH, both), (READERS, readers)):
-        lines += [f'## {title}', '', *table(shared)]
+        lines += [f'## {title}', '', *entries(shared)]
     return '\n'.join(lines)
 
 
-def table(rows: list[str]) -> list[str]:
-    """Return rows as a table without a heading, and an empty line."""
-    return ['| | |', '| --- | --- |', *rows, ''] if rows else []
+def entries(rows: list[str]) -> list[str]:
+    """Return rows as a list, and an empty line."""
+    return [*rows, ''] if rows else []
 
 
 def described(verb: argparse.ArgumentParser) -> list[str]:
-    """Return a row of each argument of a verb that its help shows."""
+    """Return an entry of each argument of a verb that its help shows."""
     rows = []
     for action in verb._actions:
         if action.help in (None, argparse.SUPPRESS) or {'--help', '--help-all'} & {
                 *action.option_strings}:
             continue
         text = action.help % {**vars(action), 'prog': verb.prog}
-        rows.append('| {} | {} |'.format(*(cell.replace('|', '\\|')
-                                           for cell in (f'`{argument(action)}`', text))))
+        rows.append(f'- `{argument(action)}`: {text}')
     return rows
 
 

@@ -68,9 +68,9 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
                         title, []).append(SYMBOLS[key])
     yield '## Where another tool is better, or as good\n'
     if rows:
-        yield ('Terms by case, as named below; there these figures are bold and italic. Nearer is '
-               f'an error more than {_AS_GOOD - 1:.0%} smaller than ours, as near one at most '
-               f'{_AS_GOOD - 1:.0%} larger.\n')
+        yield ('Terms by case, below in bold and italic. Nearer is an error more than '
+               f'{_AS_GOOD - 1:.0%} smaller than ours, as near one at most {_AS_GOOD - 1:.0%} '
+               'larger.\n')
         yield table(['tool', *HOW], [
             [name, *('; '.join(f'{", ".join(terms)} of `{title}`' for title, terms in found.get(
                 how, {}).items()) or '–' for how in HOW)] for name, found in rows.items()])
@@ -85,10 +85,9 @@ def better(figures: Mapping[str, Any]) -> Iterator[str]:
               for mine in [case['tools'][OURS]['coefficients'][key].get('over_bound')]
               if mine and 'over_bound' in case['tools']['wavelets']['coefficients'][key]]
     if ratios:
-        yield ('On ideal sensors with N, B and K, weighted least squares on the wavelet variance '
+        yield ('On ideal sensors with N, B and K, least squares on wavelets '
                f'has errors of {min(ratios):.2f} to {max(ratios):.2f} times ours, median '
-               f'{median(ratios):.2f}. It is ten lines of code, and gives neither intervals nor '
-               'warnings.\n')
+               f'{median(ratios):.2f}. It gives neither intervals nor warnings.\n')
 
 
 def compared(case: Mapping[str, Any], key: str, tool: str) -> str:
@@ -206,7 +205,7 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show what the tools say of the telephone and the tag."""
     found, called = figures['published'], names(figures)
     yield '## Two recordings that anybody can fetch\n'
-    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz. Both are in '
+    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz, are in '
            'the wheel of scikit-diveMove 0.4.0 on PyPI (AGPL), fetched when the benchmark runs. '
            'Nobody knows the truth. What can be seen is whether two halves agree, and whether a '
            'filter with the numbers of one half predicts the other. No tool is given the '
@@ -226,34 +225,7 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
                      f'{short(min(nis))} to {short(max(nis))}, median {short(median(nis))}'
                      if nis else '–'])
     yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
-    rests = ', '.join(f'{rest["hours"]:.1f} h at {rest["coldest_c"]:.1f} to '
-                      f'{rest["warmest_c"]:.1f} °C' for rest in found['rests'])
-    yield (f'**Whale tag, gyroscope x**, {len(found["rests"])} rests: {rests}. The accelerometer, '
-           'the whole telephone and findings are in the file of figures.\n')
-    numbers = range(1, len(found['rests']) + 1)
-    rows = []
-    for tool, name in called.items():
-        each = [cells(found['tools'][tool]['answers'][f'rest {number}'], 'gyro_x')
-                for number in numbers]
-        rows.append([name, *(', '.join(dict.fromkeys(column) if len({*column}) == 1 else column)
-                             for column in zip(*each, strict=True))])
-    yield table(['tool, by rest', 'N', 'B', 'K'], rows)
-
-
-def cells(answer: Mapping[str, Any], axis: str) -> list[str]:
-    """Return N, B and K of an axis, their bounds, or the word of refusal."""
-    if 'refused' in answer:
-        return ['refused'] * 3
-    return [written(answer['axes'].get(axis, {}).get(key, [None, None, None]))
-            for key in ('noise_density', 'bias_instability', 'rate_random_walk')]
-
-
-def written(numbers: list[float | None]) -> str:
-    """Return a coefficient as a cell."""
-    value, _, high = numbers
-    if value is not None:
-        return f'{value:.3g}'
-    return '–' if high is None else f'< {high:.2g}'
+    yield 'The tag and the coefficients of the telephone are in the file of figures.\n'
 
 
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:

@@ -11,8 +11,8 @@ import allantools
 import numpy as np
 from recorded import Answer, AXES, B, Estimate, K, N, Recorded
 
-NAME = 'allantools, read off'
-ORIGIN = f'PyPI AllanTools {allantools.__version__}; the readings of IEEE Std 952'
+NAME = 'allantools'
+ORIGIN = f'PyPI AllanTools {allantools.__version__}; read off as IEEE Std 952 does'
 
 
 def answer(recording: Recorded) -> Answer:

@@ -11,9 +11,8 @@ import numpy as np
 from recorded import Answer, AXES, B, Estimate, K, N, overlapped, Recorded
 from scipy.optimize import nnls
 
-NAME = 'least squares on wavelets'
-ORIGIN = ('the idea of Guerrier, Skaloud, Stebler and Victoria-Feser, JASA 108(503), 2013; '
-          'these lines')
+NAME = 'wavelets'
+ORIGIN = 'weighted least squares after Guerrier et al., JASA 108(503), 2013; ten lines'
 
 
 def answer(recording: Recorded) -> Answer:
