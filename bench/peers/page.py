@@ -205,8 +205,8 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show what the tools say of the telephone and the tag."""
     found, called = figures['published'], names(figures)
     yield '## Two recordings that anybody can fetch\n'
-    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz, are in '
-           'the wheel of scikit-diveMove 0.4.0 on PyPI (AGPL), fetched when the benchmark runs. '
+    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz. The '
+           'benchmark fetches the wheel of scikit-diveMove 0.4.0 (AGPL) from PyPI, which has both. '
            'Nobody knows the truth. What can be seen is whether two halves agree, and whether a '
            'filter with the numbers of one half predicts the other. No tool is given the '
            'temperature.\n')
