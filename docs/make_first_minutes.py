@@ -34,7 +34,7 @@ STEPS = (
     ('The numbers for a filter, with their provenance.',
      'imu_allan export characterization/result.json --for kalibr | head -11'),
     ('Is the unit as good as its datasheet (`datasheet.yaml`, [as printed](task_datasheet.md))?',
-     'imu_allan check characterization/result.json --spec datasheet.yaml'),
+     'imu_allan check characterization/result.json --spec datasheet.yaml | head -4'),
     ('A recording that is too short.',
      'imu_allan simulate consumer_mems --duration 8s --output too_short',
      'imu_allan analyze too_short | head -2'),

@@ -112,8 +112,8 @@ def smaller(rows: Mapping[str, Any]) -> list[str]:
 def tools(figures: Mapping[str, Any]) -> Iterator[str]:
     """List the tools."""
     yield '## Tools\n'
-    rows = [[tool['name'], tool['origin']] for tool in figures['tools'].values()]
-    yield table(['tool', 'what it is'], rows)
+    yield '\n'.join(f'- {tool["name"]}: {tool["origin"]}'
+                    for tool in figures['tools'].values()) + '\n'
     yield ('Each is asked through an adapter of our own (`bench/peers/adapters/`), with its '
            'defaults. One number a sensor is compared with each of its axes. Not here: GMWM, '
            'which needs R, MATLAB itself, tools that need ROS 1.\n')
@@ -205,11 +205,9 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     """Show what the tools say of the telephone and the tag."""
     found, called = figures['published'], names(figures)
     yield '## Two recordings that anybody can fetch\n'
-    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz. The '
-           'benchmark fetches the wheel of scikit-diveMove 0.4.0 (AGPL) from PyPI, which has both. '
-           'Nobody knows the truth. What can be seen is whether two halves agree, and whether a '
-           'filter with the numbers of one half predicts the other. No tool is given the '
-           'temperature.\n')
+    yield ('Six hours of a Galaxy S5 at 10 Hz, and 74.5 hours of a whale tag at 1 Hz, of which '
+           'nobody knows the truth. The benchmark fetches the wheel of scikit-diveMove 0.4.0 '
+           '(AGPL) from PyPI, which has both.\n')
     yield ('**Halves of the telephone**: median over the axes of the ratio of both halves. NIS '
            'is that of a filter that is corrected every ten seconds, six axes both ways.\n')
     rows = []
@@ -231,8 +229,7 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
     """Show time and memory."""
     yield '## Speed and memory\n'
-    yield ('Tools that read recordings, on an MCAP with zstd chunks at 1 kHz: the whole '
-           'process, medians.\n')
+    yield 'The whole process on an MCAP with zstd chunks at 1 kHz, medians.\n'
     yield table(['messages', 'tool', 'wall', 'processor', 'memory'], [
         [f'{int(messages):,}', tool,
          *((f'{row["wall_s"]:.1f} s', f'{row["cpu_s"]:.1f} s', f'{row["memory_mb"]:.0f} MB')
@@ -249,4 +246,3 @@ def repeating() -> Iterator[str]:
     yield 'One row, the same to the digit wherever the same versions run:\n'
     yield ('```text\nmake .venv-peers/.installed\n.venv-peers/bin/python bench/peers/run.py '
            '--row b wavelets --records 1\n```\n')
-    yield 'A tool that is missing or asked wrongly: an adapter has some thirty lines.\n'
