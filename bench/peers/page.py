@@ -125,16 +125,17 @@ def accuracy(figures: Mapping[str, Any]) -> Iterator[str]:
     some = next(iter(figures['accuracy'].values()))
     yield '## Accuracy\n'
     yield (f'{some["records"]} records of six axes each a case (`bench/peers/simulated.py`). A '
-           'cell is the root mean square error over the Cramér-Rao bound, of the axes of which a '
-           'tool reports the coefficient. Brackets give that share where it is not all, a dash '
-           f'none. With {6 * some["records"]} axes an error is known to about '
-           f'{100 / math.sqrt(12 * some["records"]):.0f} %. Behind a low-pass the bound is that '
-           'of a tool that knows the filter.\n')
-    rows = [[f'`{name}`: {case["title"]}', ', '.join(SYMBOLS[key] for key in case['bound']),
-             ', '.join(f'{100 * bound:.2g}' for bound in case['bound'].values()),
+           'cell is the root mean square error over the Cramér-Rao bound, term by term, of the '
+           'axes of which a tool reports the coefficient. Brackets give that share where it is '
+           f'not all, a dash none. An error is known to about '
+           f'{100 / math.sqrt(12 * some["records"]):.0f} %. The bound of a low-pass is that of a '
+           'tool that knows the filter.\n')
+    rows = [[f'`{name}`: {case["title"]}',
+             ', '.join(f'{SYMBOLS[key]} {100 * bound:.2g}'
+                       for key, bound in case['bound'].items()),
              *(errors_of(case, tool) for tool in called)]
             for name, case in figures['accuracy'].items()]
-    yield table(['case', 'terms', '*bound, %*', *called.values()], rows)
+    yield table(['case', '*bound, %*', *called.values()], rows)
 
 
 def errors_of(case: Mapping[str, Any], tool: str) -> str:
