@@ -18,11 +18,11 @@ a comment says so.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from html import escape
 from importlib.resources import files
 import json
 from math import sqrt
-from pathlib import PurePath
 import re
 
 from imu_allan.errors import printable
@@ -48,7 +48,7 @@ _NUMBER = re.compile(
     r'(?: in (?P<unit>\S+?))?(?: (?P<layout>of x, y, z|on the diagonal|times identity))?'
     r'(?: from (?P<least>\S+) to (?P<most>\S+))?\}')
 _WORD = re.compile(r'\{(heading|f|f:g|1/f|rates|hours|topic)(?: or ([^}]*))?\}')
-_COMMENTS = {'.m': ('% ', ''), '.json': ('// ', ''), '.xml': ('<!-- ', ' -->')}
+_COMMENTS = {'m': ('% ', ''), 'json': ('// ', ''), 'xml': ('<!-- ', ' -->')}
 _TERMS: dict[tuple[Sensor, Key], str] = {
     ('gyro', N): 'angle random walk', ('gyro', K): 'gyro bias random walk',
     ('accel', N): 'velocity random walk', ('accel', K): 'accelerometer bias random walk',
@@ -70,19 +70,23 @@ _SCALINGS = {
 
 def filled(numbers: Numbers) -> str:
     """Return the configuration of a consumer that has a template."""
-    template = files(__package__) / 'templates' / f'{numbers.name}.in'
-    lines = template.read_text(encoding='utf-8').splitlines()
-    text = '\n'.join(line for line in lines if not line.startswith('#:'))
-    made = (expanded(numbers, paragraph) for paragraph in text.split('\n\n'))
+    made = (expanded(numbers, paragraph) for paragraph in _paragraphs(numbers.name))
     return joined(['\n\n'.join(paragraph for paragraph in made if paragraph is not None)])
+
+
+@cache
+def _paragraphs(name: str) -> list[str]:
+    template = files(__package__) / 'templates' / f'{name}.in'
+    lines = template.read_text(encoding='utf-8').splitlines()
+    return '\n'.join(line for line in lines if not line.startswith('#:')).split('\n\n')
 
 
 def expanded(numbers: Numbers, paragraph: str) -> str | None:
     """Return lines of a template with what stands in the braces; None where that is not known."""
-    before, after = _COMMENTS.get(PurePath(numbers.consumer.file).suffix, ('# ', ''))
+    before, after = _COMMENTS.get(numbers.consumer.file.rpartition('.')[2], ('# ', ''))
     lines, last = [], ''
     for line in paragraph.split('\n'):
-        field = _NUMBER.search(line)
+        field = _NUMBER.search(line) if '{' in line else None
         if field is None:
             known = _word_filled(numbers, line)
             if known is None:
@@ -107,7 +111,7 @@ def expanded(numbers: Numbers, paragraph: str) -> str | None:
 
 def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
     """Return a line without a number; None where the result does not know what stands in it."""
-    word = _WORD.search(line)
+    word = _WORD.search(line) if '{' in line else None
     if word is None:
         return [line]
     before, after = line[:word.start()], line[word.end():]
