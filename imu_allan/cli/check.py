@@ -29,11 +29,6 @@ if TYPE_CHECKING:
     from imu_allan.sensor.noise_model import NoiseModel
     from imu_allan.writers.datasheet import Verdict
 
-EXIT_FAILED = 3
-"""Beside 0, 1 and 2 of every verb, so that a script tells a bad sensor from a bad command."""
-EXIT_CANNOT_TELL = 4
-"""A longer recording may turn it into 0 or 3."""
-
 _SHORT = ('--spec', '--min-duration', '--allow-undecided', '--live', '--json', '--junit',
           '--certificate', '--meta', '--topic')
 _EXAMPLES = """\
@@ -111,7 +106,9 @@ def run(args: argparse.Namespace) -> int:
     if complaints and not failed:
         raise complaints[-1]
     doubt = not args.allow_undecided and 'cannot tell' in outcomes
-    return EXIT_FAILED if failed else EXIT_CANNOT_TELL if doubt else 0
+    # Beside 0, 1 and 2 of every verb, so that a script tells a bad sensor from a bad command; a
+    # longer recording may turn 4 into 0 or 3.
+    return 3 if failed else 4 if doubt else 0
 
 
 def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:

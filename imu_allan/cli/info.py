@@ -29,8 +29,6 @@ _MOST_READ = 20
 """Imu topics that are read, each of which goes through the whole recording."""
 _MOST_NAMED = 200
 """Other topics told by name; a robot has fewer."""
-_LEAST_JITTER_S = 1e-6
-"""Decimal seconds of a table are rounded to about that."""
 
 _SHORT = ('--rate', '--columns')
 _EXAMPLES = """\
@@ -226,9 +224,10 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
         rows.append(('start', summary.start_time))
     rows.append(('duration', duration(timeline.duration_s)))
     if timeline.sample_rate_hz is not None:
+        # Decimal seconds of a table are rounded to about that.
         jitter = ('' if summary.jitter_s is None else
                   f', jitter {duration(abs(summary.jitter_s))}'
-                  if abs(summary.jitter_s) >= _LEAST_JITTER_S else ', jitter below 1 us')
+                  if abs(summary.jitter_s) >= 1e-6 else ', jitter below 1 us')
         rows.append(('rate', f'{timeline.sample_rate_hz:.6g} Hz{jitter}'))
     rows.append(('clock', 'none usable, samples are counted' if summary.clock is None
                  else clock_of(summary.clock, topic)

@@ -21,8 +21,6 @@ from imu_allan.cli.arguments import require_apart
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.version import __version__
 
-EXIT_KNOWN_ERROR = 1
-"""argparse takes 2 for wrong usage."""
 EXIT_INTERRUPTED = 130
 """As a shell reports the signal: 128 + SIGINT."""
 EXIT_BROKEN_PIPE = 141
@@ -197,7 +195,8 @@ def _drop_stdout() -> None:
 
 def _fail(message: str) -> int:
     print(f'imu_allan: {printable(message)}', file=sys.stderr)
-    return EXIT_KNOWN_ERROR
+    # argparse takes 2 for wrong usage.
+    return 1
 
 
 if __name__ == '__main__':

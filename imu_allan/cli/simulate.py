@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from imu_allan.block import ImuBlock
 
-_START_NS = 1_767_225_600 * 10**9
-"""2026-01-01: the same command writes the same file on every day."""
 _MOST_SAMPLES = 10**11
 """Three years at 1 kHz, and 37 TB."""
 
@@ -63,8 +61,9 @@ def run(args: argparse.Namespace) -> int:
         raise ImuAllanError(f'--duration {args.duration:g}: shorter than one sample at '
                             f'--rate {args.rate:g}; simulate for longer')
     _make_folder_above(output)
+    # 2026-01-01: the same command writes the same file on every day.
     blocks = simulated_blocks(model, args.rate, samples, seed=args.seed,
-                              start_ns=_START_NS)
+                              start_ns=1_767_225_600 * 10**9)
     with progress_bar(printable(output), samples, wanted=not args.no_progress,
                       in_bytes=False) as progress:
         write_recording(output, _counted(blocks, progress), storage=args.storage)

@@ -46,12 +46,8 @@ if TYPE_CHECKING:
 
 T = TypeVar('T')
 
-_LONGEST_FOLDER_NAME = 200
-"""Bytes of a folder's name; file systems take 255, and a number may have to be added."""
 ANSWER_S = 10.0
 """How long a scheduler may take to answer; one in the same building takes milliseconds."""
-_MOST_PARTS = 16
-"""Readings of a recording by a cluster: enough for each worker to have a share, however uneven."""
 _PATIENCE_S = 15.0
 """How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
@@ -217,7 +213,8 @@ def folder_names(recordings: Sequence[tuple[str, str | None]],
 def _folder_name(stem: str, topic: str | None) -> str:
     name = stem if topic is None else f'{stem}_{topic.strip("/")}'
     name = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
-    return name.encode()[:_LONGEST_FOLDER_NAME].decode(errors='ignore') or 'recording'
+    # Bytes of a folder's name; file systems take 255, and a number may have to be added.
+    return name.encode()[:200].decode(errors='ignore') or 'recording'
 
 
 # -------------------------------------------------------------------------------------- by whom
@@ -289,8 +286,9 @@ def in_order(workers: Executor, tasks: Sequence[Task],
         yield from _here(workers, groups, progress)
         return
     # Of many recordings there is one for every worker without parting any.
+    # Readings of a recording by a cluster: enough for each worker to have a share, however uneven.
     most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
-            else _MOST_PARTS)
+            else 16)
     waiting = deque((part, workers.submit(characterize_each, part))
                     for group in groups for part in _parts(group, most))
     done_bytes = 0

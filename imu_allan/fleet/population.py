@@ -32,10 +32,6 @@ _SIGNED = ('rate_ramp', MEAN)
 """Signed quantities are normal about their mean; the others spread by factors."""
 _CHANCE = 0.01
 """Probability with which a fleet without a bad unit names one."""
-_CHANCE_TOGETHER = 0.005
-"""The same by all axes of a sensor together; .00 to .02, the more alike axes of a unit are."""
-_FEWEST_TOGETHER = 5
-"""As for one axis alone: among four, what a unit is held against is hardly known."""
 _VAGUE = 10.0
 """A limit so many times above nearly all units is no limit: too few units are known."""
 
@@ -272,7 +268,8 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
             units = [unit for unit in (samples[axes[0], key].values if axes else ())
                      if all(unit in samples[axis, key].values for axis in axes)
                      and (unit, key) not in named]
-            if key not in _SIGNED and len(axes) > 1 and len(units) >= _FEWEST_TOGETHER:
+            # As for one axis alone: among four, what a unit is held against is hardly known.
+            if key not in _SIGNED and len(axes) > 1 and len(units) >= 5:
                 own = [samples[axis, key] for axis in axes]
                 groups.append((axes, key, units,
                                np.array([[one.values[unit] for one in own] for unit in units]),
@@ -301,7 +298,9 @@ def _together(samples: Mapping[tuple[str, str], _Sample], named: Collection[tupl
                 continue
             away = float(np.sum(apart)) / scatter
             freedom = count * (len(rest) - 1) / (1 + (count - 1) * alike**2)
-            if 2 * t.sf(abs(away), freedom) < _CHANCE_TOGETHER / tests:
+            # The same by all axes of a sensor together; .00 to .02, the more alike axes of a unit
+            # are.
+            if 2 * t.sf(abs(away), freedom) < 0.005 / tests:
                 for axis, value, others in zip(axes, values[place], rest.T, strict=True):
                     yield Oddity(unit, axis, key, None, exp(value), exp(median(others)), away)
 

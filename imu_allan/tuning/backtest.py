@@ -43,11 +43,8 @@ COASTS_S = (10.0, 60.0, 300.0)
 """Without any: from satellites that miss some beats to a tunnel. Judgments, as the intervals."""
 _SHORTEST_S = 600.0     # of a record: half of it has to hold some coasts
 _FEWEST_STEPS = 10      # of a filter in one half
-_FEWEST_COASTS = 3
-"""In each half: of fewer the observed deviation says little of the predicted one."""
 MOST_STEPS = 4096       # in one half: a filter step costs time
 _ROUNDING = 1e-9        # of a quotient of times that are multiples of one
-_BRIDGED = 4            # means from one to the next that is there: more is an interruption
 
 
 @dataclass(frozen=True)
@@ -75,10 +72,11 @@ class Met:
                                    lanes * steps)
                        for step_s, (z, steps) in self.innovations.items()
                        if steps >= _FEWEST_STEPS - 1)
+        # In each half: of fewer the observed deviation says little of the predicted one.
         coasts = tuple(Coast(horizon_s, float(np.sqrt(claimed[filters].sum() / (lanes * outages))),
                              float(np.sqrt(squared[filters].sum() / (lanes * outages))))
                        for horizon_s, (claimed, squared, outages) in self.coasts.items()
-                       if outages >= _FEWEST_COASTS)
+                       if outages >= 3)
         return scores, coasts
 
 
@@ -225,7 +223,8 @@ def stretches(series: Cells, cell: int) -> list[Array]:
     if not len(whole):
         return []
     # Keys of another run are far away, too.
-    cuts = np.flatnonzero(np.diff(whole.keys) > _BRIDGED) + 1
+    # More than four means from one to the next that is there are an interruption.
+    cuts = np.flatnonzero(np.diff(whole.keys) > 4) + 1
     edges = [0, *cuts.tolist(), len(whole)]
     return [np.asarray(filled(whole.take(slice(*ends)))) for ends in pairwise(edges)]
 

@@ -6,9 +6,6 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult
 import numpy as np
 
-_WINDOWS = 16.0
-"""Widths W of a low-pass: the Allan variance over tau is short of W/(2 tau), 2 % in deviation."""
-
 
 def upper_bound(axis: AxisResult, key: str) -> float | None:
     """
@@ -36,7 +33,8 @@ def upper_bound(axis: AxisResult, key: str) -> float | None:
     bound = axis.coefficients[key].upper95
     if not bound:
         return None
-    least_s = _WINDOWS * (axis.band_limit_s or 0.0)
+    # Widths W of a low-pass: the Allan variance over tau is short of W/(2 tau), 2 % in deviation.
+    least_s = 16.0 * (axis.band_limit_s or 0.0)
     curve = [(tau, interval[1]) for tau, interval
              in zip(axis.curve.tau_s, axis.curve.ci95, strict=False) if tau >= least_s]
     if not curve:

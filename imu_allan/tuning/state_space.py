@@ -21,9 +21,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_UNKNOWN_START = 1e6
-"""In variances of a measurement: one of them forgets it, and a double keeps ten digits."""
-
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
@@ -145,6 +142,7 @@ def space_of(model: DriftModel, tones: tuple[Tone, ...], step_s: float) -> State
     walk = model.rate_random_walk**2 * t
     process[-1, -1], cross[-1, 0] = walk, walk / 2
     measurement += walk / 3
-    initial[-1, -1] = _UNKNOWN_START * (measurement + float(np.trace(initial)))
+    # In variances of a measurement: one of them forgets it, and a double keeps ten digits.
+    initial[-1, -1] = 1e6 * (measurement + float(np.trace(initial)))
     return StateSpace(step_s, transition, observation, process,
                       np.array([[measurement]]), cross, initial)

@@ -35,18 +35,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Bias = Literal['random_walk', 'gauss_markov']
 
-_HORIZONS = 7
-"""Between one correction and the longest time without: a few to a decade, all of equal weight."""
 _STEP = 9 / 160
 """Decades of density squared: 7 % of a random walk, finer than it is known."""
-_UNSEEN = 1e-2
-"""Of N over the longest time without: a walk so weak makes 1 % of the variance then."""
 _EXCESS = 10 ** np.linspace(0, 1, 41)
 """Factors of squared noise density for a filter that is to claim enough: 3 % of N apart."""
-_TIMES = 25
-"""Correlation times, from one correction to ten times the longest time without."""
-_PEAK = 1.89
-"""Averaging time over correlation time where the Allan variance of a process is highest."""
 _CLEARLY = 8.0
 """
 Times as long as a walk takes to reach the white noise: over so long a process is known by what it
@@ -55,7 +47,6 @@ chosen on the 24 halves of two ADIS16405, which therefore do not validate it.
 """
 _KEPT = 256
 """Tunings: a report writes configurations of some thirty consumers, most of the same wishes."""
-_WHITE_FLOOR = 0.05     # of the variance: a filter without white noise divides by nearly nothing
 
 
 @dataclass(frozen=True)
@@ -407,8 +398,9 @@ class Truth:
                     + line_power(self.drift.all_tones, h)
                     + hidden_variance(self.drift, horizons)[:, None])
         walk = self.model.rate_random_walk
-        # Over short times a process is a walk, too.
-        processes = [(min(_PEAK * p.correlation_time_s,
+        # Over short times a process is a walk, too. Its Allan variance is highest at 1.89
+        # correlation times.
+        processes = [(min(1.89 * p.correlation_time_s,
                           _CLEARLY * self._shows_s(p.sigma * (2 / p.correlation_time_s)**0.5)), p)
                      for p in self.model.processes]
         if walk > 0:
@@ -451,7 +443,8 @@ def _walks(s2: float, aiding_s: float, coast_s: float, excess: Array) -> Filters
 def _markovs(s2: float, aiding_s: float, coast_s: float, excess: Array, time_s: float | None
              ) -> Filters:
     """Triples (N, sigma, Tc) to choose from."""
-    times = (np.geomspace(aiding_s, 10 * coast_s, _TIMES) if time_s is None
+    # Correlation times, from one correction to ten times the longest time without.
+    times = (np.geomspace(aiding_s, 10 * coast_s, 25) if time_s is None
              else np.array([time_s]))
     time, q, more = (part.ravel() for part in np.meshgrid(
         times, _driving(s2, aiding_s, coast_s), excess))
@@ -464,16 +457,19 @@ def _markovs(s2: float, aiding_s: float, coast_s: float, excess: Array, time_s: 
 
 def _driving(s2: float, aiding_s: float, coast_s: float) -> Array:
     """Squared densities: from what nobody would see to three times everything there is."""
-    decades = 1 - 2 * np.log10(_UNSEEN * aiding_s / coast_s)
+    # A walk of 1 % of N over the longest time without makes 1 % of the variance then.
+    decades = 1 - 2 * np.log10(1e-2 * aiding_s / coast_s)
     return np.asarray(s2 / aiding_s * 10 ** (1 - _STEP * np.arange(decades / _STEP + 1)))
 
 
 def _white(s2: float, explained: Array, aiding_s: float) -> Array:
-    return np.asarray(aiding_s * np.maximum(s2 - explained, _WHITE_FLOOR * s2))
+    # A filter without white noise divides by nearly nothing.
+    return np.asarray(aiding_s * np.maximum(s2 - explained, 0.05 * s2))
 
 
 def _horizons(aiding_s: float, coast_s: float) -> Array:
-    return np.geomspace(aiding_s, coast_s, _HORIZONS)
+    # Between one correction and the longest time without: a few to a decade, all of equal weight.
+    return np.geomspace(aiding_s, coast_s, 7)
 
 
 def _times(aiding_s: float, coast_s: float) -> tuple[float, float]:

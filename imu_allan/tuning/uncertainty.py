@@ -24,19 +24,6 @@ where a result does not tell its own: half of that of the variance of the mean o
 """
 _FEWEST = 3
 """Segments: of two the spread is off by any factor, and the usual one is nearer."""
-_COVERED = 0.2
-"""
-Of the drift in the middle one of the segments. Where one shows less the noise covers its drift,
-and the logarithm of what is left by chance has no end: one of five that showed next to none passed
-for great unsteadiness. One that shows none at all, as many short ones do, says nothing of its size
-and is left out: with a fifth in its place short recordings would ask for many times the tuned K.
-"""
-_LEAST_DRIFT = 0.5
-"""Of the variance of a mean: one that is less was hidden, and the other recording says more."""
-_LEAST_DOF = 0.5
-"""A horizon as long as the record: half a degree of freedom, so that an interval stays finite."""
-_FEWEST_OF_FORECAST = 1e-4
-"""Degrees of freedom of a horizon of thousands of records: its band stays a number."""
 
 
 def unsteadiness(axis: AxisResult | Drift) -> float:
@@ -63,7 +50,12 @@ def unsteadiness(axis: AxisResult | Drift) -> float:
     if len(drift) < _FEWEST:
         return usual
     sigma = np.array([level for level, _ in drift])
-    shown = np.maximum(sigma, _COVERED * np.median(sigma))
+    # Of the drift in the middle one of the segments. Where one shows less the noise covers its
+    # drift, and the logarithm of what is left by chance has no end: one of five that showed next
+    # to none passed for great unsteadiness. One that shows none at all, as many short ones do,
+    # says nothing of its size and is left out: with a fifth in its place short recordings would
+    # ask for many times the tuned K.
+    shown = np.maximum(sigma, 0.2 * np.median(sigma))
     seen = float(np.var(np.log(shown), ddof=1))
     chance = float(np.mean([_spread_by_chance(axis, duration) for _, duration in drift]))
     return float(np.sqrt(max(seen - chance, 0.0)))
@@ -149,7 +141,8 @@ def _degrees_of_freedom(axis: AxisResult | Drift, horizons: Array) -> Array:
 
 def spread_of_shortness(axis: AxisResult, horizons: Array) -> Array:
     """Return the spread of the logarithm of a deviation that a steady record has, shape (n,)."""
-    dof = np.maximum(_degrees_of_freedom(axis, horizons), _FEWEST_OF_FORECAST)
+    # Degrees of freedom of a horizon of thousands of records: its band stays a number.
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), 1e-4)
     return np.asarray(np.sqrt(1 / (2 * dof)))
 
 
@@ -179,7 +172,8 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     model = drift_model_of(axis)
     drift = float(drift_avar(replace(model, noise_density=0.0), (), coast_s)
                   / drift_avar(model, axis.all_tones, coast_s))
-    spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, _LEAST_DRIFT)
+    # Of the variance of a mean: one that is less was hidden, and the other recording says more.
+    spread = float(spread_of_shortness(axis, np.array([coast_s]))[0]) / max(drift, 0.5)
     by = chi_square.NORMAL95 * spread
     low, high = ends
     if not low > 0:
@@ -244,7 +238,8 @@ def upper_factors(axis: AxisResult | Drift, horizons: Array) -> tuple[Array, Arr
         drifts. Both causes at their ends at once are far rarer: their logarithms add in square.
 
     """
-    dof = np.maximum(_degrees_of_freedom(axis, horizons), _LEAST_DOF)
+    # A horizon as long as the record: half a degree of freedom, so that an interval stays finite.
+    dof = np.maximum(_degrees_of_freedom(axis, horizons), 0.5)
     sampling = np.log(dof / chi_square.lower(0.05, dof))
     drift = np.hypot(sampling, 2 * chi_square.NORMAL90 * unsteadiness(axis))
     # White noise is known from the whole band, whatever the horizon.

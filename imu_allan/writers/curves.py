@@ -20,11 +20,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FEWEST_DEGREES = 3.0
-"""Below, the 95 % interval of a deviation reaches over more than a factor of five."""
 _FINE, _BETWEEN = 161, 8
 """Points of a line, two pixels apart on a report, and those that each stands for beside lobes."""
-_LONGEST_CLUSTER = 1e6     # samples in the shortest average: no curve of ours begins later
 _APART = 1.1
 """Of the variance: a bound that adds less lies on the line of the model."""
 _LOWEST = 1.1
@@ -94,7 +91,8 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     model = reported_model(axis) if coarse.any() else FittedModel({})
     if not (coarse.any() or hidden_avar(axis, tau).any()):
         return ModelCurve(tau[:0], coarse[:0], coarse[:0])
-    if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < _LONGEST_CLUSTER:
+    # No curve of ours begins later than at a million samples.
+    if rate is None or len(tau) < 2 or not 0.5 < tau[0] * rate < 1e6:
         return ModelCurve(tau, coarse, np.full(len(tau), np.nan))
     # Whole samples; the lobes of a line are averaged over, where they are finer than the grid.
     size = np.unique(np.rint(np.geomspace(tau[0], tau[-1], _FINE * _BETWEEN) * rate))
@@ -176,7 +174,8 @@ def in_bands(spectrum: Spectrum) -> tuple[Array, Array]:
 
 def few_degrees(axis: AxisResult) -> list[bool]:
     """Say of each point of the curve whether too little stands behind it to trust its place."""
-    return [dof < FEWEST_DEGREES for dof in axis.curve.edf]
+    # Below, the 95 % interval of a deviation reaches over more than a factor of five.
+    return [dof < 3.0 for dof in axis.curve.edf]
 
 
 def reading_point(term: Term, axis: AxisResult, tau: Array,

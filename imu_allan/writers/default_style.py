@@ -19,8 +19,6 @@ from threading import Lock
 from types import ModuleType
 from typing import Any
 
-_IN_CURRENT_FOLDER = 'matplotlibrc'
-"""What matplotlib asks for, word for word."""
 _IMPORTING = Lock()
 
 
@@ -29,7 +27,8 @@ def matplotlib_alone() -> ModuleType:
     with _IMPORTING:
         if 'matplotlib' in sys.modules:
             return sys.modules['matplotlib']
-        with _hidden(_IN_CURRENT_FOLDER):
+        # What matplotlib asks for, word for word.
+        with _hidden('matplotlibrc'):
             return import_module('matplotlib')
 
 

@@ -12,8 +12,6 @@ from imu_allan.writers.output_path import open_to_lock
 
 PATIENCE_S = 30.0
 """Writing takes seconds; whoever holds a folder for longer, such as a node its own, keeps it."""
-_LOOK_S = 0.05
-"""From one look to the next: nobody notices so long a wait."""
 
 
 @contextlib.contextmanager
@@ -59,5 +57,6 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
                         'choose another folder, or wait until it has ended') from None
             except OSError:
                 break
-            time.sleep(_LOOK_S)
+            # From one look to the next: nobody notices so long a wait.
+            time.sleep(0.05)
         yield

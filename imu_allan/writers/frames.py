@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-_SHORT_RANGE = 100.0
-"""From here on there are two powers of ten inside a range, wherever it begins."""
-
 
 def frame_allan(panel: 'Axes', sensor: str, limits: tuple[float, float], *,
                 left: bool = True, right: bool = True) -> None:
@@ -55,7 +52,8 @@ def _mark_powers(axis: 'Axis', limits: tuple[float, float] | None = None) -> Non
     """Mark powers of ten; over a short range of `limits` also twice and five times as much."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    short = limits is not None and limits[1] < limits[0] * _SHORT_RANGE
+    # From here on there are two powers of ten inside a range, wherever it begins.
+    short = limits is not None and limits[1] < limits[0] * 100.0
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=9))
     # Small marks in between, and numbers set as formulas, are two thirds of the time of a figure.
     axis.set_minor_locator(NullLocator())

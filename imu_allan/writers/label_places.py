@@ -16,8 +16,6 @@ LETTER = 0.56
 _AROUND = [(right, down) for down in (-34, 34, -58, 58, -86, 86, 0, -120, 120)
            for right in (16, -16, 44, -44, 90, -90)]
 """Where to try: first right above the point, then ever further off; for text 12.5 high."""
-_FAR = 0.02
-"""What a unit of distance costs beside a covered point, which costs 3."""
 
 
 def best_place(point: tuple[float, float], size: tuple[float, float], panel: Box, avoid: Array,
@@ -48,7 +46,8 @@ def best_place(point: tuple[float, float], size: tuple[float, float], panel: Box
         left = point[0] + right * scale - (width if right < 0 else 0)
         top = point[1] + down * scale - height / 2
         box = (left, top, left + width, top + height)
-        price = _price(box, panel, avoid, others) + _FAR * (abs(right) + abs(down))
+        # What a unit of distance costs beside a covered point, which costs 3.
+        price = _price(box, panel, avoid, others) + 0.02 * (abs(right) + abs(down))
         if price < cost:
             best, cost = box, price
     return best

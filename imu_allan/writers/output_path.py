@@ -20,8 +20,6 @@ import stat
 
 from imu_allan.errors import ImuAllanError, printable
 
-_MOST_LINKS = 40
-"""As many as Linux follows."""
 _STEP = os.O_RDONLY | getattr(os, 'O_DIRECTORY', 0) | getattr(os, 'O_NOFOLLOW', 0)
 _ONLY_PASSED = getattr(os, 'O_PATH', 0)
 """Folders on the way may be ones that one may pass through and not list."""
@@ -56,7 +54,8 @@ def followed(path: str | os.PathLike[str]) -> Path:
             current = step
             continue
         links += 1
-        if links > _MOST_LINKS:
+        # As many as Linux follows.
+        if links > 40:
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
         if shared:
             _require_own(step)

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_BOUND = (0, (2, 2))
-"""Short dashes: those of the models of three axes are longer."""
 _DASHES: dict[str, Any] = {'quantization_noise': (0, (1, 1.5)), 'noise_density': (0, (5, 2)),
                            'bias_instability': (0, (8, 2, 1, 2)),
                            'rate_random_walk': (0, (3, 2)), 'rate_ramp': (0, (1, 3))}
@@ -87,7 +85,8 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
     fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
     if timeline is not None:
         drawn = model_curve(axis, timeline)
-        panel.plot(drawn.tau, drawn.bound, color=colour, linewidth=0.9, linestyle=_BOUND,
+        # Short dashes: those of the models of three axes are longer.
+        panel.plot(drawn.tau, drawn.bound, color=colour, linewidth=0.9, linestyle=(0, (2, 2)),
                    zorder=2.8)
     if timeline is not None and model.any():
         fine, model, _ = drawn

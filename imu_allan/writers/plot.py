@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ('png', 'svg', 'pdf')
-_INCH_CM = 2.54     # centimetres in the inch of matplotlib
-_BESIDE_CM = 12.0   # from this width two panels beside each other can be read
 _PAPER_ROW = 2.5
 """Height of a panel with its titles, in inches."""
 
@@ -206,8 +204,9 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
     drawn = {sensor: axes for sensor, axes in drawn.items() if axes}
     if not drawn:
         raise ImuAllanError('no axis of the result has an Allan deviation above zero to draw')
-    beside = len(drawn) if width_cm >= _BESIDE_CM else 1
-    width, height = width_cm / _INCH_CM, _PAPER_ROW * (len(drawn) // beside)
+    # From 12 cm on two panels beside each other can be read.
+    beside = len(drawn) if width_cm >= 12.0 else 1
+    width, height = width_cm / 2.54, _PAPER_ROW * (len(drawn) // beside)
     with plot_style(theme, size=7.5):
         figure = empty_figure(width, height)
         column, row = 1 / beside, _PAPER_ROW / height

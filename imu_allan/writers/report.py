@@ -67,8 +67,6 @@ from imu_allan.writers.words import message_of, presented, title_of
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-_LONGEST_LIST = 500
-"""Rows: more nobody reads, and the page only grows; the result file has a thousand."""
 _UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
 """What follows a number in a sentence: a unit, or a word that `typeset` leaves as it is."""
 
@@ -331,9 +329,10 @@ def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
 
 
 def _spans(spans: Sequence[Span]) -> dict[str, Any]:
+    # Rows: more nobody reads, and the page only grows; the result file has a thousand.
     return {'count': len(spans), 'total': duration(sum(span.duration_s for span in spans)),
             'rows': [(duration(span.start_s), duration(span.duration_s))
-                     for span in spans[:_LONGEST_LIST]]}
+                     for span in spans[:500]]}
 
 
 def _configs(result: Result) -> list[dict[str, str]]:

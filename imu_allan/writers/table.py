@@ -48,10 +48,6 @@ if TYPE_CHECKING:
 
 SCREEN = 23
 """Lines of a result: of 24, the last says how to save."""
-_ONE_LINE = 80
-"""Up to this width, what was analyzed is one line."""
-_NARROW = 0.1
-"""Up to this share of the value, an interval is said as one."""
 
 
 def print_result(result: Result, console: 'Console | None' = None, *,
@@ -153,7 +149,8 @@ def _heading(result: Result, width: int) -> 'list[Text]':
     names = '  '.join([*names_of(result), *frame])
     amount = '; '.join(filter(None, (amount, faults)))
     style = 'yellow' if faults else 'default'
-    if len(names) + 2 + len(amount) <= min(width, _ONE_LINE):
+    # Up to this width, what was analyzed is one line.
+    if len(names) + 2 + len(amount) <= min(width, 80):
         return list(_filled([f'{names}  {amount}'], width, style))
     return [*_filled([names], width), *_filled([amount], width, style)]
 
@@ -217,7 +214,8 @@ def _cell(coefficient: Coefficient, scale: float, *, in_full: bool) -> _Cell:
         ends = coefficient.ci95
         value, low, high = measured(*(scale * one for one in (coefficient.value, *ends)))
         half = (ends[1] - ends[0]) / 2 / abs(coefficient.value or 1.0)
-        return _Cell(value, f'{low} .. {high}' if in_full or half > _NARROW
+        # Up to this share of the value, an interval is said as one.
+        return _Cell(value, f'{low} .. {high}' if in_full or half > 0.1
                      else f'+-{100 * half:.2g} %')
     if coefficient.upper95 is None:
         return _Cell('-')

@@ -21,9 +21,6 @@ from rich.table import Table
 from rich.text import Text
 
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
-CONSERVATIVE = 'conservative'
-_UNKNOWN = 100.0
-"""Factor on a squared error from which on nobody says that it is known."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ def choices(axis: AxisResult, aiding_s: float, coast_s: float, bias: Bias = 'ran
 
     """
     found = [_choice(TUNED, tune(axis, aiding_s, coast_s, bias)),
-             _choice(CONSERVATIVE, tune(axis, aiding_s, coast_s, bias, conservative=True))]
+             _choice('conservative', tune(axis, aiding_s, coast_s, bias, conservative=True))]
     noise, walk = (coefficient.value if (coefficient := axis.coefficients[key]).observable
                    else upper_bound(axis, key) for key in ('noise_density', 'rate_random_walk'))
     if noise and walk:
@@ -197,8 +194,9 @@ def steadiness_sentences(result: Result, coast_s: float) -> list[str]:
         spread = max(float(spread_of_forecast(axis, np.array([coast_s]))[0])
                      for axis in axes.values())
         by = float(np.exp(2 * chi_square.NORMAL95 * min(spread, 100.0)))
+        # Factor on a squared error from which on nobody says that it is known.
         spans.append(f'{number(1 / by, 2)} to {number(by, 2)} times ({title.lower()})'
-                     if by < _UNKNOWN else f'any number of times ({title.lower()})')
+                     if by < 100.0 else f'any number of times ({title.lower()})')
     return [f'On another day the squared error after {duration(coast_s)} may be {listed(spans)} '
             'as large as here (95 %): sensors change, and a recording is short.',
             *(f'Not steady: {says(found)}.' for found in presented(result.warnings)

@@ -19,15 +19,10 @@ from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, STANDARD_GRAVITY
 from imu_allan.wording import about, counted, duration, listed, named, number, SENSORS
 
-_AGAIN = 'call ~/reset to begin anew'
 _PUBLISHERS = 'give every IMU a topic of its own'
 _PART = 'analyze {} with --start and --duration'
 _RAW = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
         'full rate')
-_FACTOR = 2.0
-"""From which on an error is no percentage."""
-_HEATED_S = 30.0
-"""Period from which on a slow cycle may be one of temperature."""
 
 
 class Figures:
@@ -177,7 +172,8 @@ def _end(v: Figures, key: str, outer: Callable[[Sequence[float]], float]) -> flo
 
 def _warm_up(v: Figures) -> str:
     factor = _end(v, 'time_constant_factor', max)
-    within = (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < _FACTOR
+    # From which on an error is no percentage.
+    within = (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < 2.0
               else f'within a factor of {factor:.0f}')
     more = ' and a second one' if _end(v, 'exponentials', max) > 1 else ''
     return (f'the mean settles by {v.number("amplitude")} {v["unit"]} after switching on, with '
@@ -465,7 +461,8 @@ WORDS: Mapping[str, Words] = {
     'slow_motion': Words(
         'slow motion', 'A slow turn or tilt looks like slow noise.',
         'The mean leaves and returns, by more than the noise explains.',
-        _slow_motion, 'B and K are upper bounds; ' + _PART.format('the rest'), _AGAIN),
+        _slow_motion, 'B and K are upper bounds; ' + _PART.format('the rest'),
+        'call ~/reset to begin anew'),
     'noise_level_changed': Words(
         'noise level changes', 'The curve mixes two levels of noise and describes neither.',
         'The noise of all axes changes for good.',
@@ -647,10 +644,11 @@ WORDS: Mapping[str, Words] = {
         'temperature', 'The mean follows the temperature; that part is no noise.',
         'A regression of the mean on the thermometer.', _temperature, _temperature_advice),
     'slow_cycle': Words(
+        # From 30 s on it may be one of temperature.
         'slow cycle', 'The mean follows a slow cycle; that part is no noise.',
         'A slow sine explains the mean better than noise.',
         lambda v: f'the mean follows a slow cycle of about {v.about("period_s")}'
-                  + (", such as a heater's" if _end(v, 'period_s', min) >= _HEATED_S else ''),
+                  + (", such as a heater's" if _end(v, 'period_s', min) >= 30.0 else ''),
         'coefficients are given without it, numbers for a filter with it'),
     'coarse_resolution': Words(
         'coarse steps', 'What lies below one step of the output is hidden.',

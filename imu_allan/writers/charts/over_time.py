@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_SHOWN_SPANS = 400
-"""Of more, each has less than three of the 1080 points, and the page only grows."""
 
 
 def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
@@ -123,7 +121,8 @@ def _shade(panel: Panel, timeline: Timeline, scale: float,
     """Shade what was left out, and mark where the parts begin that were fitted by themselves."""
     for spans, kind, what in ((timeline.motion, 'motion', 'motion, left out'),
                               (timeline.gaps, 'gap', 'gap')):
-        for span in spans[:_SHOWN_SPANS]:
+        # Of more, each has less than three of the 1080 points, and the page only grows.
+        for span in spans[:400]:
             panel.parts.append(panel.span(
                 span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
                 _told(what, span)))

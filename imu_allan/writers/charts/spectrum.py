@@ -13,9 +13,6 @@ from imu_allan.writers.curves import coefficients_of, density_limits, in_bands, 
 from imu_allan.writers.svg import Drawing, group
 import numpy as np
 
-_SHOWN_TONES = 12
-"""The strongest: of more the labels hide each other."""
-
 
 def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline) -> Chart | None:
     """
@@ -55,7 +52,8 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
                 panel.parts.append(group(name[-1], 'detail', [panel.span(
                     axis.band_edge_hz, rate / 2, 'beyond-band',
                     f'{name[-1]} axis: not fitted above {axis.band_edge_hz:.3g} Hz')]))
-            for tone in axis.tones[:_SHOWN_TONES]:
+            # The strongest: of more the labels hide each other.
+            for tone in axis.tones[:12]:
                 amount = number(tone.amplitude * factor, 3)
                 panel.parts.append(group(name[-1], 'detail', [panel.upright(
                     tone.frequency_hz, 'tone',

@@ -24,8 +24,6 @@ _MOST_SENTENCES = 8
 """More would push the signature off the sheet; the table holds every verdict anyway."""
 _LONGEST = 110
 """Characters that fit on a line of the sheet."""
-_LONGEST_LIMIT = 40
-"""Characters of its column of the table."""
 
 
 def certificate_html(verdicts: Sequence[Verdict], result: Result, specification: NoiseModel
@@ -117,4 +115,5 @@ def _cell(verdict: Verdict, number: int | None, *, limit: bool, wide: bool = Fal
 
 
 def _shown(specified: str) -> str:
-    return shorten(printable(typeset(specified)), _LONGEST_LIMIT)
+    # Characters of its column of the table.
+    return shorten(printable(typeset(specified)), 40)

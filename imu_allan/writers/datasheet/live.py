@@ -16,8 +16,6 @@ from imu_allan.wording import duration
 from imu_allan.writers.datasheet.resolution import hidden_by_steps
 from imu_allan.writers.datasheet.verdicts import check, overall, Verdict
 
-MARGIN = 0.1
-"""A unit within a tenth of its limit is told neither to keep nor to break it."""
 ERROR = 0.05
 """Probability of either wrong word, of a whole unit."""
 _TESTED = ('quantization_noise', *LASTING_TERMS)
@@ -48,7 +46,7 @@ class Standing:
 
 
 def standing(stream: Characterization | Mapping[str, Characterization],
-             specification: NoiseModel, *, margin: float = MARGIN, error: float = ERROR,
+             specification: NoiseModel, *, margin: float = 0.1, error: float = ERROR,
              shortest_s: float = 0.0, result: Result | None = None,
              fits: Mapping[str, AxisFit | None] | None = None) -> Standing:
     """
@@ -65,7 +63,7 @@ def standing(stream: Characterization | Mapping[str, Characterization],
     specification : NoiseModel
         The limits.
     margin : float, optional
-        How near to a limit a unit may lie for the test to tell on which side.
+        How near to a limit a unit may lie for the test to tell on which side: a tenth.
     error : float, optional
         Probability that a unit that keeps every limit fails, and that one that does not passes,
         each at most.

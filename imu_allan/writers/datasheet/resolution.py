@@ -14,16 +14,10 @@ from math import sqrt
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import AxisResult
 
-_ROUNDED = 2.0
-"""Steps, in noise of a sample, up to which rounding takes at most 6 % off a slow course."""
 _STILL = 15.0
 """From which on less than 1 in 200 samples differs: a thousand in a row may be one value."""
-_CELLS_AT_ZERO = 2.0
-"""Steps from zero: within, the mean of an axis that is cut towards zero falls into its cell."""
 _HIDDEN = sqrt(2.0)
 """Noise, in steps, from which on the noise of what is cut is larger than a step."""
-_MADE = 0.5
-"""Noise, in steps, that a mean between two of them makes of next to none."""
 
 
 def nearly_constant(axis: AxisResult) -> str | None:
@@ -55,15 +49,18 @@ def hidden_by_steps(axis: AxisResult, key: str, limit: float) -> str | None:
 
     """
     ratio = _steps_of_noise(axis)
-    near_zero = axis.mean is not None and abs(axis.mean) < _CELLS_AT_ZERO * (axis.coarse_step or 0)
-    if key not in TERMS or not ratio or (ratio <= _ROUNDED and not near_zero):
+    # Steps from zero: within, the mean of an axis that is cut towards zero falls into its cell.
+    near_zero = axis.mean is not None and abs(axis.mean) < 2.0 * (axis.coarse_step or 0)
+    # Steps, in noise of a sample, up to which rounding takes at most 6 % off a slow course.
+    if key not in TERMS or not ratio or (ratio <= 2.0 and not near_zero):
         return None
     step = axis.coarse_step or 0.0
     if key == 'noise_density':
         a_step = step * sqrt(axis.curve.tau_s[0])
         interval = axis.coefficients[key].ci95
+        # Noise, in steps, that a mean between two of them makes of next to none.
         if limit >= _HIDDEN * a_step or (
-                interval is not None and interval[0]**2 - (_MADE * a_step)**2 > limit**2):
+                interval is not None and interval[0]**2 - (0.5 * a_step)**2 > limit**2):
             return None
     return (f'the output steps by {step:.3g} {axis.unit}, {ratio:.1f} times the noise of one '
             'sample, and hides what is limited; record with a finer resolution')

@@ -23,8 +23,6 @@ from imu_allan.writers.datasheet.measured import fault_of, Measured, of_limit, s
 
 Outcome = Literal['pass', 'fail', 'cannot tell']
 
-_WHOLE_SENSOR = 'gravity_error'
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -200,7 +198,7 @@ def _limits(specification: NoiseModel) -> Iterator[tuple[str, str, float]]:
             limit = specification.limits.get(axis, {}).get(key)
             if limit is None or key in whole:
                 continue
-            if key == _WHOLE_SENSOR:
+            if key == 'gravity_error':
                 whole.add(key)
                 yield 'accel', key, limit
             else:

@@ -16,7 +16,6 @@ from imu_allan.writers.fleet.findings import Fleet
 from imu_allan.writers.words import presented
 
 SCHEMA = 'imu_allan.fleet/1'
-_FORMULA = ('=', '+', '-', '@', '\t', '\r')
 
 
 def fleet_json(fleet: Fleet) -> str:
@@ -86,4 +85,4 @@ def _number(value: float | None) -> str:
 
 def _text(text: str) -> str:
     # A spreadsheet takes what begins so for a formula, and names come from folders of strangers.
-    return f"'{text}" if text.startswith(_FORMULA) else text
+    return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text

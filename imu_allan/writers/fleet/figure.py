@@ -33,12 +33,8 @@ _MOST_CURVES = 200
 """Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
 _MOST_NAMED = 7
 """Colours there are; what sticks out beyond them is named in the table alone."""
-_LABEL = 11.0
-"""Points from one name to the next, that they do not lie on one another."""
 _MOST_TICKS = 12
 """Units that are named below a panel; more are counted."""
-_TICK = 14
-"""Characters of such a name."""
 _WIDTH = 11.0
 """Inches; as wide as the page, text of 8 points is 11 pixels high."""
 
@@ -110,7 +106,8 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
                    markersize=3.6, zorder=5)
         ends[unit] = curve.tau_s[-1], curve.adev[-1]
-    heights = _apart([adev for _, adev in ends.values()], _LABEL / _points_a_decade(panel))
+    # Points from one name to the next, that they do not lie on one another.
+    heights = _apart([adev for _, adev in ends.values()], 11.0 / _points_a_decade(panel))
     for (unit, (tau_s, _)), height in zip(ends.items(), heights, strict=True):
         panel.annotate(_short(unit), (tau_s, height), xytext=(-3, 5),
                        textcoords='offset points', color=ink, fontsize=8, ha='right', zorder=6,
@@ -208,8 +205,9 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
     panel.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True, min_n_ticks=1))
     units = fleet.population.units
     if len(units) <= _MOST_TICKS:
+        # Characters of such a name.
         panel.set_xticks(range(1, len(units) + 1),
-                         [shorten(printable(unit), _TICK) for unit in units], rotation=20,
+                         [shorten(printable(unit), 14) for unit in units], rotation=20,
                          ha='right', rotation_mode='anchor')
     panel.margins(x=0.03, y=0.12)
     if panel.get_ylim()[0] < 0:

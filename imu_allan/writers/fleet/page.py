@@ -24,8 +24,6 @@ from imu_allan.writers.verdict import findings_line
 _COLUMNS = (('gyro', 'noise_density'), ('gyro', 'bias_instability'), ('accel', 'noise_density'),
             ('accel', 'bias_instability'))
 """Worst-axis coefficients in the table of units."""
-_COLOURS = 7
-"""Colours of results there are."""
 
 
 def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
@@ -97,7 +95,8 @@ def _svg(figure: Any, place: int) -> str:
 
 def _colours(theme: Theme) -> dict[str, str]:
     """Return the colours of the pictures by role."""
-    palette = result_colours(_COLOURS, theme)
+    # Colours of results there are.
+    palette = result_colours(7, theme)
     return {**{f'unit {place}': colour for place, colour in enumerate(palette)},
             **COLOURS[theme]}
 
