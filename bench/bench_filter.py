@@ -33,8 +33,7 @@ from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.result import AxisResult, DriftModel, GaussMarkov
-from imu_allan.tuning.coasting import coasting_weights
-from imu_allan.tuning.kalman import Filtered, run_filters
+from imu_allan.tuning.kalman import coasting_weights, Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.tune import tune
 from imu_allan.tuning.uncertainty import spread_of_forecast

@@ -64,13 +64,13 @@ def run(args: argparse.Namespace) -> int:
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_file import load_result
     from imu_allan.writers.terminal import console_of
-    from imu_allan.writers.tuning_document import tuning_document
     from imu_allan.writers.tuning_table import (
         forecast_sentences,
         forecast_table,
         included_sentences,
         left_out_sentences,
         steadiness_sentences,
+        tuning_document,
         tuning_table,
     )
 
@@ -121,8 +121,11 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
     from imu_allan.tuning.field_test import field_test
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
-    from imu_allan.writers.tuning_document import field_test_document
-    from imu_allan.writers.verification_table import field_test_table, verification_table
+    from imu_allan.writers.tuning_table import (
+        field_test_document,
+        field_test_table,
+        verification_table,
+    )
 
     other, means = _other(args)
     axes = {name: axis for name, axis in result.axes.items()

@@ -28,8 +28,7 @@ from imu_allan.result import (
     Interval,
     Tone,
 )
-from imu_allan.tuning.coasting import coasting_weights
-from imu_allan.tuning.kalman import Filtered, run_filters
+from imu_allan.tuning.kalman import coasting_weights, Filtered, run_filters
 from imu_allan.tuning.state_space import space_of
 from imu_allan.tuning.uncertainty import coast_bands
 import numpy as np

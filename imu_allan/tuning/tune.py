@@ -257,7 +257,7 @@ def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 6
         As `FilterTuning.consistency`.
 
     """
-    from imu_allan.tuning.coasting import coasting_variance
+    from imu_allan.tuning.kalman import coasting_variance
 
     aiding_interval_s, coast_s = _times(aiding_interval_s, coast_s)
     horizons = _horizons(aiding_interval_s, coast_s)

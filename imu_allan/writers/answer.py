@@ -3,20 +3,32 @@
 """
 The answer: what somebody who configures a filter wants to know of a sensor, before anything else.
 
-The worst axis counts. What report, terminal and demo say first is made here, so that they say the
-same.
+The worst axis counts. What recording on would bring is said here, too. Report, terminal and demo
+say first what is made here, so that they say the same.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 
+from imu_allan.characterization.mean import error_of_mean
 from imu_allan.errors import ImuAllanError
+from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert, engineering
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.wording import bounded, duration, listed, measured, number, rounded, SENSORS
+from imu_allan.wording import (
+    about,
+    bounded,
+    duration,
+    listed,
+    measured,
+    named,
+    number,
+    rounded,
+    SENSORS,
+)
 
 AIDING_S = 0.1
 """A camera or a wheel of 10 Hz corrects the filter."""
@@ -281,3 +293,47 @@ def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float],
     text, low, high = (rounded(factor * v, 2) for v in (value, *interval))
     known = interval[1] <= _VAGUE**2 * interval[0]
     return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''
+
+
+def outlook_of(result: Result) -> str:
+    """Say what a longer recording would bring, by the Fisher information of the fitted model."""
+    halves = [c.ci_halves_in_s for axis in result.axes.values()
+              for c in axis.coefficients.values() if c.ci_halves_in_s]
+    waiting: dict[str, list[tuple[float, str]]] = {}
+    for name, axis in result.axes.items():
+        for coefficient in axis.coefficients.values():
+            if coefficient.observable_in_s:
+                waiting.setdefault(coefficient.symbol, []).append(
+                    (coefficient.observable_in_s, name))
+    parts = [f'all intervals half as wide after another {about(max(halves))}'] if halves else []
+    if waiting:
+        first = {symbol: min(times) for symbol, times in waiting.items()}
+        parts.append(listed([f'{symbol} of {named([name])} after {about(wait)}'
+                             for symbol, (wait, name) in first.items()]) + ' at the earliest')
+    return f'Recording on: {"; ".join(parts)}.' if parts else ''
+
+
+def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
+                 ) -> tuple[str, str, str]:
+    """
+    Return a mean and its 95 % interval, which the fitted terms give it, as text.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose mean; one that shows no term has no interval, and four digits.
+    mean : float
+        Over all of the record or a part of it, in the unit of a sample.
+    duration_s : float
+        Of the record or the part.
+    unit : str
+        To write it in.
+
+    Returns
+    -------
+    value, low, high : str
+
+    """
+    half = NORMAL95 * error_of_mean(axis, duration_s)
+    return measured(*(convert(value, axis.unit, unit)
+                      for value in (mean, mean - half, mean + half)))

@@ -21,8 +21,15 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import bounded, counted, duration, listed, measured, SENSORS
 from imu_allan.writers.curves import limits_of
-from imu_allan.writers.figure_style import COLOURS, DASHES, empty_figure, plot_style, Theme
-from imu_allan.writers.frames import frame_allan, write_in_a_row
+from imu_allan.writers.figure_style import (
+    COLOURS,
+    DASHES,
+    empty_figure,
+    frame_allan,
+    plot_style,
+    Theme,
+    write_in_a_row,
+)
 from imu_allan.writers.panels import draw_curve
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from math import inf
 from typing import NamedTuple
 
 from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
-from imu_allan.noise.terms import AXES, Term, TERMS
+from imu_allan.noise.terms import AXES, gauss_markov_avar, power_law_avar, Term, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Spectrum, Timeline
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import measured, number, SENSORS
+from imu_allan.wording import duration, measured, number, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -323,3 +323,39 @@ def time_unit(length_s: float) -> tuple[float, str]:
     """Return the unit, in seconds and by name, in which a length of time is two or more."""
     return next(((size, name) for size, name in ((86_400.0, 'days'), (3600.0, 'h'), (60.0, 'min'))
                  if length_s >= 2 * size), (1.0, 's'))
+
+
+def beside_terms(axis: AxisResult, tau: Array) -> list[tuple[Array, int, list[str]]]:
+    """
+    Return the noise of an axis that none of the terms is.
+
+    Parameters
+    ----------
+    axis : AxisResult
+        Whose noise.
+    tau : ndarray, shape (n,)
+        Averaging times in seconds.
+
+    Returns
+    -------
+    list of (ndarray of shape (n,), int, list of str)
+        Allan deviation in the unit of a sample, the point at which to name it, and its name.
+
+    """
+    found = []
+    if (process := axis.gauss_markov) is not None:
+        line = np.sqrt(gauss_markov_avar(process.sigma, process.correlation_time_s, tau))
+        sigma, unit = engineering(process.sigma, axis.unit)
+        found.append((line, int(np.argmax(line)), [
+            f'Gauss-Markov, {number(sigma, 3)} {typeset(unit)}',
+            f'correlated over {duration(process.correlation_time_s)}']))
+    if axis.power_law is not None and (law := reported_model(axis).power_law) is not None:
+        found.append((np.sqrt(power_law_avar(*law, tau)), len(tau) // 2, [
+            f'1/f to the power of {axis.power_law.exponent:.2f}', 'no flicker']))
+    return found
+
+
+def law_instead(axis: AxisResult, key: str) -> str:
+    """Return in brief the slow noise that an axis has instead of a term, '' where it has none."""
+    law = axis.power_law
+    return f'no flicker, 1/f^{law.exponent:.2f}' if law and key == 'bias_instability' else ''

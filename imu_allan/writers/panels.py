@@ -16,8 +16,8 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Signal, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
 from imu_allan.wording import duration
-from imu_allan.writers.beside_terms import beside_terms
 from imu_allan.writers.curves import (
+    beside_terms,
     coefficients_of,
     few_degrees,
     in_bands,
@@ -30,10 +30,8 @@ from imu_allan.writers.curves import (
     wander,
     written,
 )
-from imu_allan.writers.figure_style import COLOURS, MARKERS, Theme
-from imu_allan.writers.frames import write_in_a_row
-from imu_allan.writers.label_places import best_place, Box, LETTER
-from imu_allan.writers.svg import FONT
+from imu_allan.writers.figure_style import COLOURS, MARKERS, Theme, write_in_a_row
+from imu_allan.writers.svg import best_place, Box, FONT, LETTER
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -24,17 +24,25 @@ from imu_allan.wording import (
     origin_of,
     SENSORS,
 )
-from imu_allan.writers.beside_terms import law_instead
-from imu_allan.writers.curves import axes_of, beyond, density_limits, limits_of, sensors_of
+from imu_allan.writers.curves import (
+    axes_of,
+    beyond,
+    density_limits,
+    law_instead,
+    limits_of,
+    sensors_of,
+)
 from imu_allan.writers.figure_style import (
     COLOURS,
     DASHES,
     empty_figure,
+    frame_allan,
+    frame_density,
+    label_ends,
     MARKERS,
     plot_style,
     Theme,
 )
-from imu_allan.writers.frames import frame_allan, frame_density, label_ends
 from imu_allan.writers.panels import draw_curve, draw_density, draw_signal, draw_terms
 
 if TYPE_CHECKING:

@@ -45,7 +45,9 @@ from imu_allan.writers.answer import (
     COAST_S,
     Figure,
     GOOD,
+    outlook_of,
     UNCERTAIN,
+    written_mean,
 )
 from imu_allan.writers.charts import (
     allan_chart,
@@ -59,8 +61,6 @@ from imu_allan.writers.charts import (
 from imu_allan.writers.comparison import compare, Difference, shown, verdicts
 from imu_allan.writers.curves import axes_of, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
-from imu_allan.writers.means import written_mean
-from imu_allan.writers.outlook import outlook_of
 from imu_allan.writers.verdict import findings_line, verdict_lines
 from imu_allan.writers.words import message_of, presented, title_of
 

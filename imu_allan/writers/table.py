@@ -34,10 +34,10 @@ from imu_allan.writers.answer import (
     answers,
     COAST_S,
     CONSTANT,
+    outlook_of,
     UNCERTAIN,
+    written_mean,
 )
-from imu_allan.writers.means import written_mean
-from imu_allan.writers.outlook import outlook_of
 from imu_allan.writers.terminal import console_of
 from imu_allan.writers.verdict import Units, verdict_lines
 from imu_allan.writers.words import advice, presented, says, title_of

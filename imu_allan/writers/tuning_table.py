@@ -1,17 +1,24 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter needs, as tables and words for the terminal: five ways to feed it."""
+"""
+What a filter needs, as tables and words for the terminal, and as plain numbers for JSON.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+There are five ways to feed it; what its numbers are worth in another recording comes last.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise import chi_square
 from imu_allan.result import AxisResult, Result
-from imu_allan.tuning.bounds import upper_bound
+from imu_allan.sensor.units import engineering
+from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
-from imu_allan.tuning.uncertainty import spread_of_forecast
+from imu_allan.tuning.uncertainty import spread_of_forecast, upper_bound
+from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.included import included
 from imu_allan.writers.words import presented, says
@@ -262,3 +269,149 @@ def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]
            for axis in result.axes.values()):
         said.append('Numbers in brackets are beyond what this recording knows, and widened.')
     return said
+
+
+def field_test_table(found: Mapping[str, FieldTest], other: str, units: Mapping[str, str]
+                     ) -> Group:
+    """
+    Return what filters with the numbers of one recording met in another.
+
+    Parameters
+    ----------
+    found : mapping of name to FieldTest
+        Not empty.
+    other : str
+        Name of the other recording.
+    units : mapping of name to str
+        Of a sample of each axis.
+
+    """
+    first = next(iter(found.values()))
+    parts = ('in one part' if first.stops == 1
+             else f'in {first.stops} parts, in each of which the filter begins anew')
+    table = bare_table('axis', 'numbers',
+                       *(f'NIS {duration(row.interval_s)}' for row in first.full.innovations),
+                       *(f'off after {duration(row.horizon_s)}' for row in first.full.coasts))
+    for name, one in found.items():
+        factor, unit = engineering(1.0, units[name])
+        for what, met in ((TUNED, one.tuned), (FULL, one.full)):
+            table.add_row(
+                f'{spoken(name)}\n{unit}' if what == TUNED else '',
+                'full model' if what == FULL else what,
+                *(f'{row.nis:.3g}' for row in met.innovations),
+                *(f'{number(row.observed_rms * factor, 3)}\n'
+                  f'({number(low * factor, 2)}-{number(high * factor, 2)})'
+                  for row, (low, high) in zip(met.coasts, met.bands, strict=True)))
+    return Group(
+        Text(f'Filters with these numbers, run over {duration(first.tested_s)} of rest in '
+             f'{other}, {parts}:'), table,
+        Text('NIS: mean squared innovation over what is predicted, of means over that time: 1 is '
+             'right, above 1 overconfident. Off after: root mean square error of the mean over '
+             'that time unaided; in brackets where 95 % of such errors should lie if '
+             'the sensor were as the first recording has it.', 'dim'))
+
+
+def verification_table(found: Mapping[str, Verification], other: str,
+                       bias: Bias = 'random_walk', *, run: bool = False) -> Group:
+    """
+    Return how numbers from one recording hold in another.
+
+    Parameters
+    ----------
+    found : mapping of name to Verification
+        By axis.
+    other : str
+        Name of the other recording.
+    bias : {'random_walk', 'gauss_markov'}, optional
+        What the filter takes its bias for.
+    run : bool, optional
+        Whether filters were run over it, so that what its model expects needs no column.
+
+    """
+    spans = list(dict.fromkeys(_span(e) for one in found.values() for e in one.excess))
+    second = 'K' if bias == 'random_walk' else 'sigma'
+    table = bare_table('axis', *(() if run else ('NIS', 'error')), 'N times', f'{second} times',
+                       *spans, texts=1)
+    for name, one in found.items():
+        bands = {_span(e): f'{e.ratio:.2f}\n{e.ci95[0]:.2f}-{e.ci95[1]:.2f}' for e in one.excess}
+        expected = () if run else (f'{one.met.nis:.3g}', f'{one.met.coast_ratio:.3g}')
+        table.add_row(spoken(name), *expected, _factor(one.noise_factor, one.noise_ci95),
+                      _factor(one.walk_factor, one.walk_ci95),
+                      *(bands.get(span, '') for span in spans))
+    return Group(
+        Text(f'The tuned numbers held against {other}:'), table,
+        Text(f'N times, {second} times: the factor that would make the numbers right there, with '
+             'its 95 % interval. Above 1 with motors or wheels running, it is what the motion '
+             'adds: put it into --inflate. By averaging time: Allan deviation there over the one '
+             'predicted.'
+             + ('' if run else ' The models are compared; name the recording itself to run '
+                'filters over it.'), 'dim'))
+
+
+def _span(excess: Excess) -> str:
+    low, high = number(excess.from_s, 2), number(excess.to_s, 2)
+    return f'{low} s' if low == high else f'{low}-{high} s'
+
+
+def _factor(value: float, ci95: tuple[float, float]) -> str:
+    return f'{value:.2f}\n{ci95[0]:.2f}-{ci95[1]:.2f}'
+
+
+SCHEMA = 'imu_allan.tuning/1'
+
+
+def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
+                    calibration_s: float = 60.0) -> dict[str, Any]:
+    """Return what the tables show."""
+    axes: dict[str, Any] = {}
+    for name, axis in known_axes(result).items():
+        forecast = predicted_drift(axis, FORECAST_S, calibration_s)
+        axes[name] = {'choices': [_plain(choice) for choice in
+                                  choices(axis, aiding_s, coast_s, bias)],
+                      'forecast': {'calibration_s': forecast.calibration_s,
+                                   'horizons_s': list(forecast.horizons_s),
+                                   'integral': list(forecast.integral),
+                                   'integral_ci95': _lists(forecast.integral_ci95),
+                                   'position': forecast.position and list(forecast.position),
+                                   'position_ci95': forecast.position_ci95 and _lists(
+                                       forecast.position_ci95),
+                                   'known_to_s': forecast.known_to_s}}
+    return {'schema': SCHEMA, 'aiding_interval_s': aiding_s, 'coast_s': coast_s, 'bias': bias,
+            'axes': axes}
+
+
+def _plain(choice: Choice) -> dict[str, Any]:
+    line: dict[str, Any] = {'numbers': choice.name, 'nis': choice.nis,
+                            'coast_ratio': choice.coast_ratio, 'coast_sigma': choice.coast_sigma}
+    if choice.tuning is not None:
+        tuning = choice.tuning
+        line.update(noise_density=tuning.noise_density, random_walk=tuning.random_walk,
+                    sigma=tuning.sigma, correlation_time_s=tuning.correlation_time_s,
+                    consistency=[list(row) for row in tuning.consistency],
+                    known_from_s=tuning.known_from_s, known_to_s=tuning.known_to_s)
+    return line
+
+
+def _lists(pairs: Iterable[tuple[float, float]]) -> list[list[float]]:
+    return [list(pair) for pair in pairs]
+
+
+def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification],
+                        bias: Bias = 'random_walk') -> dict[str, Any]:
+    """Return what the tables show."""
+    axes: dict[str, Any] = {}
+    second = 'walk' if bias == 'random_walk' else 'sigma'
+    for name, one in against.items():
+        axes[name] = {'noise_factor': one.noise_factor, 'noise_ci95': _finite(one.noise_ci95),
+                      f'{second}_factor': one.walk_factor,
+                      f'{second}_ci95': _finite(one.walk_ci95),
+                      'excess': [asdict(excess) for excess in one.excess]}
+        if name in found:
+            test = found[name]
+            axes[name] |= {'tested_s': test.tested_s, 'stops': test.stops,
+                           'tuned': asdict(test.tuned), 'full': asdict(test.full)}
+    return axes
+
+
+def _finite(ends: tuple[float, float]) -> list[float | None]:
+    return [end if np.isfinite(end) else None for end in ends]

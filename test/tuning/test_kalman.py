@@ -5,8 +5,7 @@
 from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
-from imu_allan.tuning.coasting import coasting_variance, steady_covariance
-from imu_allan.tuning.kalman import run_filters
+from imu_allan.tuning.kalman import coasting_variance, run_filters, steady_covariance
 from imu_allan.tuning.state_space import state_space
 from imu_allan.tuning.tune import tune
 import numpy as np

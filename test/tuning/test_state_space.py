@@ -5,7 +5,7 @@
 from dataclasses import replace
 
 from drifting_axes import axis_of
-from imu_allan.tuning.coasting import steady_covariance
+from imu_allan.tuning.kalman import steady_covariance
 from imu_allan.tuning.state_space import state_space
 import numpy as np
 import pytest

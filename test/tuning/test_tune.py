@@ -8,7 +8,7 @@ from drifting_axes import axis_of
 from imu_allan.characterization.axis import characterize
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Segment, Stationarity, Tone
-from imu_allan.tuning.coasting import coasting_variance
+from imu_allan.tuning.kalman import coasting_variance
 from imu_allan.tuning.processes import drift_of
 from imu_allan.tuning.tune import assess, Filters, optimum, Truth, tune
 from imu_allan.tuning.uncertainty import unsteadiness

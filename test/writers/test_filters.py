@@ -21,8 +21,8 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.finding import finding
 from imu_allan.result import DriftModel, GaussMarkov, PowerLaw, Result, Source, Timeline
 from imu_allan.sensor.noise_model import load_model
-from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.state_space import state_space
+from imu_allan.tuning.uncertainty import upper_bound
 from imu_allan.writers.consumers import consumer_called, CONSUMERS, FAMILIES
 from imu_allan.writers.filters import export as export_as_wished, Wishes
 from imu_allan.writers.filters.from_datasheet import result_of_datasheet

@@ -7,9 +7,9 @@ from browser import faults_of, needs_browser, pages_in_print
 from imu_allan.fleet.population import Oddity
 from imu_allan.result import Inspection
 from imu_allan.writers.fleet import Failure, Fleet, population_table
-from imu_allan.writers.fleet.documents import fleet_csv, fleet_json
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import sentence
+from imu_allan.writers.fleet.folder import fleet_csv, fleet_json
 from imu_allan.writers.fleet.page import fleet_html
 from imu_allan.writers.fleet.table import cells
 import numpy as np

@@ -23,7 +23,7 @@ from imu_allan.writers.datasheet import certificate_html, check, to_json, to_jun
 from imu_allan.writers.filters import CONSUMERS, export, Wishes
 from imu_allan.writers.fleet import Fleet, save_fleet
 from imu_allan.writers.folder import save_comparison, save_folder, save_latex, save_report
-from imu_allan.writers.tuning_document import tuning_document
+from imu_allan.writers.tuning_table import tuning_document
 import pytest
 from whole_lines import refused
 

@@ -15,7 +15,7 @@ from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.datasheet import certificate_html, check
 from imu_allan.writers.fleet import Fleet
-from imu_allan.writers.fleet.documents import fleet_json
+from imu_allan.writers.fleet.folder import fleet_json
 from imu_allan.writers.fleet.page import fleet_html
 from imu_allan.writers.report import report_html
 from imu_allan.writers.table import print_result

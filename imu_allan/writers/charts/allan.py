@@ -14,9 +14,9 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import measured, SAMPLES, SENSORS, spoken
-from imu_allan.writers.beside_terms import beside_terms
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of, worst_axis
 from imu_allan.writers.curves import (
+    beside_terms,
     beyond,
     coefficients_of,
     few_degrees,
@@ -25,8 +25,7 @@ from imu_allan.writers.curves import (
     reading_point,
     written,
 )
-from imu_allan.writers.label_places import Box
-from imu_allan.writers.svg import Drawing, group, Panel, SHAPES
+from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
 import numpy as np
 
 

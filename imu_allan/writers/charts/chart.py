@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from imu_allan.result import AxisResult
-from imu_allan.writers.label_places import Box
-from imu_allan.writers.svg import Drawing, SHAPES
+from imu_allan.writers.svg import Box, Drawing, SHAPES
 
 WIDE, NARROW = 1080.0, 380.0
 """Widths of the two drawings: the page at a desk and in print, and on a phone."""

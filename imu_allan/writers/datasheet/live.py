@@ -13,7 +13,7 @@ from imu_allan.noise.terms import LASTING_TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
-from imu_allan.writers.datasheet.resolution import hidden_by_steps
+from imu_allan.writers.datasheet.measured import hidden_by_steps
 from imu_allan.writers.datasheet.verdicts import check, overall, Verdict
 
 ERROR = 0.05

@@ -19,9 +19,8 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.tuning.arguments import positive_number, positive_time
-from imu_allan.tuning.bounds import upper_bound
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
-from imu_allan.tuning.uncertainty import known_less_than
+from imu_allan.tuning.uncertainty import known_less_than, upper_bound
 from imu_allan.wording import duration
 from imu_allan.writers.consumers import Consumer
 from imu_allan.writers.included import included

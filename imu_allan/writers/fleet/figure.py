@@ -17,9 +17,8 @@ from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SENSORS
 from imu_allan.writers.comparison import MARKERS, result_colours
 from imu_allan.writers.curves import limits_of
-from imu_allan.writers.figure_style import COLOURS, empty_figure, plot_style, Theme
+from imu_allan.writers.figure_style import COLOURS, empty_figure, frame_allan, plot_style, Theme
 from imu_allan.writers.fleet.findings import Fleet
-from imu_allan.writers.frames import frame_allan
 import numpy as np
 from numpy.typing import NDArray
 
