@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from imu_allan.finding import ACT
-from imu_allan.writers.words import WORDS, Words
+from imu_allan.writers.words import is_plain, WORDS, Words
 
 HEAD = """\
 # Findings
@@ -46,7 +46,7 @@ def sentences(code: str, words: Words) -> Iterator[str]:
     if words.title != code.replace('_', ' '):
         yield f'**{words.title}.**'
     yield words.means
-    do = words.do if isinstance(words.do, str) else ''
+    do = words.do if is_plain(words.do) else ''
     live = words.live or ''
     if do:
         yield f'*Do:* {do}.'
