@@ -45,12 +45,17 @@ def page() -> str:
         own = [row for row in rows[name] if not any(row in shared for _, shared in apart)]
         names = ' '.join(argument(action) for action in verb._actions
                          if not action.option_strings)
-        lines += [f'## imu_allan {name} {names}', '', verb.description or '', '', *entries(own)]
+        lines += [f'## imu_allan {name} {names}', '', f'{purpose(verb)}.', '', *entries(own)]
         if apart:
             lines += [f'Also: {" and ".join(title.lower() for title, _ in apart)}.', '']
     for title, shared in ((BOTH, both), (READERS, readers)):
         lines += [f'## {title}', '', *entries(shared)]
     return '\n'.join(lines)
+
+
+def purpose(verb: argparse.ArgumentParser) -> str:
+    """Return the first sentence of what the help of a verb says."""
+    return (verb.description or '').partition('. ')[0].rstrip('.')
 
 
 def entries(rows: list[str]) -> list[str]:
