@@ -8,6 +8,7 @@ say first what is made here, so that they say the same.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import pi
 
@@ -15,12 +16,11 @@ from imu_allan.characterization.mean import error_of_mean
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.chi_square import NORMAL95
 from imu_allan.result import AxisResult, Coefficient, Interval, Result
-from imu_allan.sensor.units import convert, engineering
+from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
 from imu_allan.wording import (
     about,
-    bounded,
     duration,
     listed,
     measured,
@@ -54,28 +54,20 @@ SHORTEST_GOOD_S = 60.0
 @dataclass(frozen=True)
 class Figure:
     """
-    One coefficient of the worst axis, ready to be read.
+    One coefficient of the worst axis.
 
     Attributes
     ----------
-    symbol, axis : str
+    axis : str
     word : str
         One of the words above.
-    value, interval, unit : str
-        As in datasheets; a value that is only bounded begins with ``<`` and has no interval.
-    si_value, si_interval, si_unit : str
+    coefficient : Coefficient
 
     """
 
-    symbol: str
     axis: str
     word: str
-    value: str
-    interval: str
-    unit: str
-    si_value: str
-    si_interval: str
-    si_unit: str
+    coefficient: Coefficient
 
 
 @dataclass(frozen=True)
@@ -153,14 +145,11 @@ def answers(result: Result) -> list[Answer]:
             if rest_s < SHORTEST_GOOD_S and word in GOOD:
                 word = f'{TOO_SHORT}, {duration(rest_s)} at rest'
             found.append(Answer(sensor, title, word, noise, drift,
-                                _tuned(axes), *_forecast(sensor, axes),
-                                _beyond_what_is_known(axes)))
+                                _tuned(axes), *_forecast(sensor, axes), any(
+                                    axis.drift_model.to_s * (1 + 1e-6) < COAST_S
+                                    for axis in axes.values()
+                                    if axis.drift_model is not None and not axis.constant)))
     return found
-
-
-def _beyond_what_is_known(axes: Mapping[str, AxisResult]) -> bool:
-    return any(axis.drift_model.to_s * (1 + 1e-6) < COAST_S for axis in axes.values()
-               if axis.drift_model is not None and not axis.constant)
 
 
 def word_of(axis: AxisResult) -> str:
@@ -211,46 +200,16 @@ def _figure(axes: Mapping[str, AxisResult], key: str, rest_s: float) -> Figure |
     word = word_of(axes[worst]) if seen[worst].observable else UNKNOWN
     if rest_s < SHORTEST_GOOD_S and word in GOOD:
         word = TOO_SHORT
-    return _written(worst[-1], seen[worst], word)
-
-
-def _written(axis: str, coefficient: Coefficient, word: str) -> Figure:
-    unit = engineering(1.0, coefficient.unit)[1]
-    if coefficient.value is None or coefficient.ci95 is None:
-        bound = coefficient.upper95 or 0.0
-        return Figure(coefficient.symbol, axis, word,
-                      bounded(convert(bound, coefficient.unit, unit)), '', unit,
-                      bounded(bound), '', coefficient.unit)
-    numbers = (coefficient.value, *coefficient.ci95)
-    value, *bounds = measured(*(convert(n, coefficient.unit, unit) for n in numbers))
-    si_value, *si_bounds = measured(*numbers)
-    return Figure(coefficient.symbol, axis, word, value, ' .. '.join(bounds), unit,
-                  si_value, ' .. '.join(si_bounds), coefficient.unit)
-
-
-def tunings_of(axes: Mapping[str, AxisResult]) -> dict[str, FilterTuning]:
-    """
-    Return the tuning of every axis that has one.
-
-    Parameters
-    ----------
-    axes : mapping of name to AxisResult
-        Of one result.
-
-    """
-    found = {}
-    for name, axis in axes.items():
-        if axis.drift_model is not None and not axis.constant:
-            try:
-                found[name] = tune(axis, AIDING_S, COAST_S)
-            except ImuAllanError:
-                # The reasons are those for which it cannot be tuned at all: nothing to show.
-                continue
-    return found
+    return Figure(worst[-1], word, seen[worst])
 
 
 def _tuned(axes: Mapping[str, AxisResult]) -> Tuned | None:
-    tunings = tunings_of(axes)
+    tunings = {}
+    for name, axis in axes.items():
+        if axis.drift_model is not None and not axis.constant:
+            # The reasons are those for which it cannot be tuned at all: nothing to show.
+            with suppress(ImuAllanError):
+                tunings[name] = tune(axis, AIDING_S, COAST_S)
     if not tunings:
         return None
     axis = next(iter(axes.values()))
@@ -263,12 +222,9 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
     """Write what integrating the worst axis comes to, and between what that lies."""
     found = []
     for axis in axes.values():
-        if axis.drift_model is None or axis.constant:
-            continue
-        try:
-            found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
-        except ImuAllanError:
-            continue
+        if axis.drift_model is not None and not axis.constant:
+            with suppress(ImuAllanError):
+                found.append(predicted_drift(axis, (COAST_S,), CALIBRATION_S))
     if not found:
         return '', ''
     angle = max(found, key=lambda drift: drift.integral[0])

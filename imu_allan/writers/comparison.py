@@ -19,8 +19,8 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
-from imu_allan.wording import bounded, counted, duration, listed, measured, SENSORS
-from imu_allan.writers.curves import limits_of
+from imu_allan.wording import counted, duration, listed, SENSORS
+from imu_allan.writers.curves import limits_of, told
 from imu_allan.writers.figure_style import (
     COLOURS,
     DASHES,
@@ -230,12 +230,7 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
 def shown(coefficient: Coefficient) -> str:
     """Return the coefficient in its engineering unit, or its bound."""
-    if coefficient.value is not None and coefficient.ci95 is not None:
-        return measured(*(engineering(value, coefficient.unit)[0]
-                          for value in (coefficient.value, *coefficient.ci95)))[0]
-    if coefficient.upper95 is None:
-        return 'not observable'
-    return bounded(engineering(coefficient.upper95, coefficient.unit)[0], coefficient.symbol)
+    return (told(coefficient) or ('not observable',))[0]
 
 
 def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 'Figure':

@@ -14,7 +14,7 @@ from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_mode
 from imu_allan.noise.terms import AXES, gauss_markov_avar, power_law_avar, Term, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Spectrum, Timeline
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import duration, measured, number, SENSORS
+from imu_allan.wording import bounded, duration, measured, number, SENSORS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -213,6 +213,26 @@ def written(coefficient: Coefficient, value: float) -> str:
         return f'{number(shown)} {typeset(unit)}'
     bounds = (engineering(abs(bound), coefficient.unit)[0] for bound in coefficient.ci95)
     return f'{measured(shown, *bounds)[0]} {typeset(unit)}'
+
+
+def told(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
+    """
+    Return a coefficient as text: value and both ends of its interval, its bound alone, or nothing.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Of an axis of a result.
+    si : bool, optional
+        In its SI unit; in that of datasheets by default.
+
+    """
+    scale = 1.0 if si else engineering(1.0, coefficient.unit)[0]
+    if coefficient.value is not None and coefficient.ci95 is not None:
+        return measured(*(scale * one for one in (coefficient.value, *coefficient.ci95)))
+    if coefficient.upper95 is None:
+        return ()
+    return (bounded(scale * coefficient.upper95, coefficient.symbol),)
 
 
 def limits_of(axes: Iterable[AxisResult], *, rings: bool = False) -> tuple[float, float]:

@@ -6,8 +6,8 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.version import __version__
-from imu_allan.wording import bounded, duration, listed, measured, SENSORS
-from imu_allan.writers.curves import axes_of, sensors_of
+from imu_allan.wording import duration, listed, SENSORS
+from imu_allan.writers.curves import axes_of, sensors_of, told
 
 _SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
             '_': r'\_', '{': r'\{', '}': r'\}', '~': r'\textasciitilde{}',
@@ -102,14 +102,10 @@ def noise_table(result: Result) -> str:
 
 
 def _cell(coefficient: Coefficient) -> str:
-    if coefficient.value is not None and coefficient.ci95 is not None:
-        value, low, high = measured(*(engineering(v, coefficient.unit)[0] for v in (
-            coefficient.value, *coefficient.ci95)))
-        return f'{value} [{low}, {high}]'
-    if coefficient.upper95 is None:
-        return '--'
-    bound = bounded(engineering(coefficient.upper95, coefficient.unit)[0], coefficient.symbol)
-    return f'${bound}$'
+    value, *ends = told(coefficient) or ('--',)
+    if ends:
+        return f'{value} [{", ".join(ends)}]'
+    return value if coefficient.upper95 is None else f'${value}$'
 
 
 def _methods(result: Result) -> str:

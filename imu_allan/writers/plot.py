@@ -17,8 +17,6 @@ from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import (
     amount_of,
-    bounded,
-    measured,
     named,
     names_of,
     origin_of,
@@ -31,6 +29,7 @@ from imu_allan.writers.curves import (
     law_instead,
     limits_of,
     sensors_of,
+    told,
 )
 from imu_allan.writers.figure_style import (
     COLOURS,
@@ -295,19 +294,15 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                 if not column:
                     panel.text(0.08, height, 'constant: every sample is the same', fontsize=7,
                                va='center', color=soft)
-            elif coefficient.value is not None and coefficient.ci95 is not None:
-                value, *bounds = measured(*(engineering(v, coefficient.unit)[0] for v in (
-                    coefficient.value, *coefficient.ci95)))
-                panel.text(right - 0.178, height, value, ha='right', va='center', fontsize=9.5,
+            elif len(said := told(coefficient)) == 3:
+                panel.text(right - 0.178, height, said[0], ha='right', va='center', fontsize=9.5,
                            color=ink)
-                panel.text(right, height, f'{bounds[0]} – {bounds[1]}', ha='right', va='center',
+                panel.text(right, height, ' – '.join(said[1:]), ha='right', va='center',
                            fontsize=6.5, color=soft)
             else:
-                said = law_instead(axis, term.key) or 'not observable'
-                if coefficient.upper95 is not None:
-                    bound = engineering(coefficient.upper95, coefficient.unit)[0]
-                    said += f', {bounded(bound, term.symbol)}'
-                panel.text(right, height, said, ha='right', va='center', fontsize=7, color=soft)
+                panel.text(right, height, ', '.join([
+                    law_instead(axis, term.key) or 'not observable', *said]), ha='right',
+                    va='center', fontsize=7, color=soft)
     for row, name in enumerate(axes):
         colour = COLOURS[theme][name[-1]]
         panel.plot([0.012], [2.3 - 0.9 * row], MARKERS[name[-1]], color=colour, markersize=5)

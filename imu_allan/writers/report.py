@@ -12,7 +12,6 @@ more.
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
 import re
@@ -25,7 +24,6 @@ from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import (
     amount_of,
-    bounded,
     counted,
     duration,
     faults_of,
@@ -59,7 +57,7 @@ from imu_allan.writers.charts import (
     signal_chart,
 )
 from imu_allan.writers.comparison import compare, Difference, shown, verdicts
-from imu_allan.writers.curves import axes_of, sensors_of
+from imu_allan.writers.curves import axes_of, sensors_of, told
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.verdict import findings_line, verdict_lines
 from imu_allan.writers.words import message_of, presented, title_of
@@ -196,12 +194,10 @@ def _card(answer: Answer) -> dict[str, Any]:
 
 
 def _card_row(figure: Figure, name: str) -> dict[str, Any]:
-    return {'symbol': figure.symbol, 'name': name, 'axis': figure.axis, 'word': figure.word,
-            'good': figure.word in GOOD, 'value': figure.value,
-            'interval': figure.interval.replace(' .. ', ' – '),
-            'unit': typeset(figure.unit), 'si_value': figure.si_value,
-            'si_interval': figure.si_interval.replace(' .. ', ' – '),
-            'si_unit': typeset(figure.si_unit)}
+    cell, unit = _cell(figure.coefficient), figure.coefficient.unit
+    return {**cell, 'symbol': figure.coefficient.symbol, 'name': name, 'axis': figure.axis,
+            'word': figure.word, 'good': figure.word in GOOD,
+            'unit': typeset(engineering(1.0, unit)[1]), 'si_unit': typeset(unit)}
 
 
 def _charts(result: Result, answer: Answer) -> list[Chart | None]:
@@ -211,17 +207,6 @@ def _charts(result: Result, answer: Answer) -> list[Chart | None]:
     return [signal_chart(result, answer.sensor, axes),
             density_chart(answer.sensor, axes, result.timeline),
             drift_chart(answer.sensor, axes, tunings), segment_chart(answer.sensor, axes)]
-
-
-@dataclass(frozen=True)
-class _Cell:
-    """A coefficient as the table shows it, in both units."""
-
-    value: str
-    interval: str
-    si_value: str
-    si_interval: str
-    exact: str
 
 
 def _table(result: Result, sensor: str) -> dict[str, Any]:
@@ -247,18 +232,13 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
             'mean_si_unit': typeset(quantity.unit), 'dead': dead}
 
 
-def _cell(coefficient: Coefficient) -> _Cell:
-    if coefficient.value is not None and coefficient.ci95 is not None:
-        numbers = (coefficient.value, *coefficient.ci95)
-        value, *bounds = measured(*(engineering(n, coefficient.unit)[0] for n in numbers))
-        si_value, *si_bounds = measured(*numbers)
-        return _Cell(value, ' – '.join(bounds), si_value, ' – '.join(si_bounds),
-                     repr(coefficient.value))
-    if coefficient.upper95 is None:
-        return _Cell('', 'not observable', '', 'not observable', '')
-    shown, si = (bounded(bound, coefficient.symbol) for bound in (
-        engineering(coefficient.upper95, coefficient.unit)[0], coefficient.upper95))
-    return _Cell('', shown, '', si, '')
+def _cell(coefficient: Coefficient) -> dict[str, str]:
+    """Return a coefficient in both units: value and interval, or its bound."""
+    cell = {}
+    for unit, si in (('', False), ('si_', True)):
+        value, *ends = told(coefficient, si=si) or ('not observable',)
+        cell[f'{unit}value'], cell[f'{unit}interval'] = value, ' – '.join(ends)
+    return {**cell, 'exact': '' if coefficient.value is None else repr(coefficient.value)}
 
 
 def _tunings(result: Result, answer: Answer) -> list[dict[str, str]]:

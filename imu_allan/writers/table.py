@@ -20,10 +20,8 @@ from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
 from imu_allan.wording import (
     amount_of,
-    bounded,
     duration,
     faults_of,
-    measured,
     named,
     names_of,
     number,
@@ -38,6 +36,7 @@ from imu_allan.writers.answer import (
     UNCERTAIN,
     written_mean,
 )
+from imu_allan.writers.curves import told
 from imu_allan.writers.terminal import console_of
 from imu_allan.writers.verdict import Units, verdict_lines
 from imu_allan.writers.words import advice, presented, says, title_of
@@ -199,7 +198,8 @@ def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verb
         scale, shown_unit = (1.0, unit) if units == 'si' else engineering(1.0, unit)
         empty = False
         yield _Row(term.symbol, term.name(quantity), shown_unit,
-                   {name: _cell(cell, scale, in_full=verbose) for name, cell in cells.items()},
+                   {name: _cell(cell, si=units == 'si', in_full=verbose)
+                    for name, cell in cells.items()},
                    scale, not shown)
     if (verbose or empty) and any(axis.mean is not None for axis in axes.values()):
         unit = quantity.unit if units == 'si' else MEAN_UNITS[quantity.unit]
@@ -209,17 +209,13 @@ def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verb
             for name, axis in axes.items()}, 1.0, dim=True)
 
 
-def _cell(coefficient: Coefficient, scale: float, *, in_full: bool) -> _Cell:
-    if coefficient.value is not None and coefficient.ci95 is not None:
-        ends = coefficient.ci95
-        value, low, high = measured(*(scale * one for one in (coefficient.value, *ends)))
-        half = (ends[1] - ends[0]) / 2 / abs(coefficient.value or 1.0)
-        # Up to this share of the value, an interval is said as one.
-        return _Cell(value, f'{low} .. {high}' if in_full or half > 0.1
-                     else f'+-{100 * half:.2g} %')
-    if coefficient.upper95 is None:
-        return _Cell('-')
-    return _Cell(bounded(scale * coefficient.upper95, coefficient.symbol))
+def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
+    value, *ends = told(coefficient, si=si) or ('-',)
+    if not ends or coefficient.ci95 is None:
+        return _Cell(value)
+    half = (coefficient.ci95[1] - coefficient.ci95[0]) / 2 / abs(coefficient.value or 1.0)
+    # Up to a tenth of the value, an interval is said as one number.
+    return _Cell(value, ' .. '.join(ends) if in_full or half > 0.1 else f'+-{100 * half:.2g} %')
 
 
 def _tables(found: Sequence[Answer], rows: Sequence[Sequence[_Row]], width: int, *,
@@ -311,9 +307,10 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
             beside = '  '.join(pair)
             lines += [beside] if len(beside) <= width else [pair[0], f'{"":9}{pair[1]}']
         elif answer.word != CONSTANT and answer.noise is not None:
-            lines += [f'  {answer.sensor:<5}  worst axis {figure.axis}: {figure.symbol} '
-                      f'{figure.si_value} {figure.si_unit}'
-                      for figure in (answer.noise, answer.drift) if figure is not None]
+            lines += [f'  {answer.sensor:<5}  worst axis {figure.axis}: '
+                      f'{found.symbol} {told(found, si=True)[0]} {found.unit}'
+                      for figure in (answer.noise, answer.drift) if figure is not None
+                      for found in [figure.coefficient]]
     drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
               if answer.forecast}
     if len(set(drifts.values())) == 1:
