@@ -137,7 +137,11 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
         raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
                             '--for; choose one with --topic or use --output DIR')
     if args.output is not None and args.dask is None:
-        _require_replaceable(tasks)
+        from imu_allan.writers.atomic import require_replaceable_in
+        from imu_allan.writers.folder import kinds_of_files
+
+        for task in tasks:
+            require_replaceable_in(task.folder or args.output, kinds_of_files(task.exports))
     before = done_before(tasks) if args.resume else {}
     for task in tasks:
         if task.unit in before:
@@ -172,7 +176,10 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
                     print(_written(task))
                 if args.dask is None:
                     # A cluster may have written to another disk.
-                    _tell_of_earlier(task)
+                    from imu_allan.writers.filters import left_from_earlier
+
+                    if task.folder and (old := left_from_earlier(task.folder, task.exports)):
+                        print(f'imu_allan: {old}', file=sys.stderr)
             source = task.path if not args.all_topics or task.topic is None else (
                 f'{task.path}, topic {shorten(task.topic)}')
             if (nothing := without_coefficient(result, source)) is not None:
@@ -187,16 +194,6 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     if complaints:
         raise complaints[-1]
     return 0
-
-
-def _require_replaceable(tasks: list[Task]) -> None:
-    """Refuse files of the user's in the place of what will be written."""
-    from imu_allan.writers.atomic import require_replaceable_in
-    from imu_allan.writers.folder import kinds_of_files
-
-    for task in tasks:
-        assert task.folder is not None
-        require_replaceable_in(task.folder, kinds_of_files(task.exports))
 
 
 def _tasks(args: argparse.Namespace, options: dict[str, Any], complaints: list[ImuAllanError],
@@ -263,14 +260,6 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
     sys.stdout.flush()
     if unsaved is not None:
         raise unsaved
-
-
-def _tell_of_earlier(task: Task) -> None:
-    """Name configurations of an earlier result beside the new one."""
-    from imu_allan.writers.filters import left_from_earlier
-
-    if task.folder is not None and (old := left_from_earlier(task.folder, task.exports)):
-        print(f'imu_allan: {old}', file=sys.stderr)
 
 
 def _written(task: Task) -> str:

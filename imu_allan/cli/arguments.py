@@ -15,6 +15,7 @@ from imu_allan.writers.consumers import consumer_called
 
 if TYPE_CHECKING:
     from imu_allan.result import Result
+    from imu_allan.sensor.noise_model import NoiseModel
 
 _SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
 _META = ('serial', 'operator', 'station')
@@ -132,6 +133,16 @@ def require_apart(args: argparse.Namespace) -> None:
 def _paths(args: argparse.Namespace, name: str) -> list[str]:
     found = getattr(args, name)
     return [] if found is None else [found] if isinstance(found, str) else list(found)
+
+
+def specification_of(text: str) -> 'NoiseModel':
+    """Return a datasheet: a file, or one that is shipped."""
+    from imu_allan.sensor.noise_model import load_model
+    from imu_allan.sensor.simulated_imu import find_model
+
+    # A pipe is no regular file, which is all that a model is looked for among.
+    given = Path(text)
+    return load_model(given if given.exists() else find_model(text))
 
 
 def add_inspection(parser: argparse.ArgumentParser) -> None:

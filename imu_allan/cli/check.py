@@ -14,6 +14,7 @@ from imu_allan.cli.arguments import (
     inspected,
     inspection_of,
     positive_number,
+    specification_of,
 )
 from imu_allan.cli.recording_options import (
     add_recording_options,
@@ -80,14 +81,10 @@ def register(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the verdicts, write what was asked for, and return the status that they call for."""
     from imu_allan.recordings import recordings_in
-    from imu_allan.sensor.noise_model import load_model
-    from imu_allan.sensor.simulated_imu import find_model
 
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
-    # A pipe is no regular file, which is all that a model is looked for among.
-    given = Path(args.spec)
-    specification = load_model(given if given.exists() else find_model(args.spec))
+    specification = specification_of(args.spec)
     sources = [str(path) for path in recordings_in(args.source)]
     if len(sources) > 1 and any((
             args.json, args.junit, args.certificate, inspection_of(args).get('serial'))):

@@ -8,7 +8,7 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import consumer, duration, factors, rate
+from imu_allan.cli.arguments import consumer, duration, factors, rate, specification_of
 from imu_allan.errors import ImuAllanError
 from imu_allan.writers.atomic import CONFIGURATION
 from imu_allan.writers.consumers import consumers_by_family
@@ -97,13 +97,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _of_datasheet(args: argparse.Namespace) -> 'Result':
     """Return the numbers of a datasheet as a result, from which nothing can be tuned."""
-    from imu_allan.sensor.noise_model import load_model
-    from imu_allan.sensor.simulated_imu import find_model
     from imu_allan.writers.filters.from_datasheet import result_of_datasheet
 
-    given = Path(args.spec)
-    specification = load_model(given if given.exists() else find_model(args.spec))
-    return result_of_datasheet(specification, args.spec, args.rate)
+    return result_of_datasheet(specification_of(args.spec), args.spec, args.rate)
 
 
 def _configuration(result: 'Result', args: argparse.Namespace) -> str:

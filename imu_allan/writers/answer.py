@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import pi
 
+from imu_allan import wording
 from imu_allan.characterization.mean import error_of_mean
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.chi_square import NORMAL95
@@ -19,16 +20,6 @@ from imu_allan.result import AxisResult, Coefficient, Interval, Result
 from imu_allan.sensor.units import convert
 from imu_allan.tuning.forecast import predicted_drift
 from imu_allan.tuning.tune import FilterTuning, tune
-from imu_allan.wording import (
-    about,
-    duration,
-    listed,
-    measured,
-    named,
-    number,
-    rounded,
-    SENSORS,
-)
 
 AIDING_S = 0.1
 """A camera or a wheel of 10 Hz corrects the filter."""
@@ -136,14 +127,14 @@ def answers(result: Result) -> list[Answer]:
 
     """
     found, rest_s = [], result.timeline.rest_s
-    for sensor, title in SENSORS.items():
+    for sensor, title in wording.SENSORS.items():
         axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
         if axes:
             noise, drift = (_figure(axes, key, rest_s)
                             for key in ('noise_density', 'rate_random_walk'))
             word = _overall(axes, noise)
             if rest_s < SHORTEST_GOOD_S and word in GOOD:
-                word = f'{TOO_SHORT}, {duration(rest_s)} at rest'
+                word = f'{TOO_SHORT}, {wording.duration(rest_s)} at rest'
             found.append(Answer(sensor, title, word, noise, drift,
                                 _tuned(axes), *_forecast(sensor, axes), any(
                                     axis.drift_model.to_s * (1 + 1e-6) < COAST_S
@@ -180,7 +171,8 @@ def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
     faults = [axis.fault for axis in axes.values()]
     if any(faults) and words != {CONSTANT}:
         return ', '.join(
-            listed([name[-1] for name, axis in axes.items() if axis.fault == fault]) + f' {fault}'
+            wording.listed([name[-1] for name, axis in axes.items() if axis.fault == fault])
+            + f' {fault}'
             for fault in dict.fromkeys(faults) if fault is not None)
     if words == {CONSTANT} or noise is None:
         return CONSTANT if words == {CONSTANT} else UNKNOWN
@@ -244,9 +236,9 @@ def _forecast(sensor: str, axes: Mapping[str, AxisResult]) -> tuple[str, str]:
 def _with_unit(value: float, interval: Interval, units: tuple[tuple[str, float], ...]
                ) -> tuple[str, str]:
     """Write a standard deviation in the largest unit in which it is one at least, two digits."""
-    unit, factor = next((pair for pair in units if float(number(value * pair[1], 2)) >= 1),
+    unit, factor = next((pair for pair in units if float(wording.number(value * pair[1], 2)) >= 1),
                         units[-1])
-    text, low, high = (rounded(factor * v, 2) for v in (value, *interval))
+    text, low, high = (wording.rounded(factor * v, 2) for v in (value, *interval))
     known = interval[1] <= _VAGUE**2 * interval[0]
     return f'{text} {unit}', f'{low} .. {high} {unit}' if known else ''
 
@@ -261,11 +253,14 @@ def outlook_of(result: Result) -> str:
             if coefficient.observable_in_s:
                 waiting.setdefault(coefficient.symbol, []).append(
                     (coefficient.observable_in_s, name))
-    parts = [f'all intervals half as wide after another {about(max(halves))}'] if halves else []
+    parts = []
+    if halves:
+        parts.append(f'all intervals half as wide after another {wording.about(max(halves))}')
     if waiting:
         first = {symbol: min(times) for symbol, times in waiting.items()}
-        parts.append(listed([f'{symbol} of {named([name])} after {about(wait)}'
-                             for symbol, (wait, name) in first.items()]) + ' at the earliest')
+        parts.append(wording.listed([
+            f'{symbol} of {wording.named([name])} after {wording.about(wait)}'
+            for symbol, (wait, name) in first.items()]) + ' at the earliest')
     return f'Recording on: {"; ".join(parts)}.' if parts else ''
 
 
@@ -291,5 +286,5 @@ def written_mean(axis: AxisResult, mean: float, duration_s: float, unit: str
 
     """
     half = NORMAL95 * error_of_mean(axis, duration_s)
-    return measured(*(convert(value, axis.unit, unit)
-                      for value in (mean, mean - half, mean + half)))
+    return wording.measured(*(convert(value, axis.unit, unit)
+                              for value in (mean, mean - half, mean + half)))

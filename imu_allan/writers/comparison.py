@@ -20,16 +20,8 @@ from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import counted, duration, listed, SENSORS
+from imu_allan.writers import figure_style
 from imu_allan.writers.curves import limits_of, told
-from imu_allan.writers.figure_style import (
-    COLOURS,
-    DASHES,
-    empty_figure,
-    frame_allan,
-    plot_style,
-    Theme,
-    write_in_a_row,
-)
 from imu_allan.writers.panels import draw_curve
 
 if TYPE_CHECKING:
@@ -39,7 +31,7 @@ if TYPE_CHECKING:
 _LONGEST_NAME = 14
 """Characters of a name in the table: no row is wrapped at 80 columns."""
 MARKERS = 'os^Dv*Ph'
-_DASHES = tuple(DASHES.values())
+_DASHES = tuple(figure_style.DASHES.values())
 
 
 @dataclass(frozen=True)
@@ -233,7 +225,8 @@ def shown(coefficient: Coefficient) -> str:
     return (told(coefficient) or ('not observable',))[0]
 
 
-def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 'Figure':
+def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme = 'light'
+                      ) -> 'Figure':
     """
     Draw the Allan deviation of every result, a panel for each axis.
 
@@ -253,8 +246,8 @@ def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 
     sensors = [sensor for sensor in ('gyro', 'accel')
                if any(axis.startswith(sensor) for axis in axes)]
     colours = result_colours(len(results), theme)
-    with plot_style(theme):
-        figure = empty_figure(15.0, 1.6 + 4.6 * max(1, len(sensors)))
+    with figure_style.plot_style(theme):
+        figure = figure_style.empty_figure(15.0, 1.6 + 4.6 * max(1, len(sensors)))
         head = 1.35 / figure.get_figheight()
         grid = figure.add_gridspec(max(1, len(sensors)), 3, left=0.062, right=0.938,
                                    bottom=0.55 / figure.get_figheight(), top=1 - head,
@@ -263,8 +256,8 @@ def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 
         heading.axis('off')
         figure.text(0.02, 1 - 0.3 / figure.get_figheight(), 'Allan deviation compared',
                     fontsize=13, fontweight='bold', va='center')
-        write_in_a_row(heading, [
-            (f'{_sign(place)} {shorten(printable(name), 60)} '
+        figure_style.write_in_a_row(heading, [
+            (f'{"●■▲◆▼★✚⬢"[place % len(MARKERS)]} {shorten(printable(name), 60)} '
              f'({duration(result.timeline.duration_s)})', colours[place])
             for place, (name, result) in enumerate(results.items())])
         for row, sensor in enumerate(sensors):
@@ -273,8 +266,8 @@ def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 
                                 for axis in shown_axes if axis in result.axes])
             for column, axis in enumerate(shown_axes):
                 panel = figure.add_subplot(grid[row, column])
-                frame_allan(panel, sensor, limits, left=column == 0,
-                            right=column == len(shown_axes) - 1)
+                figure_style.frame_allan(panel, sensor, limits, left=column == 0,
+                                         right=column == len(shown_axes) - 1)
                 panel.set_title(axis.replace('_', ' '), loc='left')
                 for place, result in enumerate(results.values()):
                     if axis in result.axes:
@@ -284,7 +277,7 @@ def comparison_figure(results: Mapping[str, Result], theme: Theme = 'light') -> 
         return figure
 
 
-def result_colours(count: int, theme: Theme = 'light') -> list[str]:
+def result_colours(count: int, theme: figure_style.Theme = 'light') -> list[str]:
     """
     Return a colour for each of `count` results, told apart in colour-blind vision.
 
@@ -296,7 +289,7 @@ def result_colours(count: int, theme: Theme = 'light') -> list[str]:
         Of the paper.
 
     """
-    named = COLOURS[theme]
+    named = figure_style.COLOURS[theme]
     palette = [named['z'], named['x'], named['y'],
                *(('#cc79a7', '#b8860b', '#56b4e9', '#6b6b6b') if theme == 'light'
                  else ('#e39ac4', '#f0e442', '#9fd0f0', '#b0b0b0'))]
@@ -312,7 +305,3 @@ def _difference(a: Coefficient, b: Coefficient) -> tuple[float | None, float | N
     else:
         half = hypot(a.value - a.ci95[0], b.ci95[1] - b.value)
     return ratio, (b.value - a.value) / half if half > 0 else None
-
-
-def _sign(place: int) -> str:
-    return '●■▲◆▼★✚⬢'[place % len(MARKERS)]

@@ -16,20 +16,7 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Signal, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
 from imu_allan.wording import duration
-from imu_allan.writers.curves import (
-    beside_terms,
-    coefficients_of,
-    few_degrees,
-    in_bands,
-    marked,
-    model_curve,
-    model_density,
-    reading_point,
-    shortest_fitted_s,
-    time_unit,
-    wander,
-    written,
-)
+from imu_allan.writers import curves
 from imu_allan.writers.figure_style import COLOURS, MARKERS, Theme, write_in_a_row
 from imu_allan.writers.svg import best_place, Box, FONT, LETTER
 import numpy as np
@@ -82,7 +69,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         return
     fine, model = np.array(curve.tau_s), np.array(curve.model_adev)
     if timeline is not None:
-        drawn = model_curve(axis, timeline)
+        drawn = curves.model_curve(axis, timeline)
         # Short dashes: those of the models of three axes are longer.
         panel.plot(drawn.tau, drawn.bound, color=colour, linewidth=0.9, linestyle=(0, (2, 2)),
                    zorder=2.8)
@@ -96,10 +83,10 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
         low, high = np.array(curve.ci95).T
         panel.fill_between(tau[seen], np.maximum(low, adev * 1e-3)[seen], high[seen],
                            color=colour, alpha=0.17, linewidth=0, zorder=2)
-    fitted = (model > 0) & (fine >= shortest_fitted_s(axis))
+    fitted = (model > 0) & (fine >= curves.shortest_fitted_s(axis))
     panel.plot(fine[fitted], model[fitted], color=colour, linewidth=1.3, linestyle=dashes,
                zorder=3)
-    few = np.array(few_degrees(axis))
+    few = np.array(curves.few_degrees(axis))
     for chosen, face in ((seen & ~few, colour), (seen & few, panel.get_facecolor())):
         panel.plot(tau[chosen], adev[chosen], marker, color=colour, markersize=4.4, zorder=4,
                    markerfacecolor=face, markeredgewidth=0.8,
@@ -133,11 +120,11 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
     if not curve.tau_s:
         return
     tau = np.geomspace(curve.tau_s[0], curve.tau_s[-1], 121)
-    shown = coefficients_of(axis) if truth is None else dict(truth)
+    shown = curves.coefficients_of(axis) if truth is None else dict(truth)
     low, high = panel.get_ylim()
     panel.set_xlim(*panel.get_xlim())
     taken: list[Box] = []
-    for other in beside_terms(axis, tau) if truth is None else ():
+    for other in curves.beside_terms(axis, tau) if truth is None else ():
         _draw_beside(panel, axis, tau, other, taken, theme)
     for key, value in shown.items():
         term = TERMS[key]
@@ -147,8 +134,8 @@ def draw_terms(panel: 'Axes', axis: AxisResult, theme: Theme = 'light',
             continue
         panel.plot(tau[inside], line[inside], color=COLOURS[theme]['soft'], linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
-        lines = [f'{term.symbol} = {written(axis.coefficients[key], abs(value))}']
-        at = reading_point(term, axis, tau, truth)
+        lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}']
+        at = curves.reading_point(term, axis, tau, truth)
         height = float(term.adev(value, at))
         slope = f'slope {_SLOPES[term.slope]}'
         ringed = tau[0] <= at <= tau[-1] and low < height < high
@@ -236,19 +223,19 @@ def draw_density(panel: 'Axes', axis: AxisResult, timeline: Timeline, colour: st
         panel.text(0.99, 0.02, 'shaded: not fitted', transform=panel.transAxes, ha='right',
                    va='bottom', fontsize=7, color=COLOURS[theme]['soft'])
     if axis.spectrum is not None:
-        frequency, power = in_bands(axis.spectrum)
+        frequency, power = curves.in_bands(axis.spectrum)
         seen = power > 0
         panel.plot(frequency[seen], power[seen], color=colour, linewidth=1.0, alpha=0.75,
                    drawstyle='steps-mid', zorder=2)
     frequency = np.geomspace(min(1 / timeline.duration_s, rate / 4), rate / 2, 300)
-    model = model_density(axis, frequency, rate)
+    model = curves.model_density(axis, frequency, rate)
     fitted = model > 0
     panel.plot(frequency[fitted], model[fitted],
                color=COLOURS[theme]['ink'] if axis.spectrum is not None else colour,
                linewidth=1.3, zorder=3)
     soft = COLOURS[theme]['soft']
-    for key, value in coefficients_of(axis).items():
-        own = model_density(axis, frequency, rate, {key: value})
+    for key, value in curves.coefficients_of(axis).items():
+        own = curves.model_density(axis, frequency, rate, {key: value})
         inside = own > model[fitted].min(initial=inf) * 0.3
         panel.plot(frequency[inside], own[inside], color=soft, linewidth=0.9,
                    linestyle=_DASHES[key], zorder=2.5)
@@ -285,7 +272,7 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
 
     """
     colours, timeline = COLOURS[theme], result.timeline
-    scale, unit = time_unit(timeline.duration_s)
+    scale, unit = curves.time_unit(timeline.duration_s)
     length = max(timeline.duration_s, 1e-9) / scale
     panel.set_xlim(0, length)
     panel.set_xlabel(f'time [{unit}]', labelpad=1)
@@ -295,14 +282,14 @@ def draw_signal(panel: 'Axes', axes: Mapping[str, AxisResult], result: Result,
             width = max(span.duration_s / scale, length * 1.5e-3)
             panel.axvspan(span.start_s / scale, span.start_s / scale + width, color=colour,
                           linewidth=0)
-    moved = {name: wander(axis) for name, axis in axes.items()}
+    moved = {name: curves.wander(axis) for name, axis in axes.items()}
     if any(len(time) for time, _ in moved.values()):
         quantity = AXES[next(iter(axes))].unit
         shown = MEAN_UNITS[quantity]
         for place, (name, (time, mean)) in enumerate(moved.items()):
             panel.plot(time / scale, mean * convert(1.0, quantity, shown), linewidth=0.8,
                        color=colours[name[-1]])
-            at = marked(mean, place)
+            at = curves.marked(mean, place)
             panel.plot(time[at] / scale, mean[at] * convert(1.0, quantity, shown),
                        MARKERS[name[-1]], color=colours[name[-1]], markersize=4.6, zorder=3,
                        markeredgewidth=0.6, markeredgecolor=colours['paper'])

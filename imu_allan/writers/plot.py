@@ -11,26 +11,12 @@ import io
 from typing import TYPE_CHECKING
 import warnings
 
+from imu_allan import wording
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import (
-    amount_of,
-    named,
-    names_of,
-    origin_of,
-    SENSORS,
-)
-from imu_allan.writers.curves import (
-    axes_of,
-    beyond,
-    density_limits,
-    law_instead,
-    limits_of,
-    sensors_of,
-    told,
-)
+from imu_allan.writers import curves
 from imu_allan.writers.figure_style import (
     COLOURS,
     DASHES,
@@ -97,14 +83,14 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
 
     """
     with plot_style(theme):
-        sensors = sensors_of(result)
+        sensors = curves.sensors_of(result)
         halves = max(1, len(sensors))
         live = [sensor for sensor in sensors
-                if any(any(axis.curve.adev) for axis in axes_of(result, sensor).values())]
+                if any(any(axis.curve.adev) for axis in curves.axes_of(result, sensor).values())]
         figure = empty_figure(6.0 * halves if halves > 1 else 7.0, 8.0 if live else 1.7)
         _write_heading(figure, result, theme)
         for column, sensor in enumerate(sensors):
-            axes = axes_of(result, sensor)
+            axes = curves.axes_of(result, sensor)
             left, width = column / halves, 1 / halves
             if sensor not in live:
                 _write_why(figure, left + 0.04 * width, sensor, axes, theme)
@@ -112,7 +98,7 @@ def overview_figure(result: Result, theme: Theme = 'light') -> 'Figure':
             _draw_table(figure.add_axes((left + 0.04 * width, 0.745, 0.92 * width, 0.14)),
                         sensor, axes, theme)
             panel = figure.add_axes((left + 0.135 * width, 0.27, 0.735 * width, 0.465))
-            frame_allan(panel, sensor, limits_of(axes.values()))
+            frame_allan(panel, sensor, curves.limits_of(axes.values()))
             for name, axis in axes.items():
                 if any(axis.curve.adev):
                     draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
@@ -155,15 +141,15 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
         If the result has no axis of `sensor`.
 
     """
-    axes = axes_of(result, sensor)
+    axes = curves.axes_of(result, sensor)
     if not axes:
         raise ImuAllanError(f'the result has no axis of the sensor {sensor!r}')
     with plot_style(theme):
         figure = empty_figure(5.2 * len(axes) + 0.6, 11.2)
         grid = figure.add_gridspec(2, len(axes), height_ratios=(5.4, 3.6), left=0.062,
                                    right=0.935, top=0.895, bottom=0.215, wspace=0.09, hspace=0.2)
-        _write_heading(figure, result, theme, SENSORS[sensor])
-        limits = limits_of(axes.values(), rings=True)
+        _write_heading(figure, result, theme, wording.SENSORS[sensor])
+        limits = curves.limits_of(axes.values(), rings=True)
         first: list[Axes | None] = [None, None]
         for column, (name, axis) in enumerate(axes.items()):
             colour, marker = COLOURS[theme][name[-1]], MARKERS[name[-1]]
@@ -175,7 +161,8 @@ def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figur
             allan.set_title(f'{name[-1]} axis', color=colour, loc='left')
             density = figure.add_subplot(grid[1, column], sharey=first[1])
             draw_density(density, axis, result.timeline, colour, theme)
-            frame_density(density, sensor, density_limits(axes.values(), result.timeline), **ends)
+            frame_density(density, sensor,
+                          curves.density_limits(axes.values(), result.timeline), **ends)
             first = [first[0] or allan, first[1] or density]
         draw_signal(figure.add_axes((0.062, 0.05, 0.873, 0.085)), axes, result, theme)
         return figure
@@ -206,8 +193,8 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
         If no axis has an Allan deviation above zero.
 
     """
-    drawn = {sensor: {name: axis for name, axis in axes_of(result, sensor).items()
-                      if any(axis.curve.adev)} for sensor in sensors_of(result)}
+    drawn = {sensor: {name: axis for name, axis in curves.axes_of(result, sensor).items()
+                      if any(axis.curve.adev)} for sensor in curves.sensors_of(result)}
     drawn = {sensor: axes for sensor, axes in drawn.items() if axes}
     if not drawn:
         raise ImuAllanError('no axis of the result has an Allan deviation above zero to draw')
@@ -221,12 +208,12 @@ def paper_figure(result: Result, width_cm: float, theme: Theme = 'light') -> 'Fi
             left, bottom = (place % beside) * column, 1 - (place // beside + 1) * row
             panel = figure.add_axes((left + 0.6 / width, bottom + 0.42 / height,
                                      column - 1.14 / width, row - 0.68 / height))
-            frame_allan(panel, sensor, limits_of(axes.values()))
+            frame_allan(panel, sensor, curves.limits_of(axes.values()))
             for name, axis in axes.items():
                 draw_curve(panel, axis, COLOURS[theme][name[-1]], MARKERS[name[-1]],
                            result.timeline, DASHES[name[-1]])
             label_ends(panel, axes, theme)
-            panel.set_title(SENSORS[sensor], loc='left')
+            panel.set_title(wording.SENSORS[sensor], loc='left')
         return figure
 
 
@@ -261,12 +248,13 @@ def _write_why(figure: 'Figure', left: float, sensor: str, axes: Mapping[str, Ax
                theme: Theme) -> None:
     """Say in the place of the pictures of a sensor why there are none."""
     top = figure.get_figheight()
-    figure.text(left, 1 - 1.05 / top, SENSORS[sensor], fontsize=11, fontweight='bold', va='center')
+    figure.text(left, 1 - 1.05 / top, wording.SENSORS[sensor], fontsize=11, fontweight='bold',
+                va='center')
     reasons = {'every sample is the same, there is no noise to draw':
                [name for name, axis in axes.items() if axis.constant],
                'too few samples': [name for name, axis in axes.items() if not axis.curve.adev]}
     figure.text(left, 1 - 1.35 / top, '; '.join(
-        f'{named(names)}: {reason}' for reason, names in reasons.items() if names),
+        f'{wording.named(names)}: {reason}' for reason, names in reasons.items() if names),
         color=COLOURS[theme]['soft'], va='center')
 
 
@@ -276,9 +264,10 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
     panel.axis('off')
     panel.set_xlim(0, 1)
     panel.set_ylim(0, 4.3)
-    panel.text(0, 4.1, SENSORS[sensor], fontsize=11, fontweight='bold', color=ink, va='center')
+    panel.text(0, 4.1, wording.SENSORS[sensor], fontsize=11, fontweight='bold', color=ink,
+               va='center')
     terms = [term for key, term in TERMS.items()
-             if any(axis.coefficients[key].observable or law_instead(axis, key)
+             if any(axis.coefficients[key].observable or curves.law_instead(axis, key)
                     for axis in axes.values())]
     # Where nothing shows, the bounds of what is asked for first.
     terms = terms or [TERMS[key] for key in LASTING_TERMS]
@@ -294,14 +283,14 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                 if not column:
                     panel.text(0.08, height, 'constant: every sample is the same', fontsize=7,
                                va='center', color=soft)
-            elif len(said := told(coefficient)) == 3:
+            elif len(said := curves.told(coefficient)) == 3:
                 panel.text(right - 0.178, height, said[0], ha='right', va='center', fontsize=9.5,
                            color=ink)
                 panel.text(right, height, ' – '.join(said[1:]), ha='right', va='center',
                            fontsize=6.5, color=soft)
             else:
                 panel.text(right, height, ', '.join([
-                    law_instead(axis, term.key) or 'not observable', *said]), ha='right',
+                    curves.law_instead(axis, term.key) or 'not observable', *said]), ha='right',
                     va='center', fontsize=7, color=soft)
     for row, name in enumerate(axes):
         colour = COLOURS[theme][name[-1]]
@@ -311,16 +300,17 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
 
 
 def _write_heading(figure: 'Figure', result: Result, theme: Theme, what: str = '') -> None:
-    title = '   '.join(shorten(name, 60) for name in names_of(result))
-    facts = [amount_of(result.timeline), *(shorten(fact, 40) for fact in origin_of(result)),
+    title = '   '.join(shorten(name, 60) for name in wording.names_of(result))
+    facts = [wording.amount_of(result.timeline),
+             *(shorten(fact, 40) for fact in wording.origin_of(result)),
              f'imu_allan {shorten(printable(result.imu_allan_version), 20)}']
     key = ('points: measured, hollow where fewer than 3 degrees of freedom;  line: what is '
            'reported, shaded where 95 % of the points should fall;  short dashes: at most')
     if what:
         title = f'{what}   {title}'
         key += ';  dashed: its terms;  ring: where the coefficient is read'
-    sensors = [axes_of(result, sensor).values() for sensor in sensors_of(result)]
-    if any(beyond(axes, limits_of(axes, rings=bool(what))) for axes in sensors):
+    sensors = [curves.axes_of(result, sensor).values() for sensor in curves.sensors_of(result)]
+    if any(curves.beyond(axes, curves.limits_of(axes, rings=bool(what))) for axes in sensors):
         key += ';  arrow: a point beyond'
     top = figure.get_figheight()
     for text, below, size, colour, weight in (

@@ -15,26 +15,14 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from importlib.resources import files
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from imu_allan import wording
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Segment, Span
 from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
 from imu_allan.version import __version__
-from imu_allan.wording import (
-    amount_of,
-    counted,
-    duration,
-    faults_of,
-    measured,
-    named,
-    names_of,
-    number,
-    origin_of,
-    SENSORS,
-    spoken,
-)
 from imu_allan.writers.answer import (
     AIDING_S,
     Answer,
@@ -47,23 +35,16 @@ from imu_allan.writers.answer import (
     UNCERTAIN,
     written_mean,
 )
-from imu_allan.writers.charts import (
-    allan_chart,
-    Chart,
-    comparison_chart,
-    density_chart,
-    drift_chart,
-    segment_chart,
-    signal_chart,
-)
+from imu_allan.writers.charts.allan import allan_chart, comparison_chart
+from imu_allan.writers.charts.chart import Chart
+from imu_allan.writers.charts.drift import drift_chart
+from imu_allan.writers.charts.over_time import segment_chart, signal_chart
+from imu_allan.writers.charts.spectrum import density_chart
 from imu_allan.writers.comparison import compare, Difference, shown, verdicts
 from imu_allan.writers.curves import axes_of, sensors_of, told
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.verdict import findings_line, verdict_lines
 from imu_allan.writers.words import message_of, presented, title_of
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 _UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
 """What follows a number in a sentence: a unit, or a word that `typeset` leaves as it is."""
@@ -89,7 +70,7 @@ def report_html(result: Result) -> str:
                 'text': _typeset(message_of(one))} for one in presented(result.warnings)]
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
     return _page(
-        'report.html.j2', title=' '.join(names_of(result)), names=names_of(result),
+        'report.html.j2', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
         verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
         cards=[_card(answer) for answer in found], remarks=remarks,
@@ -98,14 +79,15 @@ def report_html(result: Result) -> str:
             answer.sensor, axes_of(result, answer.sensor), result.timeline)] if chart is not None],
         charts=[chart for kind in zip(*(_charts(result, answer) for answer in found), strict=True)
                 for chart in kind if chart is not None],
-        rest=duration(result.timeline.rest_s),
-        constant=named(constant) if constant else '',
+        rest=wording.duration(result.timeline.rest_s),
+        constant=wording.named(constant) if constant else '',
         tables=[_table(result, sensor) for sensor in sensors_of(result)],
         outlook=outlook_of(result),
         tunings=[row for answer in found for row in _tunings(result, answer)],
         segments=[table for sensor in sensors_of(result)
                   for table in [_segments(axes_of(result, sensor))] if table is not None],
-        aiding=f'{AIDING_S:g} s', coast=duration(COAST_S), calibration=duration(CALIBRATION_S),
+        aiding=f'{AIDING_S:g} s', coast=wording.duration(COAST_S),
+        calibration=wording.duration(CALIBRATION_S),
         uncertain=UNCERTAIN, gaps=_spans(result.timeline.gaps),
         motion=_spans(result.timeline.motion), configs=_configs(result), fits=_fits(result))
 
@@ -135,7 +117,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
     charts = [chart for axis in AXES
               for chart in [comparison_chart(named_results, axis)] if chart is not None]
     summaries = [
-        {'name': name, 'place': place, 'source': ' '.join(names_of(result)),
+        {'name': name, 'place': place, 'source': ' '.join(wording.names_of(result)),
          'facts': _facts(result)}
         for place, (name, result) in enumerate(named_results.items())]
     return _page('comparison.html.j2', verdicts=verdicts(differences), charts=charts,
@@ -144,31 +126,25 @@ def comparison_html(results: Mapping[str, Result]) -> str:
 
 
 def _page(template: str, **context: Any) -> str:
+    from jinja2 import DictLoader, Environment, StrictUndefined
     from markupsafe import Markup
 
-    program = _text('report.js')
-    digest = b64encode(sha256(program.encode()).digest()).decode()
-    return _environment().get_template(template).render(
-        style=Markup(_text('report.css')), program=Markup(program), hashes=f"'sha256-{digest}'",
-        **context)
-
-
-def _environment() -> 'Environment':
-    from jinja2 import DictLoader, Environment, StrictUndefined
-
-    names = ('page.html.j2', 'report.html.j2', 'comparison.html.j2')
-    return Environment(loader=DictLoader({name: _text(name) for name in names}), autoescape=True,
-                       undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-
-
-def _text(name: str) -> str:
+    folder = files('imu_allan.writers') / 'templates'
+    texts = {name: (folder / f'{name}.j2').read_text(encoding='utf-8') for name in (
+        'page.html', 'report.html', 'comparison.html', 'report.css', 'report.js')}
     # Style and program are not templates; the name says only that they are parts of one.
-    stored = name if name.endswith('.j2') else f'{name}.j2'
-    return (files('imu_allan.writers') / 'templates' / stored).read_text(encoding='utf-8')
+    style, program = texts['report.css'], texts['report.js']
+    digest = b64encode(sha256(program.encode()).digest()).decode()
+    environment = Environment(
+        loader=DictLoader({f'{name}.j2': text for name, text in texts.items()}), autoescape=True,
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template(template).render(
+        style=Markup(style), program=Markup(program), hashes=f"'sha256-{digest}'", **context)
 
 
 def _facts(result: Result) -> list[str]:
-    return [amount_of(result.timeline), *origin_of(result), *faults_of(result.timeline)]
+    return [wording.amount_of(result.timeline), *wording.origin_of(result),
+            *wording.faults_of(result.timeline)]
 
 
 def _typeset(sentence: str) -> str:
@@ -227,7 +203,7 @@ def _table(result: Result, sensor: str) -> dict[str, Any]:
     means = [None if axis.mean is None else tuple(
         written_mean(axis, axis.mean, result.timeline.rest_s, shown)[0]
         for shown in (unit, axis.unit)) for axis in axes.values()]
-    return {'title': SENSORS[sensor], 'axes': [name[-1] for name in axes], 'rows': rows,
+    return {'title': wording.SENSORS[sensor], 'axes': [name[-1] for name in axes], 'rows': rows,
             'means': means if any(means) else [], 'mean_unit': typeset(unit),
             'mean_si_unit': typeset(quantity.unit), 'dead': dead}
 
@@ -250,14 +226,14 @@ def _tunings(result: Result, answer: Answer) -> list[dict[str, str]]:
         coefficients = result.axes[name].coefficients
         backtest = result.axes[name].backtest
         rows.append({
-            'axis': spoken(name),
+            'axis': wording.spoken(name),
             'noise': f'{tuning.noise_density:#.3g}',
             'noise_unit': typeset(coefficients['noise_density'].unit),
             'walk': '' if tuning.random_walk is None else f'{tuning.random_walk:#.3g}',
             'walk_unit': typeset(coefficients['rate_random_walk'].unit),
             'nis': f'{tuning.nis:.2f}', 'coast': f'{tuning.coast_ratio:.2f}',
             'tested': '' if backtest is None or not backtest.innovations else ', '.join(
-                f'{row.nis:.2f} at {duration(row.interval_s)}'
+                f'{row.nis:.2f} at {wording.duration(row.interval_s)}'
                 for row in backtest.innovations[:3])})
     return rows
 
@@ -278,19 +254,20 @@ def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
             mean, *bounds = written_mean(axes[name], segment.mean, segment.duration_s, mean_unit)
             if segment.noise_density is not None and segment.ci95 is not None:
                 spread = ' – '.join(bounds)
-                density, *bounds = measured(*(engineering(v, n_unit)[0] for v in (
+                density, *bounds = wording.measured(*(engineering(v, n_unit)[0] for v in (
                     segment.noise_density, *segment.ci95)))
                 interval = ' – '.join(bounds)
             if segment.drift_sigma is not None:
                 drift, around = _drift_of(segment, axis.unit)
             rows.append({
-                'axis': spoken(name) if not place else '', 'start': duration(segment.start_s),
+                'axis': wording.spoken(name) if not place else '',
+                'start': wording.duration(segment.start_s),
                 'mean': mean, 'spread': spread, 'density': density, 'interval': interval,
                 'drift': drift, 'around': around})
     # Without the p-value: in a long record a change far too small to matter is significant.
-    verdicts = [f'{spoken(name)} {"steady" if s.steady else "not steady"}'
+    verdicts = [f'{wording.spoken(name)} {"steady" if s.steady else "not steady"}'
                 for name, s in known.items()]
-    return {'title': SENSORS[next(iter(known)).partition('_')[0]], 'rows': rows,
+    return {'title': wording.SENSORS[next(iter(known)).partition('_')[0]], 'rows': rows,
             'verdict': ', '.join(verdicts), 'mean_unit': typeset(mean_unit),
             'unit': typeset(engineering(1.0, n_unit)[1]),
             'drift_unit': typeset(engineering(1.0, axis.unit)[1])}
@@ -300,18 +277,18 @@ def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
     """Say the level of the drift in a segment and its interval, or that none shows."""
     level = engineering(segment.drift_sigma or 0.0, unit)[0]
     if segment.drift_ci95 is None:
-        return number(level, 3), ''
+        return wording.number(level, 3), ''
     low, high = (engineering(value, unit)[0] for value in segment.drift_ci95)
     if low == 0:
-        return f'< {number(high, 2)}', ''
-    value, *bounds = measured(level, low, high)
+        return f'< {wording.number(high, 2)}', ''
+    value, *bounds = wording.measured(level, low, high)
     return value, ' – '.join(bounds)
 
 
 def _spans(spans: Sequence[Span]) -> dict[str, Any]:
     # Rows: more nobody reads, and the page only grows; the result file has a thousand.
-    return {'count': len(spans), 'total': duration(sum(span.duration_s for span in spans)),
-            'rows': [(duration(span.start_s), duration(span.duration_s))
+    return {'count': len(spans), 'total': wording.duration(sum(span.duration_s for span in spans)),
+            'rows': [(wording.duration(span.start_s), wording.duration(span.duration_s))
                      for span in spans[:500]]}
 
 
@@ -336,18 +313,18 @@ def _fits(result: Result) -> list[dict[str, str]]:
         if axis.constant:
             continue
         rows.append({
-            'axis': spoken(name),
+            'axis': wording.spoken(name),
             'p': '' if fit.p_value is None else f'{fit.p_value:.3g}',
             'misfit': '' if fit.worst_relative_misfit is None
             else f'{100 * fit.worst_relative_misfit:.2g} %',
             'acceptable': 'yes' if fit.acceptable else 'no',
-            'taus': counted(len(axis.curve.tau_s), 'octave')})
+            'taus': wording.counted(len(axis.curve.tau_s), 'octave')})
     return rows
 
 
 def _difference_row(difference: Difference) -> dict[str, Any]:
     z = difference.in_intervals
-    return {'axis': spoken(difference.axis), 'symbol': TERMS[difference.key].symbol,
+    return {'axis': wording.spoken(difference.axis), 'symbol': TERMS[difference.key].symbol,
             'unit': typeset(engineering(1.0, difference.unit)[1]),
             'reference': shown(difference.coefficients[0]),
             'other': printable(difference.other), 'value': shown(difference.coefficients[1]),

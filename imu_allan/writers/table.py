@@ -13,19 +13,13 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import TextIO, TYPE_CHECKING
 
+from imu_allan import wording
 from imu_allan.errors import printable
 from imu_allan.finding import Finding
 from imu_allan.noise.terms import AXES, LASTING_TERMS, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result
 from imu_allan.sensor.units import engineering, MEAN_UNITS
-from imu_allan.wording import (
-    amount_of,
-    duration,
-    faults_of,
-    named,
-    names_of,
-    number,
-)
+from imu_allan.wording import named
 from imu_allan.writers.answer import (
     AIDING_S,
     Answer,
@@ -144,8 +138,9 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
 def _heading(result: Result, width: int) -> 'list[Text]':
     """Say what was analyzed: names, then how much, and what is wrong with its times."""
     frame = [f'frame {printable(result.source.frame_id)}'] if result.source.frame_id else []
-    amount, faults = amount_of(result.timeline), ', '.join(faults_of(result.timeline))
-    names = '  '.join([*names_of(result), *frame])
+    amount = wording.amount_of(result.timeline)
+    faults = ', '.join(wording.faults_of(result.timeline))
+    names = '  '.join([*wording.names_of(result), *frame])
     amount = '; '.join(filter(None, (amount, faults)))
     style = 'yellow' if faults else 'default'
     # Up to this width, what was analyzed is one line.
@@ -260,7 +255,7 @@ def _columns(answer: Answer, rows: Sequence[_Row], layout: _Layout) -> 'list[Tex
         filters = {'N': max(tuning.noise_density for tuning in tunings),
                    'K': max(tuning.random_walk or 0.0 for tuning in tunings)}
         columns.append([Text('filter', 'bold'), *(
-            Text(number(float(f'{row.scale * filters[row.symbol]:.3g}'))
+            Text(wording.number(float(f'{row.scale * filters[row.symbol]:.3g}'))
                  if row.symbol in filters else '') for row in rows)])
     lines = [Text() for _ in range(sum(_height(cells) for cells in zip(*columns, strict=True)))]
     for place, column in enumerate(columns):
@@ -298,7 +293,8 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
     """Say what to give a filter, in SI, and how far off the sensor is without corrections."""
     lines = []
     if any(answer.tuned is not None for answer in found):
-        lines.append(f'For a filter corrected every {AIDING_S:g} s, up to {duration(COAST_S)} '
+        lines.append(f'For a filter corrected every {AIDING_S:g} s, up to '
+                     f'{wording.duration(COAST_S)} '
                      'unaided (else: imu_allan tune)')
     for answer in found:
         if (tuned := answer.tuned) is not None:
@@ -315,7 +311,7 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
               if answer.forecast}
     if len(set(drifts.values())) == 1:
         drifts = {'': next(iter(drifts.values()))}
-    head = f'Unaided drift after {duration(COAST_S)}:'
+    head = f'Unaided drift after {wording.duration(COAST_S)}:'
     for place, (sensor, text) in enumerate(drifts.items()):
         lines.append(f'{"" if place else head:<{len(head)}} '
                      f'{f"{sensor:<5} " if sensor else ""}{text}')
@@ -328,7 +324,7 @@ def _unaided(answer: Answer, rest_s: float) -> str:
         beyond = ', extrapolated' if answer.extrapolated else ''
         return f'{answer.forecast} rms ({low} to {high}){beyond}'
     if answer.extrapolated:
-        return f'not known from {duration(rest_s)}'
+        return f'not known from {wording.duration(rest_s)}'
     return f'{answer.forecast} rms, {UNCERTAIN}'
 
 

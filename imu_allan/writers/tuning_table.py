@@ -6,7 +6,7 @@ What a filter needs, as tables and words for the terminal, and as plain numbers 
 There are five ways to feed it; what its numbers are worth in another recording comes last.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -365,17 +365,9 @@ def tuning_document(result: Result, aiding_s: float, coast_s: float, bias: Bias,
     """Return what the tables show."""
     axes: dict[str, Any] = {}
     for name, axis in known_axes(result).items():
-        forecast = predicted_drift(axis, FORECAST_S, calibration_s)
         axes[name] = {'choices': [_plain(choice) for choice in
                                   choices(axis, aiding_s, coast_s, bias)],
-                      'forecast': {'calibration_s': forecast.calibration_s,
-                                   'horizons_s': list(forecast.horizons_s),
-                                   'integral': list(forecast.integral),
-                                   'integral_ci95': _lists(forecast.integral_ci95),
-                                   'position': forecast.position and list(forecast.position),
-                                   'position_ci95': forecast.position_ci95 and _lists(
-                                       forecast.position_ci95),
-                                   'known_to_s': forecast.known_to_s}}
+                      'forecast': asdict(predicted_drift(axis, FORECAST_S, calibration_s))}
     return {'schema': SCHEMA, 'aiding_interval_s': aiding_s, 'coast_s': coast_s, 'bias': bias,
             'axes': axes}
 
@@ -387,13 +379,9 @@ def _plain(choice: Choice) -> dict[str, Any]:
         tuning = choice.tuning
         line.update(noise_density=tuning.noise_density, random_walk=tuning.random_walk,
                     sigma=tuning.sigma, correlation_time_s=tuning.correlation_time_s,
-                    consistency=[list(row) for row in tuning.consistency],
+                    consistency=tuning.consistency,
                     known_from_s=tuning.known_from_s, known_to_s=tuning.known_to_s)
     return line
-
-
-def _lists(pairs: Iterable[tuple[float, float]]) -> list[list[float]]:
-    return [list(pair) for pair in pairs]
 
 
 def field_test_document(found: Mapping[str, FieldTest], against: Mapping[str, Verification],

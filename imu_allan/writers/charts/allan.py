@@ -14,17 +14,8 @@ from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import measured, SAMPLES, SENSORS, spoken
+from imu_allan.writers import curves
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of, worst_axis
-from imu_allan.writers.curves import (
-    beside_terms,
-    beyond,
-    coefficients_of,
-    few_degrees,
-    limits_of,
-    model_curve,
-    reading_point,
-    written,
-)
 from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
 import numpy as np
 
@@ -53,7 +44,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
         return None
     unit = AXES[next(iter(known))].unit
     factor, shown = engineering(1.0, unit)
-    low, high = limits_of(known.values(), rings=True)
+    low, high = curves.limits_of(known.values(), rings=True)
     ends = (min(axis.curve.tau_s[0] for axis in known.values()) / 1.5,
             max(axis.curve.tau_s[-1] for axis in known.values()) * 1.9)
 
@@ -64,7 +55,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
             inside.append(group(name[-1], f'detail axis-{name[-1]}',
                                 _expected(panel, axis, timeline, factor)))
         for name, axis in known.items():
-            tau, adev, bound = model_curve(axis, timeline)
+            tau, adev, bound = curves.model_curve(axis, timeline)
             inside.append(group(name[-1], f'axis-{name[-1]}', [
                 panel.line(tau, bound * factor, 'bound'),
                 panel.line(tau, adev * factor, 'curve model'),
@@ -81,7 +72,7 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                'Short dashes: with the largest term that may be hidden, at its bound. '
                'Shaded: where 95 % of the points should fall if the line is right. '
                'Ring: where the coefficient is read.')
-    if beyond(known.values(), (low, high)):
+    if curves.beyond(known.values(), (low, high)):
         caption += ' Arrow: a point beyond the axes.'
     return Chart(name, f'{SENSORS[sensor]}: Allan deviation', caption,
                  both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
@@ -102,7 +93,7 @@ def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[
 
 def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float) -> list[str]:
     """Return the area in which 95 % of the points should fall."""
-    tau, adev, _ = model_curve(axis, timeline)
+    tau, adev, _ = curves.model_curve(axis, timeline)
     if not len(tau) or not (adev > 0).any():
         return []
     dof = np.exp(np.interp(np.log(tau), np.log(axis.curve.tau_s),
@@ -123,7 +114,7 @@ def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, l
     seen = [value > 0 for value in curve.adev]
     return panel.points(np.array(curve.tau_s)[seen], np.array(curve.adev)[seen] * factor, shape,
                         [t for t, there in zip(titles, seen, strict=True) if there],
-                        [few for few, there in zip(few_degrees(axis), seen, strict=True)
+                        [few for few, there in zip(curves.few_degrees(axis), seen, strict=True)
                          if there])
 
 
@@ -133,21 +124,21 @@ def _term_labels(panel: Panel, axis: AxisResult, factor: float, timeline: Timeli
     parts: list[str] = []
     taken: list[Box] = []
     tau = np.geomspace(axis.curve.tau_s[0], axis.curve.tau_s[-1], 81)
-    smooth = model_curve(axis, timeline)[:2]
+    smooth = curves.model_curve(axis, timeline)[:2]
     avoid = np.vstack([panel.pixels(axis.curve.tau_s, np.array(axis.curve.adev) * factor),
                        panel.pixels(smooth[0], smooth[1] * factor)])
-    values = {key: value for key, value in coefficients_of(axis).items() if value}
+    values = {key: value for key, value in curves.coefficients_of(axis).items() if value}
     for key, value in values.items():
         parts.append(panel.line(tau, TERMS[key].adev(value, tau) * factor, 'term'))
     for key, value in values.items():
         term = TERMS[key]
-        at = reading_point(term, axis, tau)
+        at = curves.reading_point(term, axis, tau)
         name = term.name(AXES['gyro_x' if axis.unit == 'rad/s' else 'accel_x'])
-        lines = [f'{term.symbol} = {written(axis.coefficients[key], abs(value))}',
+        lines = [f'{term.symbol} = {curves.written(axis.coefficients[key], abs(value))}',
                  name if term.read_at else f'{name}, curve at {FLICKER_FLOOR:.3f} B']
         height = float(term.adev(value, at)) * factor
         parts.append(panel.label(at, height, lines[:1] if brief else lines, avoid, 'name', taken))
-    for line, place, words in beside_terms(axis, tau):
+    for line, place, words in curves.beside_terms(axis, tau):
         parts.append(panel.line(tau, line * factor, 'term'))
         parts.append(panel.label(tau[place], line[place] * factor, words[:1] if brief else words,
                                  avoid, 'name', taken, ring=False))
@@ -180,7 +171,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
     unit = AXES[axis].unit
     factor, shown = engineering(1.0, unit)
     found = [item for _, item, _ in known.values()]
-    low, high = limits_of(found)
+    low, high = curves.limits_of(found)
     ends = (min(item.curve.tau_s[0] for item in found) / 1.5,
             max(item.curve.tau_s[-1] for item in found) * 1.6)
 
@@ -188,7 +179,7 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
         panel = _framed(drawing, narrow, sensor, unit, ends, (low, high))
         inside = []
         for place, (name, item, timeline) in known.items():
-            tau, adev, _ = model_curve(item, timeline)
+            tau, adev, _ = curves.model_curve(item, timeline)
             seen = np.array(item.curve.adev) > 0
             bands = np.array(item.curve.ci95)[seen].T * factor
             kind = f'result-{int(place) % 7}'

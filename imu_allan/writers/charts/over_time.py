@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping
 
-from imu_allan.result import AxisResult, Result, Span, Timeline
+from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
 from imu_allan.wording import duration, measured, number, SENSORS
 from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, padded, shape_of
@@ -125,15 +125,11 @@ def _shade(panel: Panel, timeline: Timeline, scale: float,
         for span in spans[:400]:
             panel.parts.append(panel.span(
                 span.start_s / scale, (span.start_s + span.duration_s) / scale, kind,
-                _told(what, span)))
+                f'{what}: {duration(span.duration_s)} from {duration(span.start_s)} on'))
     steady = next((axis.stationarity for axis in axes.values()
                    if axis.stationarity is not None), None)
     for segment in steady.segments[1:] if steady else ():
         panel.parts.append(panel.upright(segment.start_s / scale, 'segment', 'next segment'))
-
-
-def _told(what: str, span: Span) -> str:
-    return f'{what}: {duration(span.duration_s)} from {duration(span.start_s)} on'
 
 
 def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
@@ -179,7 +175,7 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
         inside = []
         for place, (name, points) in enumerate(rows.items()):
             apart = (place - 1) * ends * 0.008
-            parts = [_whisker(panel, at / scale + apart, low, high)
+            parts = [panel.line([at / scale + apart] * 2, [low, high], 'whisker')
                      for at, _, low, high in points]
             parts.append(panel.points(
                 [p[0] / scale + apart for p in points], [p[1] for p in points], shape_of(name[-1]),
@@ -194,7 +190,3 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
                  '95 % interval.',
                  both(name, f'{SENSORS[sensor]}: noise density of each part', 260, draw, 260),
                  groups_of(known))
-
-
-def _whisker(panel: Panel, x: float, low: float, high: float) -> str:
-    return panel.line([x, x], [low, high], 'whisker')

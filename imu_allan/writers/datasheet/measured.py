@@ -157,46 +157,6 @@ def gravity_error(result: Result) -> Measured:
     return _largest(found)
 
 
-def band_limit(axis: AxisResult) -> Measured:
-    """Return the effective window of the low-pass; zero where the noise is flat to the end."""
-    if axis.high_passed_hz is not None:
-        return Measured(doubt=_FILTERED)
-    if axis.goodness_of_fit.p_value is None:
-        return Measured(doubt='too few samples')
-    return Measured(axis.band_limit_s or 0.0)
-
-
-def lines(axis: AxisResult) -> Measured:
-    """Return the amplitude of the strongest spectral line; zero where none was found."""
-    if axis.high_passed_hz is not None:
-        return Measured(doubt=_FILTERED)
-    if axis.goodness_of_fit.p_value is None:
-        return Measured(doubt='too few samples')
-    return Measured(max((tone.amplitude for tone in axis.tones), default=0.0))
-
-
-def temperature_drift(axis: AxisResult) -> Measured:
-    """Return the change of the mean per kelvin, a magnitude."""
-    if axis.high_passed_hz is not None:
-        return Measured(doubt=_FILTERED)
-    trend = axis.trend.temperature if axis.trend is not None else None
-    if trend is None:
-        return Measured(doubt='the result knows no dependence on temperature; record the '
-                              'temperature while it changes')
-    return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
-
-
-def turn_on_bias(result: Result, axis: str) -> Measured:
-    """Return the spread of the mean from one power-on to the next."""
-    if result.axes[axis].high_passed_hz is not None:
-        return Measured(doubt=_FILTERED)
-    spread = result.turn_on_bias.get(axis)
-    if spread is None:
-        return Measured(doubt='one power-on does not show it; analyze several recordings '
-                              'with --together')
-    return Measured(spread.sigma, spread.ci95)
-
-
 def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> Measured:
     """
     Return what was measured of one limited quantity.
@@ -220,14 +180,29 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     if key in TERMS:
         hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
         return coefficient(result.axes[axis], key) if hidden is None else Measured(doubt=hidden)
+    found = result.axes[axis]
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
     if key == 'gravity_error':
         return gravity_error(result)
+    if found.high_passed_hz is not None:
+        return Measured(doubt=_FILTERED)
     if key == 'turn_on_bias':
-        return turn_on_bias(result, axis)
-    return {'band_limit': band_limit, 'lines': lines,
-            'temperature_drift': temperature_drift}[key](result.axes[axis])
+        # The spread of the mean from one power-on to the next.
+        spread = result.turn_on_bias.get(axis)
+        return (Measured(spread.sigma, spread.ci95) if spread is not None else
+                Measured(doubt='one power-on does not show it; analyze several recordings '
+                               'with --together'))
+    if key == 'temperature_drift':
+        trend = found.trend.temperature if found.trend is not None else None
+        return (Measured(abs(trend.per_kelvin), _magnitude(trend.ci95)) if trend is not None else
+                Measured(doubt='the result knows no dependence on temperature; record the '
+                               'temperature while it changes'))
+    if found.goodness_of_fit.p_value is None:
+        return Measured(doubt='too few samples')
+    # Zero where the noise is flat to the end, or no spectral line was found.
+    return Measured(found.band_limit_s or 0.0 if key == 'band_limit' else
+                    max((tone.amplitude for tone in found.tones), default=0.0))
 
 
 def _starts(result: Result, names: Sequence[str]) -> list[tuple[list[float], list[float]]]:

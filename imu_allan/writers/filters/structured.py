@@ -50,7 +50,7 @@ def basalt(numbers: Numbers) -> str:
     values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
     remarks = numbers.provenance()
     names: _Named = {('accel', N): 'accel_noise_std', ('gyro', N): 'gyro_noise_std',
-                              ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
+                     ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
     for (sensor, key), name in names.items():
         found, said = each(numbers, sensor, key)
         remarks += [f'{name}: {remark}' for remark in said]
@@ -74,7 +74,7 @@ def rovio(numbers: Numbers) -> str:
              '; Part of rovio.info: put these lines in place of those of the same names.',
              'Prediction', '{', '    PredictionNoise', '    {']
     names: _Named = {('accel', N): 'vel', ('gyro', N): 'att', ('accel', K): 'acb',
-                              ('gyro', K): 'gyb'}
+                     ('gyro', K): 'gyb'}
     for (sensor, key), name in names.items():
         found, remarks = each(numbers, sensor, key, lambda value: value**2)
         lines += [f'        ; {name}: {key}^2 of x, y, z [({UNITS[sensor, key]})^2]',

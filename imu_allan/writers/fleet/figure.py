@@ -105,19 +105,15 @@ def _draw_curves(panel: 'Axes', axes: Mapping[str, AxisResult], colours: Mapping
         panel.plot(curve.tau_s, curve.adev, color=colour, linewidth=1.4, marker=marker,
                    markersize=3.6, zorder=5)
         ends[unit] = curve.tau_s[-1], curve.adev[-1]
+    low, high = np.log10(panel.get_ylim())
+    points_a_decade = float(72 * panel.bbox.height / panel.figure.dpi / (high - low))
     # Points from one name to the next, that they do not lie on one another.
-    heights = _apart([adev for _, adev in ends.values()], 11.0 / _points_a_decade(panel))
+    heights = _apart([adev for _, adev in ends.values()], 11.0 / points_a_decade)
     for (unit, (tau_s, _)), height in zip(ends.items(), heights, strict=True):
         panel.annotate(_short(unit), (tau_s, height), xytext=(-3, 5),
                        textcoords='offset points', color=ink, fontsize=8, ha='right', zorder=6,
                        bbox={'boxstyle': 'square,pad=0', 'linewidth': 0, 'alpha': 0.5,
                              'facecolor': panel.get_facecolor()})
-
-
-def _points_a_decade(panel: 'Axes') -> float:
-    """Return how high a decade of a panel is."""
-    low, high = np.log10(panel.get_ylim())
-    return float(72 * panel.bbox.height / panel.figure.dpi / (high - low))
 
 
 def _apart(values: Sequence[float], decades: float) -> list[float]:

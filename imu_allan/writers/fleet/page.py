@@ -65,8 +65,8 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
         unseen=fleet.unseen,
-        columns=[f'{sensor} {"N" if key == "noise_density" else "B"} '
-                 f'[{typeset(_unit(sensor, key))}]' for sensor, key in _COLUMNS],
+        columns=[f'{sensor} {TERMS[key].symbol} [{typeset(engineering(1.0, unit)[1])}]'
+                 for sensor, key in _COLUMNS for unit in [TERMS[key].unit(AXES[f'{sensor}_x'])]],
         units=[_unit_row(fleet, unit) for unit in population.units])
 
 
@@ -118,10 +118,6 @@ def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
 
 def _reasons(fleet: Fleet, unit: str) -> list[str]:
     return [typeset(sentence) for sentence in fleet.grouped_reasons(unit)]
-
-
-def _unit(sensor: str, key: str) -> str:
-    return engineering(1.0, TERMS[key].unit(AXES[f'{sensor}_x']))[1]
 
 
 def _unit_row(fleet: Fleet, unit: str) -> dict[str, Any]:
