@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """imu_allan itself, by its public interface, with its defaults."""
 
+from datetime import date
+
 import imu_allan
 from recorded import (
     Answer,
@@ -14,7 +16,7 @@ from recorded import (
 )
 
 NAME = 'imu_allan'
-ORIGIN = f'this package, {imu_allan.__version__}'
+ORIGIN = f'this package, {imu_allan.__version__}, of {date.today().isoformat()}'
 
 
 def answer(recording: Recorded) -> Answer:
