@@ -49,6 +49,9 @@ class Publishers:
         # How many there have been.
         self.begun = 0
         self._gids: set[bytes] = set()
+        # Without numbers: who was there when the publisher began, and at its last message.
+        self._own: set[bytes] = set()
+        self._heard: set[bytes] = set()
 
     def delivering(self, now_ns: int) -> int:
         """Count those that deliver now: a driver that started anew does not make two."""
@@ -57,29 +60,20 @@ class Publishers:
         return sum(2 if one.fell_ns is not None else 1 for one in lately
                    if one.last_ns >= newest)
 
-    def see_offers(self) -> None:
-        """Look who offers the topic, where that alone tells one publisher from another."""
-        if any(one.number < 0 for one in self._known):
-            before = self._gids
-            if self._newcomers() and before and not self._gids & before:
-                self._known = [one for one in self._known if one.number >= 0]
-
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
         """Tell whose messages are, `MIXED` where two cannot be told apart, and how many lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
         if numbers is None:
-            only = next((one for one in self._known if one.number < 0), None)
-            if only is None:
-                only = self._begin(-1, int(receive_ns[0]))
+            only = self._unnumbered(int(receive_ns[0]))
             only.last_ns = int(receive_ns[-1])
             return np.full(len(receive_ns), only.key), 0
-        for one in self._known:
-            # As it nearly always is.
-            if (one.fell_ns is None and numbers[0] == one.number + 1
-                    and (numbers[1:] - numbers[:-1] == 1).all()):
-                one.number, one.last_ns = int(numbers[-1]), int(receive_ns[-1])
-                return np.full(len(numbers), one.key), 0
+        # As it nearly always is. Who was heard before may have ended with the same number.
+        one = max(self._known, key=lambda one: one.last_ns, default=None)
+        if (one is not None and one.fell_ns is None and numbers[0] == one.number + 1
+                and (numbers[1:] - numbers[:-1] == 1).all()):
+            one.number, one.last_ns = int(numbers[-1]), int(receive_ns[-1])
+            return np.full(len(numbers), one.key), 0
         keys, lost = [], 0
         for number, now_ns in zip(numbers.tolist(), receive_ns.tolist(), strict=True):
             one, missed = self._sender(number, now_ns)
@@ -116,6 +110,18 @@ class Publishers:
         missed = number - found.number - 1
         found.number, found.last_ns = number, now_ns
         return found, 0 if found.fell_ns is not None else missed
+
+    def _unnumbered(self, now_ns: int) -> _Publisher:
+        """Find who sent a message without a number: only who is there tells it."""
+        there, known = self._offers(), [one for one in self._known if one.number < 0]
+        gone = bool(there and self._own and not there & self._own)
+        # The identity of a driver that was killed stays for a while.
+        silent = bool(known) and now_ns - known[-1].last_ns > _HICCUP_NS
+        if not known or gone or (silent and not there <= self._heard and self._heard):
+            self._known = [one for one in self._known if one.number >= 0]
+            self._own, known = there - self._heard or there, [self._begin(-1, now_ns)]
+        self._own, self._heard = self._own or there, there or self._heard
+        return known[-1]
 
     def _newcomers(self) -> bool:
         """Whether somebody is there who was not at the last look."""

@@ -53,7 +53,6 @@ class Reception:
 
     def publishers(self) -> int:
         """How many publishers deliver, or would: one that was killed is matched for a while."""
-        self._publishers.see_offers()
         return self._publishers.delivering(time.time_ns()) or self.subscription.publishers
 
     def blocks(self, now: float) -> list[tuple[int, list[ImuBlock]]]:

@@ -82,10 +82,31 @@ def test_without_numbers_another_set_of_offers_is_another_publisher() -> None:
     offers: set[bytes] = set()
     publishers, times = Publishers(lambda: set(offers)), np.arange(3)
     first, lost = publishers.of(None, times)
-    for there, key in (({b'a'}, 1), ({b'a', b'b'}, 1), ({b'b'}, 1), ({b'c'}, 2)):
+    for there, key in (({b'a'}, 1), ({b'a', b'b'}, 1), ({b'b'}, 2), ({b'c'}, 3), (set(), 3)):
         offers.clear()
         offers |= there
-        publishers.see_offers()
         keys, lost = publishers.of(None, times)
         assert (set(keys.tolist()), lost) == ({key}, 0)
     assert set(first.tolist()) == {1}
+
+
+def test_without_numbers_who_comes_after_a_silence_is_the_newcomer() -> None:
+    # The identity of a driver that was killed stays for a while.
+    offers = {b'a'}
+    publishers, second = Publishers(lambda: set(offers)), 10**9 * np.arange(2)
+    assert publishers.of(None, second)[0].tolist() == [1, 1]
+    offers |= {b'b'}
+    assert publishers.of(None, second + 2 * 10**9)[0].tolist() == [1, 1]
+    offers |= {b'c'}
+    assert publishers.of(None, second + 6 * 10**9)[0].tolist() == [2, 2]
+    # What it has lost is no other publisher.
+    assert publishers.of(None, second + 10 * 10**9)[0].tolist() == [2, 2]
+
+
+def test_a_driver_that_passes_the_last_number_of_the_one_before_stays_the_same() -> None:
+    publishers = Publishers()
+    told(publishers, stream(1, 100, 0.0))
+    # In parts, one of which ends where the first driver has ended.
+    for part in range(8):
+        keys, lost = told(publishers, stream(1 + 50 * part, 50, 3.0 + 0.25 * part))
+        assert (set(keys), lost) == ({2}, 0)

@@ -168,6 +168,26 @@ def test_replugs_are_power_ons_and_no_random_walk(ros: Ros) -> None:
     assert 'a new run begins' not in node.log
 
 
+def test_a_single_replug_is_a_power_on_and_no_step_of_the_bias(ros: Ros) -> None:
+    node, sensor = begin(ros), Sensor(ros, 100.0)
+    for bias in ((0.0, 0.0, 0.0), (0.01, -0.02, 0.1)):
+        sensor.bias[:3] = bias
+        sensor.plug_in()
+        for _ in range(4):
+            sensor.measure(30.0)
+            ros.executor.spin_once(timeout_sec=0.6)
+        fitted(ros, node)
+    document = saved(ros, sensor)
+    assert node.log.count('may have been switched off and on') == 1
+    assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=10)
+    assert not {'bias_step', 'warm_up', 'slow_cycle', 'trend_or_walk', 'not_steady'} & {
+        warning['code'] for warning in document['warnings']}
+    for name, sigma in zip(AXES, np.abs(sensor.bias[:3]) / 2**0.5, strict=False):
+        assert document['turn_on_bias'][name]['sigma'] == pytest.approx(sigma, rel=0.1), name
+        for key in ('rate_random_walk', 'bias_instability', 'rate_ramp'):
+            assert not document['axes'][name]['coefficients'][key]['observable'], (name, key)
+
+
 def test_another_sensor_of_the_same_name_and_rate_is_another_imu(ros: Ros) -> None:
     node, sensor = begin(ros), Sensor(ros, 100.0)
     sensor.plug_in()
