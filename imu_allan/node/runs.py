@@ -17,7 +17,15 @@ from imu_allan.node.diagnostics import Facts
 from imu_allan.node.log import Log
 from imu_allan.node.publishers import MIXED
 from imu_allan.node.run import new_run, Run, Setup
-from imu_allan.node.same_imu import FEWEST_MESSAGES, is_enough, Known, LONGEST_LOOK_S, messages
+from imu_allan.node.same_imu import (
+    FEWEST_MESSAGES,
+    in_parts,
+    is_enough,
+    Known,
+    LONGEST_LOOK_S,
+    LOOK_S,
+    messages,
+)
 from imu_allan.wording import duration
 
 PROOF_SHARE = 0.1
@@ -71,9 +79,15 @@ class Runs:
 
     def take(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
         """Take messages of one publisher that have come on a topic."""
+        rate_hz = self._known(number).rate_hz
+        # What has piled up while the node was held up may be of one IMU first, then of another.
+        most = max(round(LOOK_S * rate_hz), FEWEST_MESSAGES) if rate_hz else messages(blocks)
+        for part in in_parts(blocks, most):
+            self._take_part(number, publisher, part)
+
+    def _take_part(self, number: int, publisher: int, blocks: Sequence[ImuBlock]) -> None:
+        """Take messages that are looked at as one."""
         topic, facts = self._topics[number], self._facts[number]
-        if not blocks:
-            return
         last_ns = int(blocks[-1].receive_ns[-1])
         if publisher == MIXED:
             # Of publishers with frame_ids of their own the timeline keeps to the first.

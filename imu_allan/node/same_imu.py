@@ -7,7 +7,7 @@ An IMU is known by its frame_id, by the rate of its messages and, where another 
 them, by the level of its noise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from imu_allan.block import ImuBlock
@@ -269,6 +269,22 @@ class Seen:
 def messages(blocks: Sequence[ImuBlock]) -> int:
     """How many messages there are."""
     return sum(len(block) for block in blocks)
+
+
+def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
+    """Give messages in parts of so many, the last of which may be smaller."""
+    part: list[ImuBlock] = []
+    for block in blocks:
+        first = 0
+        while first < len(block):
+            last = first + most - messages(part)
+            part.append(block.part(slice(first, last)))
+            first = last
+            if messages(part) == most:
+                yield part
+                part = []
+    if part:
+        yield part
 
 
 def is_enough(known: Known, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool) -> bool:
