@@ -7,12 +7,7 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import (
-    add_inspection,
-    consumer,
-    count,
-    inspection_of,
-)
+from imu_allan.cli import arguments
 from imu_allan.cli.fleet import (
     complaint_of,
     done_before,
@@ -75,10 +70,10 @@ def register(verbs: Any) -> None:
     parser.add_argument('--resume', action='store_true',
                         help='with --output: leave out recordings that have a newer result of '
                              'the same options')
-    add_inspection(parser)
+    arguments.add_inspection(parser)
     parser.add_argument('--json', metavar='FILE', help='write the result file of one recording')
     parser.add_argument('--for', dest='consumers', metavar='NAME', action='append', default=[],
-                        type=consumer,
+                        type=arguments.consumer,
                         help='configuration of a filter, too (imu_allan export --list names '
                              'them; may be repeated): into --output DIR, or to stdout, and the '
                              'table to stderr')
@@ -89,7 +84,7 @@ def register(verbs: Any) -> None:
     add_recording_options(parser)
     add_timeline_options(parser)
     workers = parser.add_mutually_exclusive_group()
-    workers.add_argument('--jobs', metavar='N', type=count, default=1,
+    workers.add_argument('--jobs', metavar='N', type=arguments.count, default=1,
                          help='recordings to work on at a time (default: %(default)s)')
     workers.add_argument('--dask', metavar='ADDRESS',
                          help='work on a running Dask cluster, for instance tcp://host:8786')
@@ -116,7 +111,7 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
         args.parser.error('--json takes one recording; use --output DIR for several')
     if args.consumers and args.output is None and apart:
         args.parser.error('--for takes one recording; use --output DIR for several')
-    if 'serial' in inspection_of(args) and apart:
+    if 'serial' in arguments.inspection_of(args) and apart:
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
         args.parser.error('--resume needs --output')
@@ -221,10 +216,11 @@ def _tasks(args: argparse.Namespace, options: dict[str, Any], complaints: list[I
             raise complaints[0]
         # Nothing is left out silently of what is to be one result.
         return [Task(' + '.join(args.recordings), args.topic, options, args.start, args.duration,
-                     sum(size for _, _, size in found), output, 'together', inspection_of(args),
-                     tuple(args.consumers), reading, tuple(args.recordings))]
+                     sum(size for _, _, size in found), output, 'together',
+                     arguments.inspection_of(args), tuple(args.consumers), reading,
+                     tuple(args.recordings))]
     names = folder_names([(path, topic) for path, topic, _ in found], units)
-    inspection = inspection_of(args)
+    inspection = arguments.inspection_of(args)
     return [
         Task(path, topic, options, args.start, args.duration, size,
              None if output is None else output if len(found) == 1 == len(units) else

@@ -8,14 +8,7 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.cli.arguments import (
-    add_inspection,
-    duration,
-    inspected,
-    inspection_of,
-    positive_number,
-    specification_of,
-)
+from imu_allan.cli import arguments
 from imu_allan.cli.recording_options import (
     add_recording_options,
     add_timeline_options,
@@ -57,19 +50,19 @@ def register(verbs: Any) -> None:
                            help='exit status 0, not 4, where something is undecided')
     # What is the rule now had to be asked for before.
     undecided.add_argument('--strict', action='store_true', help=argparse.SUPPRESS)
-    parser.add_argument('--min-duration', metavar='TIME', type=duration, default=0.0,
+    parser.add_argument('--min-duration', metavar='TIME', type=arguments.duration, default=0.0,
                         help='from a shorter record nothing passes (30min, 3h)')
     parser.add_argument('--live', action='store_true',
                         help='stop as soon as the verdict is certain: wrong in at most one unit '
                              'of twenty')
-    parser.add_argument('--margin', metavar='PERCENT', type=positive_number, default=10.0,
-                        help='with --live: a unit nearer to its limit is called neither good nor '
-                             'bad (default: %(default)g)')
+    parser.add_argument('--margin', metavar='PERCENT', type=arguments.positive_number,
+                        default=10.0, help='with --live: a unit nearer to its limit is called '
+                                           'neither good nor bad (default: %(default)g)')
     parser.add_argument('--json', metavar='FILE', help='write the verdicts as JSON')
     parser.add_argument('--junit', metavar='FILE', help='write the verdicts as JUnit XML')
     parser.add_argument('--certificate', metavar='FILE',
                         help='write the verdicts as an A4 sheet (HTML)')
-    add_inspection(parser)
+    arguments.add_inspection(parser)
     parser.add_argument('--topic', metavar='NAME', help='the Imu topic of a recording')
     add_recording_options(parser)
     add_timeline_options(parser)
@@ -84,10 +77,10 @@ def run(args: argparse.Namespace) -> int:
 
     if args.live and args.start == 'auto':
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
-    specification = specification_of(args.spec)
+    specification = arguments.specification_of(args.spec)
     sources = [str(path) for path in recordings_in(args.source)]
     if len(sources) > 1 and any((
-            args.json, args.junit, args.certificate, inspection_of(args).get('serial'))):
+            args.json, args.junit, args.certificate, arguments.inspection_of(args).get('serial'))):
         args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
                           '--junit, --certificate and --meta serial are of one')
     outcomes: list[str] = []
@@ -110,33 +103,25 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:
     """Print the verdicts about one result or recording, and return what they come to."""
+    from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
-    from imu_allan.writers.datasheet import (
-        certificate_html,
-        check,
-        overall,
-        reasons,
-        to_json,
-        to_junit,
-        verdict_table,
-    )
     from imu_allan.writers.terminal import console_of
 
     if args.live:
         result, verdicts = _live(source, args, specification)
     else:
         result = _result(source, args)
-        verdicts = check(result, specification, shortest_s=args.min_duration)
-    result = inspected(result, args)
-    for path, writer in ((args.json, to_json), (args.junit, to_junit),
-                         (args.certificate, certificate_html)):
+        verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
+    result = arguments.inspected(result, args)
+    for path, writer in ((args.json, datasheet.to_json), (args.junit, datasheet.to_junit),
+                         (args.certificate, datasheet.certificate_html)):
         if path is not None:
             write_atomically(path, writer(verdicts, result, specification).encode())
-    console_of().print(verdict_table(verdicts, specification.name or args.spec))
-    outcome = overall(verdicts)
+    console_of().print(datasheet.verdict_table(verdicts, specification.name or args.spec))
+    outcome = datasheet.overall(verdicts)
     print(f'{outcome}: {printable(source)} against '
           f'{printable(specification.name or args.spec)}')
-    for number, sentence in enumerate(reasons(verdicts)[0], 1):
+    for number, sentence in enumerate(datasheet.reasons(verdicts)[0], 1):
         print(f'  ({number}) {sentence}')
     sys.stdout.flush()
     return outcome

@@ -70,20 +70,14 @@ def progress_bar(label: str, total: int, *, wanted: bool = True,
     if not wanted or not sys.stderr.isatty():
         yield ProgressBar()
         return
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        DownloadColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
 
-    columns = [TextColumn('{task.description}', markup=False), BarColumn(), TaskProgressColumn()]
+    columns = [rich.TextColumn('{task.description}', markup=False),
+               rich.BarColumn(), rich.TaskProgressColumn()]
     if in_bytes:
-        columns.append(DownloadColumn())
-    columns.append(TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        columns.append(rich.DownloadColumn())
+    columns.append(rich.TimeRemainingColumn())
+    with rich.Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(label, total=total)
         yield ProgressBar((progress, task))

@@ -31,13 +31,7 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
-    from imu_allan.writers.folder import (
-        MOST_COMPARED,
-        save_comparison,
-        save_latex,
-        save_paper,
-        save_report,
-    )
+    from imu_allan.writers import folder
     from imu_allan.writers.folder_lock import turn_in
     from imu_allan.writers.result_file import load_result
 
@@ -49,21 +43,21 @@ def run(args: argparse.Namespace) -> int:
         raise ImuAllanError('--width takes one result')
     if len(results) == 1:
         with turn_in(args.output):
-            paths = save_report(results[0], args.output, pictures)
+            paths = folder.save_report(results[0], args.output, pictures)
             if pictures != args.format:
-                paths += save_latex(results[0], args.output)
+                paths += folder.save_latex(results[0], args.output)
             if args.width is not None:
-                paths += save_paper(results[0], args.output, args.width, pictures)
+                paths += folder.save_paper(results[0], args.output, args.width, pictures)
     else:
         from imu_allan.writers.comparison import compare, difference_table, names_of, verdicts
         from imu_allan.writers.terminal import console_of
 
         names = names_of([Path(path) for path in args.results])
-        with turn_in(args.output):
-            paths = save_comparison(dict(zip(names, results, strict=True)), args.output, pictures)
-        console = console_of()
         named = dict(zip(names, results, strict=True))
-        if len(named) > MOST_COMPARED:
+        with turn_in(args.output):
+            paths = folder.save_comparison(named, args.output, pictures)
+        console = console_of()
+        if len(named) > folder.MOST_COMPARED:
             from imu_allan.writers.fleet import Fleet, population_table
 
             console.print(population_table(Fleet(named)))

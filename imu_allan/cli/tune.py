@@ -61,18 +61,10 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
+    from imu_allan.writers import tuning_table
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.result_file import load_result
     from imu_allan.writers.terminal import console_of
-    from imu_allan.writers.tuning_table import (
-        forecast_sentences,
-        forecast_table,
-        included_sentences,
-        left_out_sentences,
-        steadiness_sentences,
-        tuning_document,
-        tuning_table,
-    )
 
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
@@ -83,13 +75,10 @@ def run(args: argparse.Namespace) -> int:
         require_replaceable(args.plot, PICTURES[_format(args.plot)])
     result = load_result(args.result)
     console = console_of()
-    console.print(tuning_table(result, args.aiding, args.coast, args.bias))
+    console.print(tuning_table.tuning_table(result, args.aiding, args.coast, args.bias))
     console.print()
-    console.print(forecast_table(result, args.calibration))
-    for sentence in (*left_out_sentences(result), *forecast_sentences(result, args.calibration),
-                     *included_sentences(result), *steadiness_sentences(result, args.coast),
-                     *_beyond(result, args.coast, 'without correction'),
-                     *_beyond(result, args.calibration, 'of averaging the bias')):
+    console.print(tuning_table.forecast_table(result, args.calibration))
+    for sentence in tuning_table.sentences(result, args.coast, args.calibration):
         console.print(sentence, markup=False)
     tables, verified = ([], {}) if args.verify is None else _verification(args, result)
     for table in tables:
@@ -97,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
         console.print(table)
     sys.stdout.flush()
     if args.json is not None:
-        document = tuning_document(result, args.aiding, args.coast, args.bias,
-                                   args.calibration)
+        document = tuning_table.tuning_document(result, args.aiding, args.coast, args.bias,
+                                                args.calibration)
         if args.verify is not None:
             document['verification'] = {'other': printable(args.verify), 'axes': verified}
         write_atomically(args.json, (json.dumps(document, indent=2, allow_nan=False)
@@ -106,26 +95,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _beyond(result: 'Result', time_s: float, what: str) -> list[str]:
-    from imu_allan.tuning.uncertainty import known_less_than
-    from imu_allan.wording import duration as spoken
-
-    known = known_less_than(result.axes, time_s)
-    return [] if known is None else [
-        f'{spoken(time_s)} {what} is beyond what this recording knows ({spoken(known)}): the '
-        f'numbers are widened; record for {spoken(3 * time_s)} to know.']
-
-
 def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any], dict[str, Any]]:
     """Give the tables of the other recording, and the same as plain numbers."""
     from imu_allan.tuning.field_test import field_test
     from imu_allan.tuning.tune import tune
     from imu_allan.tuning.verification import verify
-    from imu_allan.writers.tuning_table import (
-        field_test_document,
-        field_test_table,
-        verification_table,
-    )
+    from imu_allan.writers import tuning_table
 
     other, means = _other(args)
     axes = {name: axis for name, axis in result.axes.items()
@@ -143,13 +118,13 @@ def _verification(args: argparse.Namespace, result: 'Result') -> tuple[list[Any]
                               noise_ci95=one.noise_ci95, walk_factor=one.walk_factor,
                               walk_ci95=one.walk_ci95)
     name = printable(args.verify)
-    tables: list[Any] = [verification_table(found, name, args.bias, run=bool(tested))]
+    tables: list[Any] = [tuning_table.verification_table(found, name, args.bias, run=bool(tested))]
     if tested:
-        tables.insert(0, field_test_table(tested, name, {key: axis.unit
-                                                         for key, axis in axes.items()}))
+        units = {key: axis.unit for key, axis in axes.items()}
+        tables.insert(0, tuning_table.field_test_table(tested, name, units))
     if args.plot is not None:
         _draw(args.plot, tested, name)
-    return tables, field_test_document(tested, found, args.bias)
+    return tables, tuning_table.field_test_document(tested, found, args.bias)
 
 
 def _draw(path: str, tested: dict[str, 'FieldTest'], other: str) -> None:

@@ -180,19 +180,24 @@ def _overall(axes: Mapping[str, AxisResult], noise: Figure | None) -> str:
                 if word in words)
 
 
-def _figure(axes: Mapping[str, AxisResult], key: str, rest_s: float) -> Figure | None:
-    """Return the largest value, or where no axis shows one the largest bound."""
+def worst_of(axes: Mapping[str, AxisResult], key: str) -> str | None:
+    """Return the axis with the largest value, or where none shows one the largest bound."""
     seen = {name: axis.coefficients[key] for name, axis in axes.items()}
     values = {name: c.value for name, c in seen.items() if c.value is not None}
     if not values:
         values = {name: c.upper95 for name, c in seen.items() if c.upper95 is not None}
-    if not values:
+    return max(values, key=values.__getitem__, default=None)
+
+
+def _figure(axes: Mapping[str, AxisResult], key: str, rest_s: float) -> Figure | None:
+    worst = worst_of(axes, key)
+    if worst is None:
         return None
-    worst = max(values, key=values.__getitem__)
-    word = word_of(axes[worst]) if seen[worst].observable else UNKNOWN
+    found = axes[worst].coefficients[key]
+    word = word_of(axes[worst]) if found.observable else UNKNOWN
     if rest_s < SHORTEST_GOOD_S and word in GOOD:
         word = TOO_SHORT
-    return Figure(worst[-1], word, seen[worst])
+    return Figure(worst[-1], word, found)
 
 
 def _tuned(axes: Mapping[str, AxisResult]) -> Tuned | None:

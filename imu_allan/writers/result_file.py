@@ -10,26 +10,10 @@ import os
 from pathlib import Path
 from typing import Any, NoReturn
 
+from imu_allan import result as schema
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.recordings.open_recording import holds_recording
-from imu_allan.result import (
-    AxisResult,
-    Backtest,
-    Coast,
-    Coefficient,
-    Curve,
-    DriftModel,
-    GaussMarkov,
-    Innovations,
-    PowerLaw,
-    Result,
-    Segment,
-    Signal,
-    Spectrum,
-    Tone,
-    WarmUp,
-)
 from imu_allan.writers.atomic import write_atomically
 
 _LARGEST_BYTES = 200_000_000
@@ -42,7 +26,7 @@ _CURVE_COLUMNS = ('axis', 'unit', 'tau_s', 'adev', 'ci68_low', 'ci68_high', 'ci9
                   'ci95_high', 'edf', 'model_adev')
 
 
-def save_result(result: Result, path: str | os.PathLike[str]) -> None:
+def save_result(result: schema.Result, path: str | os.PathLike[str]) -> None:
     """
     Write the result file (JSON).
 
@@ -55,7 +39,7 @@ def save_result(result: Result, path: str | os.PathLike[str]) -> None:
     write_atomically(path, result.to_json().encode())
 
 
-def load_result(path: str | os.PathLike[str]) -> Result:
+def load_result(path: str | os.PathLike[str]) -> schema.Result:
     """
     Read a result file and check that it is whole.
 
@@ -86,7 +70,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     except (ValueError, RecursionError) as error:
         raise ImuAllanError(f'{path}: not JSON; give a result file, '
                             'written by: imu_allan analyze RECORDING --json FILE') from error
-    result = Result.from_dict(document, str(path))
+    result = schema.Result.from_dict(document, str(path))
     timeline = result.timeline
     if timeline.sample_rate_hz is not None and not (
             1 / _LARGEST < timeline.sample_rate_hz < _LARGEST):
@@ -119,7 +103,7 @@ def _result_in(folder: Path) -> Path:
                         f'one with: imu_allan analyze {printable(folder)} --output DIR')
 
 
-def curves_csv(result: Result) -> str:
+def curves_csv(result: schema.Result) -> str:
     """
     Allan deviation curves as CSV text, one row for each axis and averaging time.
 
@@ -160,7 +144,7 @@ def _numbers(value: Any) -> Iterator[float]:
         yield value
 
 
-def _check_axis(axis: AxisResult, name: str, where: str) -> None:
+def _check_axis(axis: schema.AxisResult, name: str, where: str) -> None:
     """Refuse what no estimator wrote, so that no writer needs to expect it."""
     if name not in AXES:
         raise ImuAllanError(f'{where}: unknown axis; known are {", ".join(AXES)}')
@@ -197,18 +181,20 @@ def _check_axis(axis: AxisResult, name: str, where: str) -> None:
 
 
 _ABOVE_ZERO = {
-    Backtest: ('trained_s', 'tested_s'), Coast: ('horizon_s', 'predicted_sigma'),
-    Curve: ('tau_s', 'edf'), DriftModel: ('from_s', 'to_s'),
-    GaussMarkov: ('correlation_time_s',), Innovations: ('interval_s', 'steps'),
-    PowerLaw: ('psd_1hz',), Segment: ('duration_s', 'noise_density'), Signal: ('step_s',),
-    Spectrum: ('frequency_hz',), Tone: ('frequency_hz', 'lines'), WarmUp: ('time_constant_s',),
-    AxisResult: ('sample_rate_hz', 'band_edge_hz', 'high_passed_hz'),
+    schema.Backtest: ('trained_s', 'tested_s'), schema.Coast: ('horizon_s', 'predicted_sigma'),
+    schema.Curve: ('tau_s', 'edf'), schema.DriftModel: ('from_s', 'to_s'),
+    schema.GaussMarkov: ('correlation_time_s',), schema.Innovations: ('interval_s', 'steps'),
+    schema.PowerLaw: ('psd_1hz',), schema.Segment: ('duration_s', 'noise_density'),
+    schema.Signal: ('step_s',), schema.Spectrum: ('frequency_hz',),
+    schema.Tone: ('frequency_hz', 'lines'), schema.WarmUp: ('time_constant_s',),
+    schema.AxisResult: ('sample_rate_hz', 'band_edge_hz', 'high_passed_hz'),
 }
 _NOT_NEGATIVE = {
-    Coast: ('observed_rms',), Coefficient: ('between', 'observable_in_s', 'ci_halves_in_s'),
-    Curve: ('adev', 'model_adev'), DriftModel: ('noise_density', 'rate_random_walk'),
-    GaussMarkov: ('sigma',), Innovations: ('nis',), Segment: ('start_s', 'drift_sigma'),
-    Spectrum: ('psd',), Tone: ('amplitude',), AxisResult: ('band_limit_s',),
+    schema.Coast: ('observed_rms',), schema.GaussMarkov: ('sigma',), schema.Innovations: ('nis',),
+    schema.Coefficient: ('between', 'observable_in_s', 'ci_halves_in_s'),
+    schema.Curve: ('adev', 'model_adev'), schema.Segment: ('start_s', 'drift_sigma'),
+    schema.DriftModel: ('noise_density', 'rate_random_walk'), schema.Spectrum: ('psd',),
+    schema.Tone: ('amplitude',), schema.AxisResult: ('band_limit_s',),
 }
 
 

@@ -12,6 +12,7 @@ from typing import TextIO, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 _UNBROKEN = 10_000
 """Columns of a pipe: more than any line of ours has."""
@@ -33,6 +34,17 @@ def console_of(to: TextIO | None = None) -> 'Console':
     if not console.is_terminal and _stated() is None:
         console.width = _UNBROKEN
     return console
+
+
+def bare_table(*headings: str, texts: int = 2) -> 'Table':
+    """Return a table without lines, to have room at 60 columns; `texts` columns are no numbers."""
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify='left' if place < texts else 'right',
+                         overflow='fold')
+    return table
 
 
 def columns_of(to: TextIO | None = None) -> int | None:

@@ -17,14 +17,14 @@ from imu_allan.sensor.units import engineering
 from imu_allan.tuning.field_test import FieldTest
 from imu_allan.tuning.forecast import DriftForecast, FORECAST_S, predicted_drift
 from imu_allan.tuning.tune import assess, Bias, FilterTuning, optimum, tune
-from imu_allan.tuning.uncertainty import spread_of_forecast, upper_bound
+from imu_allan.tuning.uncertainty import known_less_than, spread_of_forecast, upper_bound
 from imu_allan.tuning.verification import Excess, Verification
 from imu_allan.wording import duration, listed, number, SENSORS, spoken
 from imu_allan.writers.included import included
+from imu_allan.writers.terminal import bare_table
 from imu_allan.writers.words import presented, says
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 TUNED, MEASURED, TENFOLD, FULL = 'tuned', 'as measured', 'ten times K', 'full drift model'
@@ -135,15 +135,6 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
     return Group(*parts)
 
 
-def bare_table(*headings: str, texts: int = 2) -> Table:
-    """Return a table without lines, to have room at 60 columns; `texts` columns are no numbers."""
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    for place, heading in enumerate(headings):
-        table.add_column(heading, justify='left' if place < texts else 'right',
-                         overflow='fold')
-    return table
-
-
 def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult]]:
     found = {title: {name: axis for name, axis in axes.items() if name.startswith(sensor)}
              for sensor, title in SENSORS.items()}
@@ -173,7 +164,33 @@ def known_axes(result: Result) -> dict[str, AxisResult]:
     return axes
 
 
-def left_out_sentences(result: Result) -> list[str]:
+def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]:
+    """
+    Say what stands below the tables: what is left out, forecast, included, and how steady it is.
+
+    Parameters
+    ----------
+    result : Result
+        With a drift model.
+    coast_s : float
+        The longest time without correction.
+    calibration_s : float
+        How long the bias is averaged before a drift.
+
+    """
+    said = [*_left_out(result), *_forecast(result, calibration_s), *(
+        f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
+        for sentence in included(result.axes)), *_steadiness(result, coast_s)]
+    for time_s, what in ((coast_s, 'without correction'),
+                         (calibration_s, 'of averaging the bias')):
+        if (known := known_less_than(result.axes, time_s)) is not None:
+            said.append(f'{duration(time_s)} {what} is beyond what this recording knows '
+                        f'({duration(known)}): the numbers are widened; record for '
+                        f'{duration(3 * time_s)} to know.')
+    return said
+
+
+def _left_out(result: Result) -> list[str]:
     """Name the axes that have no numbers, and why where that is known."""
     why = {'constant': 'it is constant', 'dead': 'it stood still',
            'saturated': 'it is cut off at the end of its range', 'zeroed': 'it has a deadband'}
@@ -184,18 +201,8 @@ def left_out_sentences(result: Result) -> list[str]:
             for name, axis in result.axes.items() if axis.drift_model is None]
 
 
-def steadiness_sentences(result: Result, coast_s: float) -> list[str]:
-    """
-    Say how far another day may be from what is expected, and what changed within the recording.
-
-    Parameters
-    ----------
-    result : Result
-        With a drift model.
-    coast_s : float
-        The longest time without correction.
-
-    """
+def _steadiness(result: Result, coast_s: float) -> list[str]:
+    """Say how far another day may be off, and what changed within the recording."""
     spans = []
     for title, axes in _by_sensor(known_axes(result)).items():
         spread = max(float(spread_of_forecast(axis, np.array([coast_s]))[0])
@@ -208,12 +215,6 @@ def steadiness_sentences(result: Result, coast_s: float) -> list[str]:
             'as large as here (95 %): sensors change, and a recording is short.',
             *(f'Not steady: {says(found)}.' for found in presented(result.warnings)
               if found.code == 'not_steady')]
-
-
-def included_sentences(result: Result) -> list[str]:
-    """Say what the tuned numbers and the drift have in them that the coefficients have not."""
-    return [f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
-            for sentence in included(result.axes)]
 
 
 def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
@@ -244,7 +245,7 @@ def _is_known(forecast: DriftForecast, horizon: float) -> bool:
     return max(horizon, forecast.calibration_s) <= forecast.known_to_s * (1 + 1e-6)
 
 
-def forecast_sentences(result: Result, calibration_s: float = 60.0) -> list[str]:
+def _forecast(result: Result, calibration_s: float) -> list[str]:
     """Say in plain words what the worst axis of each sensor does within a minute."""
     said = []
     for sensor, what, factor, unit in (('gyro', 'heading', 180 / np.pi, '\u00b0'),

@@ -4,22 +4,15 @@
 
 from collections.abc import Mapping
 
+from imu_allan import result as schema
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import (
-    AxisResult,
-    Coefficient,
-    Curve,
-    GoodnessOfFit,
-    Result,
-    Source,
-    Timeline,
-)
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.version import __version__
 
 
-def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None) -> Result:
+def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None = None
+                        ) -> schema.Result:
     """
     Return the coefficients of a datasheet as a result without curves, intervals or drift model.
 
@@ -47,17 +40,19 @@ def result_of_datasheet(datasheet: NoiseModel, path: str, rate_hz: float | None 
     if not axes:
         raise ImuAllanError(f'{printable(path)}: a datasheet without noise_density; a filter '
                             'needs one, such as gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}')
-    return Result(
-        imu_allan_version=__version__, source=Source('datasheet', path, None, None, None, None),
-        timeline=Timeline(rate_hz, 0, 0.0), axes=axes)
+    return schema.Result(
+        imu_allan_version=__version__,
+        source=schema.Source('datasheet', path, None, None, None, None),
+        timeline=schema.Timeline(rate_hz, 0, 0.0), axes=axes)
 
 
-def _axis(name: str, values: Mapping[str, float]) -> AxisResult:
+def _axis(name: str, values: Mapping[str, float]) -> schema.AxisResult:
     quantity = AXES[name]
-    return AxisResult(
+    return schema.AxisResult(
         quantity=quantity.value, unit=quantity.unit, mean=None, band_limit_s=None, tones=(),
-        coefficients={key: Coefficient(
+        coefficients={key: schema.Coefficient(
             term.symbol, term.unit(quantity), key in values,
             None if key not in values else abs(values[key]), None, None)
             for key, term in TERMS.items()},
-        goodness_of_fit=GoodnessOfFit(None, None, True), curve=Curve((), (), (), (), (), ()))
+        goodness_of_fit=schema.GoodnessOfFit(None, None, True),
+        curve=schema.Curve((), (), (), (), (), ()))

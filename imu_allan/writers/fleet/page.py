@@ -13,7 +13,9 @@ from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.wording import bounded, duration, rounded
+from imu_allan.writers.answer import worst_of
 from imu_allan.writers.comparison import result_colours
+from imu_allan.writers.curves import axes_of
 from imu_allan.writers.figure_style import COLOURS, Theme
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
@@ -131,13 +133,13 @@ def _unit_row(fleet: Fleet, unit: str) -> dict[str, Any]:
 
 def _worst(result: Result, sensor: str, key: str) -> str:
     """Largest value of the axes, or the largest bound where none shows one."""
-    found = [axis.coefficients[key] for name, axis in result.axes.items()
-             if name.startswith(sensor)]
-    values = [c.value for c in found if c.value is not None]
-    if values:
-        return rounded(engineering(max(values), found[0].unit)[0])
-    bounds = [c.upper95 for c in found if c.upper95 is not None]
-    return bounded(engineering(max(bounds), found[0].unit)[0]) if bounds else ''
+    axes = axes_of(result, sensor)
+    worst = worst_of(axes, key)
+    if worst is None:
+        return ''
+    found = axes[worst].coefficients[key]
+    told = rounded if found.value is not None else bounded
+    return told(engineering(found.value or found.upper95 or 0.0, found.unit)[0])
 
 
 def _link(fleet: Fleet, unit: str) -> str | None:

@@ -10,11 +10,10 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import bounded, rounded, spoken
 from imu_allan.writers.fleet.findings import Fleet
+from imu_allan.writers.terminal import bare_table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-HEADINGS = ('axis', 'term', 'unit', 'median', '5 .. 95 %', 'spread', 'error', '95/95', 'shown by')
 
 
 def population_table(fleet: Fleet) -> 'RenderableType':
@@ -27,15 +26,12 @@ def population_table(fleet: Fleet) -> 'RenderableType':
 
     """
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
     parts: list[RenderableType] = []
     if fleet.population.traits:
-        table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-        for heading in HEADINGS:
-            table.add_column(heading, overflow='fold', justify='left' if heading in (
-                'axis', 'term', 'unit') else 'right')
+        table = bare_table('axis', 'term', 'unit', 'median', '5 .. 95 %', 'spread', 'error',
+                           '95/95', 'shown by', texts=3)
         for trait in fleet.population.traits:
             table.add_row(*cells(trait))
         parts += [Text(f'{len(fleet.results)} units', 'bold'), table, Text(
