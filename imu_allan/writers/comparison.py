@@ -21,7 +21,7 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import counted, duration, listed, SENSORS
 from imu_allan.writers import figure_style
-from imu_allan.writers.curves import limits_of, told
+from imu_allan.writers.curves import told
 from imu_allan.writers.panels import draw_curve
 
 if TYPE_CHECKING:
@@ -242,14 +242,15 @@ def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme =
     matplotlib.figure.Figure
 
     """
-    axes = [axis for axis in AXES if any(axis in result.axes for result in results.values())]
-    sensors = [sensor for sensor in ('gyro', 'accel')
-               if any(axis.startswith(sensor) for axis in axes)]
+    drawn = {axis: [result.axes[axis] for result in results.values() if axis in result.axes]
+             for axis in AXES}
+    drawn = {axis: found for axis, found in drawn.items() if found}
+    rows = max(1, len({axis.partition('_')[0] for axis in drawn}))
     colours = result_colours(len(results), theme)
     with figure_style.plot_style(theme):
-        figure = figure_style.empty_figure(15.0, 1.6 + 4.6 * max(1, len(sensors)))
+        figure = figure_style.empty_figure(15.0, 1.6 + 4.6 * rows)
         head = 1.35 / figure.get_figheight()
-        grid = figure.add_gridspec(max(1, len(sensors)), 3, left=0.062, right=0.938,
+        grid = figure.add_gridspec(rows, 3, left=0.062, right=0.938,
                                    bottom=0.55 / figure.get_figheight(), top=1 - head,
                                    wspace=0.09, hspace=0.3)
         heading = figure.add_axes((0.02, 1 - 0.75 / figure.get_figheight(), 0.96, 0.01))
@@ -260,20 +261,12 @@ def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme =
             (f'{"●■▲◆▼★✚⬢"[place % len(MARKERS)]} {shorten(printable(name), 60)} '
              f'({duration(result.timeline.duration_s)})', colours[place])
             for place, (name, result) in enumerate(results.items())])
-        for row, sensor in enumerate(sensors):
-            shown_axes = [axis for axis in axes if axis.startswith(sensor)]
-            limits = limits_of([result.axes[axis] for result in results.values()
-                                for axis in shown_axes if axis in result.axes])
-            for column, axis in enumerate(shown_axes):
-                panel = figure.add_subplot(grid[row, column])
-                figure_style.frame_allan(panel, sensor, limits, left=column == 0,
-                                         right=column == len(shown_axes) - 1)
-                panel.set_title(axis.replace('_', ' '), loc='left')
-                for place, result in enumerate(results.values()):
-                    if axis in result.axes:
-                        draw_curve(panel, result.axes[axis], colours[place],
-                                   MARKERS[place % len(MARKERS)],
-                                   dashes=_DASHES[place % len(_DASHES)])
+        for axis, panel in figure_style.allan_panels(figure, grid, drawn):
+            for place, result in enumerate(results.values()):
+                if axis in result.axes:
+                    draw_curve(panel, result.axes[axis], colours[place],
+                               MARKERS[place % len(MARKERS)],
+                               dashes=_DASHES[place % len(_DASHES)])
         return figure
 
 

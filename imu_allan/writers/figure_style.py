@@ -22,6 +22,7 @@ from typing import Literal, TYPE_CHECKING
 from imu_allan.result import AxisResult
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SAMPLES
+from imu_allan.writers.curves import limits_of
 from imu_allan.writers.svg import power_text
 import numpy as np
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.gridspec import GridSpec
 
 Theme = Literal['light', 'dark']
 # After Okabe and Ito's palette for colour-blind readers, with a deeper blue: to tritanopes theirs
@@ -118,6 +120,19 @@ def frame_allan(panel: Axes, sensor: str, limits: tuple[float, float], *,
     """Set scales, limits and labels of an Allan deviation panel; SI left, engineering right."""
     _frame(panel, sensor, 1, limits, 'averaging time τ [s]',
            f'Allan deviation of {SAMPLES[sensor]}', left, right)
+
+
+def allan_panels(figure: Figure, grid: GridSpec, curves: Mapping[str, Sequence[AxisResult]]
+                 ) -> Iterator[tuple[str, Axes]]:
+    """Yield every axis with its panel: a row for each sensor, to one scale."""
+    for row, sensor in enumerate(dict.fromkeys(name.partition('_')[0] for name in curves)):
+        names = [name for name in curves if name.startswith(sensor)]
+        limits = limits_of([axis for name in names for axis in curves[name]])
+        for column, name in enumerate(names):
+            panel = figure.add_subplot(grid[row, column])
+            frame_allan(panel, sensor, limits, left=column == 0, right=column == len(names) - 1)
+            panel.set_title(name.replace('_', ' '), loc='left')
+            yield name, panel
 
 
 def frame_density(panel: Axes, sensor: str, limits: tuple[float, float], *,

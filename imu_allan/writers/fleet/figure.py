@@ -16,8 +16,7 @@ from imu_allan.result import AxisResult, Coefficient
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.wording import SENSORS
 from imu_allan.writers.comparison import MARKERS, result_colours
-from imu_allan.writers.curves import limits_of
-from imu_allan.writers.figure_style import COLOURS, empty_figure, frame_allan, plot_style, Theme
+from imu_allan.writers.figure_style import allan_panels, COLOURS, empty_figure, plot_style, Theme
 from imu_allan.writers.fleet.findings import Fleet
 import numpy as np
 from numpy.typing import NDArray
@@ -67,15 +66,9 @@ def curves_figure(fleet: Fleet, theme: Theme = 'light') -> 'Figure':
         _heading(figure, f'Allan deviation of {len(fleet.results)} units', theme,
                  'in colour: outliers' if len(fleet.population.units) > _MOST_NAMED else
                  'each unit in its colour')
-        for row, sensor in enumerate(sensors):
-            names = [axis for axis in AXES if axis.startswith(sensor) and _axes(fleet, axis)]
-            limits = limits_of([axis for name in names for axis in _axes(fleet, name).values()])
-            for column, name in enumerate(names):
-                panel = figure.add_subplot(grid[row, column])
-                frame_allan(panel, sensor, limits, left=column == 0,
-                            right=column == len(names) - 1)
-                panel.set_title(name.replace('_', ' '), loc='left')
-                _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units, theme)
+        drawn = {name: list(found.values()) for name in AXES if (found := _axes(fleet, name))}
+        for name, panel in allan_panels(figure, grid, drawn):
+            _draw_curves(panel, _axes(fleet, name), colours, fleet.population.odd_units, theme)
         return figure
 
 
