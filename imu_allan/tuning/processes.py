@@ -23,6 +23,10 @@ class Drift:
     curve: Curve
     stationarity: Stationarity | None
 
+    def __hash__(self) -> int:
+        # A curve has thousands of numbers, and a report looks its tunings up some hundred times.
+        return hash(self.drift_model)
+
 
 def drift_of(axis: AxisResult) -> Drift:
     """Return what tuning takes of an axis, with the errors of `drift_model_of`."""
