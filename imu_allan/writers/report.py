@@ -21,7 +21,7 @@ from typing import Any, TYPE_CHECKING
 from imu_allan import wording
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.noise.terms import AXES, TERMS
-from imu_allan.result import AxisResult, Coefficient, Result, Segment
+from imu_allan.result import Coefficient, Result, Segment
 from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
 from imu_allan.version import __version__
 from imu_allan.writers.answer import (
@@ -84,12 +84,12 @@ def report_html(result: Result) -> str:
         rest=wording.duration(result.timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes_of(result, sensor) for sensor in sensors_of(result)},
-        outlook=outlook_of(result), mean=lambda axis, unit: written_mean(
-            axis, axis.mean, result.timeline.rest_s, unit)[0],
+        outlook=outlook_of(result), mean=written_mean, rest_s=result.timeline.rest_s,
         tunings=[(name, result.axes[name], tuning) for answer in found if answer.tuned is not None
                  for name, tuning in answer.tuned.tunings.items()],
-        segments=[table for sensor in sensors_of(result)
-                  for table in [_segments(axes_of(result, sensor))] if table is not None],
+        parts={sensor: known for sensor in sensors_of(result) if (known := {
+            name: axis for name, axis in axes_of(result, sensor).items()
+            if axis.stationarity is not None and axis.stationarity.segments})},
         aiding=f'{AIDING_S:g} s', coast=wording.duration(COAST_S),
         calibration=wording.duration(CALIBRATION_S),
         uncertain=UNCERTAIN, timeline=result.timeline, configs=_configs(result),
@@ -156,7 +156,7 @@ def _environment() -> 'Environment':
     environment.filters |= {
         'cell': _cell, 'counted': wording.counted, 'duration': wording.duration,
         'datasheet': lambda unit: engineering(1, unit)[1], 'printable': printable, 'shown': shown,
-        'spoken': wording.spoken,
+        'density': _density_of, 'drift': _drift_of, 'spoken': wording.spoken,
         'to': lambda value, form: '' if value is None else format(value, form),
         'typeset': typeset}
     return environment
@@ -189,44 +189,20 @@ def _cell(coefficient: Coefficient) -> dict[str, str]:
     return {**cell, 'exact': '' if coefficient.value is None else repr(coefficient.value)}
 
 
-def _segments(axes: Mapping[str, AxisResult]) -> dict[str, Any] | None:
-    """Lay out what every part of the record has: noise density, mean, drift level."""
-    known = {name: axis.stationarity for name, axis in axes.items()
-             if axis.stationarity is not None and axis.stationarity.segments}
-    if not known:
-        return None
-    axis = axes[next(iter(known))]
-    n_unit = axis.coefficients['noise_density'].unit
-    mean_unit = MEAN_UNITS[axis.unit]
-    rows = []
-    for name, stationarity in known.items():
-        for place, segment in enumerate(stationarity.segments):
-            density, interval, spread, drift, around = '', '', '', '', ''
-            mean, *bounds = written_mean(axes[name], segment.mean, segment.duration_s, mean_unit)
-            if segment.noise_density is not None and segment.ci95 is not None:
-                spread = ' – '.join(bounds)
-                density, *bounds = wording.measured(*(engineering(v, n_unit)[0] for v in (
-                    segment.noise_density, *segment.ci95)))
-                interval = ' – '.join(bounds)
-            if segment.drift_sigma is not None:
-                drift, around = _drift_of(segment, axis.unit)
-            rows.append({
-                'axis': wording.spoken(name) if not place else '',
-                'start': wording.duration(segment.start_s),
-                'mean': mean, 'spread': spread, 'density': density, 'interval': interval,
-                'drift': drift, 'around': around})
-    # Without the p-value: in a long record a change far too small to matter is significant.
-    verdicts = [f'{wording.spoken(name)} {"steady" if s.steady else "not steady"}'
-                for name, s in known.items()]
-    return {'title': wording.SENSORS[next(iter(known)).partition('_')[0]], 'rows': rows,
-            'verdict': ', '.join(verdicts), 'mean_unit': typeset(mean_unit),
-            'unit': typeset(engineering(1.0, n_unit)[1]),
-            'drift_unit': typeset(engineering(1.0, axis.unit)[1])}
+def _density_of(segment: Segment, unit: str) -> tuple[str, str]:
+    """Say the noise density of a segment and its interval, or nothing."""
+    if segment.noise_density is None or segment.ci95 is None:
+        return '', ''
+    value, *ends = wording.measured(*(engineering(one, unit)[0] for one in (
+        segment.noise_density, *segment.ci95)))
+    return value, ' – '.join(ends)
 
 
 def _drift_of(segment: Segment, unit: str) -> tuple[str, str]:
     """Say the level of the drift in a segment and its interval, or that none shows."""
-    level = engineering(segment.drift_sigma or 0.0, unit)[0]
+    if segment.drift_sigma is None:
+        return '', ''
+    level = engineering(segment.drift_sigma, unit)[0]
     if segment.drift_ci95 is None:
         return wording.number(level, 3), ''
     low, high = (engineering(value, unit)[0] for value in segment.drift_ci95)
