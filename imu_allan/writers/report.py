@@ -12,17 +12,15 @@ more.
 
 from base64 import b64encode
 from collections.abc import Mapping
-from functools import cache
 from hashlib import sha256
-from importlib.resources import files
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from imu_allan import wording
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.noise.terms import AXES
 from imu_allan.result import Coefficient, Result, Segment
-from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
+from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
 from imu_allan.writers.answer import (
     AIDING_S,
@@ -43,11 +41,9 @@ from imu_allan.writers.charts.spectrum import density_chart
 from imu_allan.writers.comparison import compare, shown, verdicts
 from imu_allan.writers.curves import axes_of, sensors_of, told
 from imu_allan.writers.filters import CONSUMERS, export
+from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.verdict import findings_line, verdict_lines
 from imu_allan.writers.words import message_of, presented, title_of
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 _UNIT = re.compile(r'(?<=\d )[A-Za-z][\w/^()*]*')
 """What follows a number in a sentence: a unit, or a word that `typeset` leaves as it is."""
@@ -73,7 +69,7 @@ def report_html(result: Result) -> str:
                 'text': _typeset(message_of(one))} for one in presented(result.warnings)]
     constant = [name for name in AXES if name in result.axes and result.axes[name].constant]
     return _page(
-        'report.html.j2', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
+        'report.html', title=' '.join(wording.names_of(result)), names=wording.names_of(result),
         verdict=[_typeset(line) for line in verdict_lines(result)],
         facts=_facts(result), version=printable(result.imu_allan_version),
         answers=found, remarks=remarks, remark_count=findings_line(result),
@@ -84,7 +80,8 @@ def report_html(result: Result) -> str:
         rest=wording.duration(result.timeline.rest_s),
         constant=wording.named(constant) if constant else '',
         tables={sensor: axes_of(result, sensor) for sensor in sensors_of(result)},
-        outlook=outlook_of(result), mean=written_mean, rest_s=result.timeline.rest_s,
+        outlook=outlook_of(result), good=GOOD, cell=_cell, density=_density_of, drift=_drift_of,
+        mean=written_mean, rest_s=result.timeline.rest_s,
         tunings=[(name, result.axes[name], tuning) for answer in found if answer.tuned is not None
                  for name, tuning in answer.tuned.tunings.items()],
         parts={sensor: known for sensor in sensors_of(result) if (known := {
@@ -124,7 +121,7 @@ def comparison_html(results: Mapping[str, Result]) -> str:
         {'name': name, 'place': place, 'source': ' '.join(wording.names_of(result)),
          'facts': _facts(result)}
         for place, (name, result) in enumerate(named_results.items())]
-    return _page('comparison.html.j2', verdicts=verdicts(differences), charts=charts,
+    return _page('comparison.html', shown=shown, verdicts=verdicts(differences), charts=charts,
                  title='Allan deviation compared', summaries=summaries,
                  differences=differences, version=__version__)
 
@@ -133,33 +130,10 @@ def _page(template: str, **context: Any) -> str:
     from markupsafe import Markup
 
     # Style and program are not templates; the name says only that they are parts of one.
-    style, program = _text('report.css'), _text('report.js')
+    program = text_of('report.js')
     digest = b64encode(sha256(program.encode()).digest()).decode()
-    return _environment().get_template(template).render(
-        style=Markup(style), program=Markup(program), hashes=f"'sha256-{digest}'", good=GOOD,
-        mean_units=MEAN_UNITS, quantities=AXES, sensors=wording.SENSORS, terms=TERMS, **context)
-
-
-def _text(name: str) -> str:
-    return (files('imu_allan.writers') / 'templates' / f'{name}.j2').read_text(encoding='utf-8')
-
-
-@cache
-def _environment() -> 'Environment':
-    """Return the templates, which take a third of a page to compile."""
-    from jinja2 import DictLoader, Environment, StrictUndefined
-
-    environment = Environment(
-        loader=DictLoader({f'{name}.j2': _text(name) for name in (
-            'page.html', 'report.html', 'comparison.html')}), autoescape=True,
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {
-        'cell': _cell, 'counted': wording.counted, 'duration': wording.duration,
-        'datasheet': lambda unit: engineering(1, unit)[1], 'printable': printable, 'shown': shown,
-        'density': _density_of, 'drift': _drift_of, 'spoken': wording.spoken,
-        'to': lambda value, form: '' if value is None else format(value, form),
-        'typeset': typeset}
-    return environment
+    return filled(template, style=Markup(text_of('report.css')), program=Markup(program),
+                  hashes=f"'sha256-{digest}'", **context)
 
 
 def _facts(result: Result) -> list[str]:

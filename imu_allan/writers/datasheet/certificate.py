@@ -3,7 +3,6 @@
 """The certificate: one sheet of A4 with every verdict on a unit, printed by the browser."""
 
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 
 from imu_allan.errors import printable, shorten
@@ -15,6 +14,7 @@ from imu_allan.version import __version__
 from imu_allan.wording import duration
 from imu_allan.writers.datasheet.table import figures
 from imu_allan.writers.datasheet.verdicts import Outcome, overall, reasons, Verdict
+from imu_allan.writers.pages import filled
 from imu_allan.writers.verdict import findings_line
 
 _TITLES = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
@@ -44,16 +44,10 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
         An HTML document without script, which prints on one sheet of A4.
 
     """
-    from jinja2 import Environment, StrictUndefined
-
-    template = (files('imu_allan.writers') / 'templates' / 'certificate.html.j2').read_text(
-        encoding='utf-8')
     outcome, (sentences, numbers) = overall(verdicts), reasons(verdicts)
     numbered = list(zip(verdicts, numbers, strict=True))
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-                              lstrip_blocks=True)
-    return environment.from_string(template).render(
-        version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
+    return filled(
+        'certificate.html', version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
         title=_title(result, specification), facts=_facts(result, specification),
         tables=[_table(numbered, sensor) for sensor in _TITLES
                 if any(verdict.axis.startswith(sensor) for verdict in verdicts)],

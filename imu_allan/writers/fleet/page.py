@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of a fleet: one HTML file without script."""
 
-from importlib.resources import files
 import re
 from typing import Any
 from urllib.parse import quote
 
 from imu_allan.errors import printable
-from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.version import __version__
@@ -20,6 +18,7 @@ from imu_allan.writers.figure_style import COLOURS, Theme
 from imu_allan.writers.fleet.figure import curves_figure, units_figure
 from imu_allan.writers.fleet.findings import Fleet, quantity_name
 from imu_allan.writers.fleet.table import cells
+from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.plot import render
 from imu_allan.writers.verdict import findings_line
 
@@ -45,31 +44,20 @@ def fleet_html(fleet: Fleet, title: str = 'Fleet') -> str:
         An HTML document that loads nothing, pictures included.
 
     """
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    templates = files('imu_allan.writers') / 'templates'
-    style = (templates / 'report.css.j2').read_text(encoding='utf-8')
-    page = (templates / 'fleet.html.j2').read_text(encoding='utf-8')
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-                              lstrip_blocks=True)
     population = fleet.population
-    return environment.from_string(page).render(
-        version=__version__, style=Markup(f'{style}{_both_colours()}'), title=printable(title),
+    return filled(
+        'fleet.html', version=__version__, title=printable(title),
+        style=Markup(f'{text_of("report.css")}{_both_colours()}'),
         facts=_facts(fleet),
-        odd=[{'name': printable(unit), 'link': _link(fleet, unit),
-              'reasons': _reasons(fleet, unit)} for unit in population.odd_units],
-        failures=[{'name': printable(f.unit), 'reason': printable(f.reason)}
-                  for f in fleet.failures],
+        fleet=fleet, reasons=_reasons, link=_link, worst=_worst, findings=findings_line,
         pictures=[(name, Markup(_svg(figure, place))) for place, (name, figure) in enumerate((
             ('Allan deviation of every unit', curves_figure(fleet)),
             ('Coefficients of every unit', units_figure(fleet))))] if fleet.results else [],
         traits=[{'name': quantity_name(trait.axis, trait.key), 'cells': _typeset(cells(trait))}
                 for trait in population.traits],
-        unseen=fleet.unseen,
-        columns=[f'{sensor} {TERMS[key].symbol} [{typeset(engineering(1.0, unit)[1])}]'
-                 for sensor, key in _COLUMNS for unit in [TERMS[key].unit(AXES[f'{sensor}_x'])]],
-        units=[_unit_row(fleet, unit) for unit in population.units])
+        columns=_COLUMNS)
 
 
 def _facts(fleet: Fleet) -> list[str]:
@@ -120,15 +108,6 @@ def _typeset(row: tuple[str, ...]) -> tuple[str, ...]:
 
 def _reasons(fleet: Fleet, unit: str) -> list[str]:
     return [typeset(sentence) for sentence in fleet.grouped_reasons(unit)]
-
-
-def _unit_row(fleet: Fleet, unit: str) -> dict[str, Any]:
-    result = fleet.results[unit]
-    return {'name': printable(unit), 'link': _link(fleet, unit),
-            'serial': printable(fleet.serial(unit) or ''),
-            'odd': bool(fleet.reasons(unit)), 'duration': duration(result.timeline.duration_s),
-            'values': [_worst(result, sensor, key) for sensor, key in _COLUMNS],
-            'notes': '; '.join(_reasons(fleet, unit)), 'findings': findings_line(result)}
 
 
 def _worst(result: Result, sensor: str, key: str) -> str:

@@ -1,0 +1,41 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pages: how a template is filled with what it shows, numbers and units in words."""
+
+from functools import cache
+from importlib.resources import files
+from typing import Any, TYPE_CHECKING
+
+from imu_allan import wording
+from imu_allan.errors import printable
+from imu_allan.noise.terms import AXES, TERMS
+from imu_allan.sensor.units import engineering, MEAN_UNITS, typeset
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def filled(template: str, **context: Any) -> str:
+    """Return a page from the template of its name."""
+    return _environment().get_template(template).render(
+        mean_units=MEAN_UNITS, quantities=AXES, sensors=wording.SENSORS, terms=TERMS, **context)
+
+
+def text_of(name: str) -> str:
+    """Return a part of a page: a template, its style or its program."""
+    return (files('imu_allan.writers') / 'templates' / f'{name}.j2').read_text(encoding='utf-8')
+
+
+@cache
+def _environment() -> 'Environment':
+    """Return the templates, which take a third of a page to compile, each when it is used."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    environment = Environment(loader=FunctionLoader(text_of), autoescape=True,
+                              undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {
+        'counted': wording.counted, 'datasheet': lambda unit: engineering(1, unit)[1],
+        'duration': wording.duration, 'printable': printable, 'spoken': wording.spoken,
+        'to': lambda value, form: '' if value is None else format(value, form),
+        'typeset': typeset}
+    return environment
