@@ -57,8 +57,9 @@ def followed(path: str | os.PathLike[str]) -> Path:
         # As many as Linux follows.
         if links > 40:
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
-        if shared:
-            _require_own(step)
+        if shared and os.lstat(step).st_uid not in (os.geteuid(), 0):
+            raise OSError(None, f'{step} is a link that another user put into a folder that '
+                          'everybody may write to', step)
         target = str(Path(step).readlink())
         if target.startswith('/'):
             # Whoever owns the link vouches for where it leads.
@@ -117,8 +118,10 @@ def open_folder(path: Path) -> int:
     handle = os.open('/', _STEP | _ONLY_PASSED)
     try:
         for part in path.parts[1:]:
-            with contextlib.suppress(FileExistsError):
-                if not _is_there(part, handle):
+            try:
+                os.stat(part, dir_fd=handle, follow_symlinks=False)
+            except FileNotFoundError:
+                with contextlib.suppress(FileExistsError):
                     os.mkdir(part, dir_fd=handle)
             try:
                 step = os.open(part, _STEP | _ONLY_PASSED, dir_fd=handle)
@@ -154,23 +157,9 @@ def open_to_lock(folder: str | os.PathLike[str]) -> int:
         os.close(passed)
 
 
-def _is_there(name: str, folder: int) -> bool:
-    try:
-        os.stat(name, dir_fd=folder, follow_symlinks=False)
-    except FileNotFoundError:
-        return False
-    return True
-
-
 def _is_everybodys(folder: str) -> bool:
     try:
         return bool(os.stat(folder).st_mode & stat.S_IWOTH)  # noqa: PTH116
     except OSError:
         # What is not there holds no links.
         return False
-
-
-def _require_own(link: str) -> None:
-    if os.lstat(link).st_uid not in (os.geteuid(), 0):
-        raise OSError(None, f'{link} is a link that another user put into a folder that everybody '
-                      'may write to', link)

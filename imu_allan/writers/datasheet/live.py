@@ -14,7 +14,7 @@ from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.wording import duration
 from imu_allan.writers.datasheet.measured import hidden_by_steps
-from imu_allan.writers.datasheet.verdicts import check, overall, Verdict
+from imu_allan.writers.datasheet.verdicts import check, Outcome, overall, Verdict
 
 ERROR = 0.05
 """Probability of either wrong word, of a whole unit."""
@@ -157,18 +157,15 @@ def _hidden(result: Result, verdict: Verdict) -> bool:
 
 
 def _worded(verdict: Verdict, decision: Decision, margin: float, recorded_s: float) -> Verdict:
-    what = f'{verdict.axis} {verdict.symbol}'
+    if decision == 'open':
+        return _open(verdict)
     after = f'after {duration(recorded_s)}'
-    if decision == 'below':
-        return replace(verdict, verdict='pass', reason=f'{what}: below {verdict.specified}, '
-                       f'certain {after}')
-    if decision == 'above':
-        return replace(verdict, verdict='fail', reason=f'{what}: above {verdict.specified}, '
-                       f'certain {after}')
-    if decision == 'near':
-        return replace(verdict, verdict='cannot tell', reason=f'{what}: within '
-                       f'{100 * margin:.0f} % of {verdict.specified} {after}')
-    return _open(verdict)
+    said: dict[Decision, tuple[Outcome, str]] = {
+        'below': ('pass', f'below {verdict.specified}, certain {after}'),
+        'above': ('fail', f'above {verdict.specified}, certain {after}'),
+        'near': ('cannot tell', f'within {100 * margin:.0f} % of {verdict.specified} {after}')}
+    outcome, reason = said[decision]
+    return replace(verdict, verdict=outcome, reason=f'{verdict.axis} {verdict.symbol}: {reason}')
 
 
 def _open(verdict: Verdict, why: str = 'nothing is certain yet; record for longer') -> Verdict:
