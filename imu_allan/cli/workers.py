@@ -285,8 +285,8 @@ def in_order(workers: Executor, tasks: Sequence[Task],
     if isinstance(workers, _ThisProcess):
         yield from _here(workers, groups, progress)
         return
-    # Of many recordings there is one for every worker without parting any.
-    # Readings of a recording by a cluster: enough for each worker to have a share, however uneven.
+    # Of many recordings there is one for every worker without parting any. A cluster reads one up
+    # to 16 times, so that each of its workers has a share, however uneven they are.
     most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
             else 16)
     waiting = deque((part, workers.submit(characterize_each, part))

@@ -8,6 +8,7 @@ from imu_allan.sensor.units import engineering
 from imu_allan.version import __version__
 from imu_allan.wording import duration, listed, SENSORS
 from imu_allan.writers.curves import axes_of, sensors_of, told
+from imu_allan.writers.pages import text_of
 
 _SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
             '_': r'\_', '{': r'\{', '}': r'\}', '~': r'\textasciitilde{}',
@@ -19,33 +20,7 @@ _UNITS = {
     'ug/sqrt(Hz)': r'$\mu\mathrm{g}/\sqrt{\mathrm{Hz}}$', 'ug': r'$\mu\mathrm{g}$',
     'ug/sqrt(h)': r'$\mu\mathrm{g}/\sqrt{\mathrm{h}}$', 'ug/h': r'$\mu\mathrm{g}/\mathrm{h}$'}
 
-BIBLIOGRAPHY = r"""@techreport{ieee952,
-  author = {{IEEE}},
-  title = {{IEEE} Standard Specification Format Guide and Test Procedure for Single-Axis
-           Interferometric Fiber Optic Gyros},
-  institution = {IEEE},
-  number = {Std 952-1997},
-  year = {1997},
-}
-
-@techreport{riley2008,
-  author = {Riley, W. J.},
-  title = {Handbook of Frequency Stability Analysis},
-  institution = {National Institute of Standards and Technology},
-  number = {Special Publication 1065},
-  year = {2008},
-}
-
-@article{greenhall1991,
-  author = {Greenhall, C. A.},
-  title = {Recipes for degrees of freedom of frequency stability estimators},
-  journal = {IEEE Transactions on Instrumentation and Measurement},
-  volume = {40},
-  number = {6},
-  pages = {994--999},
-  year = {1991},
-}
-"""
+BIBLIOGRAPHY = text_of('imu_noise.bib')
 
 
 def escaped(text: str) -> str:
