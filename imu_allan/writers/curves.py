@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from math import inf
 from typing import NamedTuple
 
+from imu_allan.noise import chi_square
 from imu_allan.noise.fitted_model import FittedModel, hidden_avar, reported_model
 from imu_allan.noise.terms import AXES, gauss_markov_avar, power_law_avar, Term, TERMS
 from imu_allan.result import AxisResult, Coefficient, Result, Spectrum, Timeline
@@ -108,6 +109,14 @@ def model_curve(axis: AxisResult, timeline: Timeline) -> ModelCurve:
     bound = avar + hidden_avar(axis, size / rate)
     return ModelCurve(size / rate, np.sqrt(np.where(avar > 0, avar, np.nan)),
                       np.sqrt(np.where(bound > _APART * avar, bound, np.nan)))
+
+
+def expected_band(axis: AxisResult, tau: Array, adev: Array) -> tuple[Array, Array]:
+    """Return between what 95 % of the points should fall if a model of an axis is right."""
+    curve = axis.curve
+    dof = np.exp(np.interp(np.log(tau), np.log(curve.tau_s), np.log(np.maximum(curve.edf, 1e-3))))
+    return (np.asarray(np.sqrt(chi_square.lower(0.025, dof) / dof) * adev),
+            np.asarray(np.sqrt(chi_square.upper(0.025, dof) / dof) * adev))
 
 
 def shortest_fitted_s(axis: AxisResult) -> float:

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, TYPE_CHECKING
 
-from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Signal, Timeline
 from imu_allan.sensor.units import convert, MEAN_UNITS, typeset
@@ -75,9 +74,7 @@ def draw_curve(panel: 'Axes', axis: AxisResult, colour: str, marker: str = 'o',
                    zorder=2.8)
     if timeline is not None and model.any():
         fine, model, _ = drawn
-        dof = np.exp(np.interp(np.log(fine), np.log(tau), np.log(np.maximum(curve.edf, 1e-3))))
-        panel.fill_between(fine, np.sqrt(chi_square.lower(0.025, dof) / dof) * model,
-                           np.sqrt(chi_square.upper(0.025, dof) / dof) * model, color=colour,
+        panel.fill_between(fine, *curves.expected_band(axis, fine, model), color=colour,
                            alpha=0.17, linewidth=0, zorder=2)
     else:
         low, high = np.array(curve.ci95).T

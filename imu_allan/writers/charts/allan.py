@@ -9,13 +9,12 @@ shown for one of them at a time, the worst one until the reader chooses another.
 
 from collections.abc import Mapping
 
-from imu_allan.noise import chi_square
 from imu_allan.noise.terms import AXES, FLICKER_FLOOR, TERMS
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import measured, SAMPLES, SENSORS, spoken
+from imu_allan.wording import measured, SAMPLES, spoken
 from imu_allan.writers import curves
-from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of, worst_axis
+from imu_allan.writers.charts.chart import both, box_of, Chart, sensor_chart, shape_of, worst_axis
 from imu_allan.writers.svg import Box, Drawing, group, Panel, SHAPES
 import numpy as np
 
@@ -66,7 +65,6 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                 panel, axis, factor, timeline, brief=narrow)))
         drawing.add(panel, inside)
 
-    name = f'{sensor}-allan'
     caption = ('Points: measured, hollow where fewer than 3 degrees of freedom stand behind one. '
                'Line: what the table reports, over the times of which it was fitted. '
                'Short dashes: with the largest term that may be hidden, at its bound. '
@@ -74,9 +72,9 @@ def allan_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timeline)
                'Ring: where the coefficient is read.')
     if curves.beyond(known.values(), (low, high)):
         caption += ' Arrow: a point beyond the axes.'
-    return Chart(name, f'{SENSORS[sensor]}: Allan deviation', caption,
-                 both(name, f'{SENSORS[sensor]}: Allan deviation against averaging time', 470,
-                      draw, 330), groups_of(known), worst_axis(known))
+    return sensor_chart(sensor, 'allan', 'Allan deviation',
+                        'Allan deviation against averaging time', caption, (470, 330), draw,
+                        known, worst_axis(known))
 
 
 def _framed(drawing: Drawing, narrow: bool, sensor: str, unit: str, ends: tuple[float, float],
@@ -96,11 +94,8 @@ def _expected(panel: Panel, axis: AxisResult, timeline: Timeline, factor: float)
     tau, adev, _ = curves.model_curve(axis, timeline)
     if not len(tau) or not (adev > 0).any():
         return []
-    dof = np.exp(np.interp(np.log(tau), np.log(axis.curve.tau_s),
-                           np.log(np.maximum(axis.curve.edf, 1e-3))))
-    low, high = (np.sqrt(quantile / dof) * adev * factor
-                 for quantile in (chi_square.lower(0.025, dof), chi_square.upper(0.025, dof)))
-    return [panel.band(tau, low, high, 'expected')]
+    low, high = curves.expected_band(axis, tau, adev)
+    return [panel.band(tau, low * factor, high * factor, 'expected')]
 
 
 def _measured_points(panel: Panel, axis: AxisResult, factor: float, unit: str, label: str,
@@ -192,6 +187,6 @@ def comparison_chart(results: Mapping[str, Result], axis: str) -> Chart | None:
         drawing.add(panel, inside)
 
     return Chart(axis, spoken(axis), '',
-                 both(axis, f'Allan deviation of {spoken(axis)} of every result', 400, draw, 340),
+                 both(axis, f'Allan deviation of {spoken(axis)} of every result', 400, 340, draw),
                  tuple((place, f'result-{int(place) % 7}', name)
                        for place, (name, _, _) in known.items()), next(iter(known)))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from imu_allan.result import AxisResult
+from imu_allan.wording import SENSORS
 from imu_allan.writers.svg import Box, Drawing, SHAPES
 
 WIDE, NARROW = 1080.0, 380.0
@@ -39,27 +40,31 @@ class Chart:
     focus: str = ''
 
 
-def both(name: str, label: str, height: float, draw: Callable[[Drawing, bool], None],
-         narrow_height: float | None = None) -> str:
+def both(name: str, label: str, height: float, narrow_height: float,
+         draw: Callable[[Drawing, bool], None]) -> str:
     """Draw for the desk and for the phone."""
     drawings = []
-    for size, width, tall in (('at-desk', WIDE, height),
-                              ('on-phone', NARROW, narrow_height or height * 0.85)):
+    for size, width, tall in (('at-desk', WIDE, height), ('on-phone', NARROW, narrow_height)):
         drawing = Drawing(width, tall, f'{name}-{size}', label)
         draw(drawing, size == 'on-phone')
         drawings.append(drawing.svg(size))
     return ''.join(drawings)
 
 
+def sensor_chart(sensor: str, kind: str, title: str, label: str, caption: str,
+                 heights: tuple[float, float], draw: Callable[[Drawing, bool], None],
+                 axes: Mapping[str, AxisResult], focus: str = '') -> Chart:
+    """Return the chart of a kind about the axes of a sensor."""
+    name = f'{sensor}-{kind}'
+    return Chart(name, f'{SENSORS[sensor]}: {title}', caption,
+                 both(name, f'{SENSORS[sensor]}: {label}', *heights, draw), tuple(
+                     (axis[-1], f'axis-{axis[-1]}', f'{axis[-1]} axis') for axis in axes), focus)
+
+
 def box_of(drawing: Drawing, narrow: bool, top: float = 26, bottom: float = 46) -> Box:
     """Return the place of the axes in a drawing."""
     return (56.0 if narrow else 64.0, top, drawing.width - (14 if narrow else 68),
             drawing.height - bottom)
-
-
-def groups_of(axes: Mapping[str, AxisResult]) -> tuple[tuple[str, str, str], ...]:
-    """Return name, class and label of every axis."""
-    return tuple((name[-1], f'axis-{name[-1]}', f'{name[-1]} axis') for name in axes)
 
 
 def shape_of(letter: str) -> str:

@@ -9,8 +9,8 @@ from imu_allan.result import AxisResult
 from imu_allan.sensor.units import engineering, typeset
 from imu_allan.tuning.backtest import bands_of
 from imu_allan.tuning.tune import FilterTuning
-from imu_allan.wording import duration, number, SAMPLES, SENSORS
-from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, shape_of
+from imu_allan.wording import duration, number, SAMPLES
+from imu_allan.writers.charts.chart import box_of, Chart, sensor_chart, shape_of
 from imu_allan.writers.svg import Drawing, group
 import numpy as np
 
@@ -85,13 +85,11 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
             inside.append(group(name[-1], f'axis-{name[-1]}', parts))
         drawing.add(panel, inside)
 
-    name = f'{sensor}-drift'
     tested = any(axis.backtest is not None for axis in known.values())
-    return Chart(name, f'{SENSORS[sensor]}: unaided drift',
-                 'Line: what a filter with the tuned numbers gets wrong, as the drift model has '
-                 'it. Dashed: what that filter claims.' + (
-                     ' Points: what happened in the part of the recording that the model was not '
-                     'fitted to; dotted: what it predicted for them; shade: where 95 % of the '
-                     'points should lie.' if tested else ''),
-                 both(name, f'{SENSORS[sensor]}: predicted and observed drift', 340, draw, 300),
-                 groups_of(known))
+    return sensor_chart(
+        sensor, 'drift', 'unaided drift', 'predicted and observed drift',
+        'Line: what a filter with the tuned numbers gets wrong, as the drift model has it. '
+        'Dashed: what that filter claims.' + (
+            ' Points: what happened in the part of the recording that the model was not fitted '
+            'to; dotted: what it predicted for them; shade: where 95 % of the points should lie.'
+            if tested else ''), (340, 300), draw, known)

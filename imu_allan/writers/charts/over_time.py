@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from imu_allan.result import AxisResult, Result, Timeline
 from imu_allan.sensor.units import convert, engineering, MEAN_UNITS, typeset
-from imu_allan.wording import duration, measured, number, SENSORS
-from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, padded, shape_of
+from imu_allan.wording import duration, measured, number
+from imu_allan.writers.charts.chart import box_of, Chart, padded, sensor_chart, shape_of
 from imu_allan.writers.curves import marked, time_unit, wander
 from imu_allan.writers.svg import Drawing, group, Panel
 import numpy as np
@@ -89,7 +89,6 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
                 # On the paper: on the band of its own colour it would hardly be seen.
                 drawing.text(right + 4, y0 + strip / 2 - 1, tag, f'tag {kind}')
 
-    name = f'{sensor}-signal'
     text = ('Mean and extremes of equal segments of the recording. A drift, a warm-up or a knock '
             'shows here before any fit.')
     shades = [label for label, spans in (('Grey: gap.', result.timeline.gaps),
@@ -98,9 +97,8 @@ def signal_chart(result: Result, sensor: str, axes: Mapping[str, AxisResult]) ->
     if warmth is not None:
         shades.append('°C: of the thermometer beside the sensor.')
     height = 354 if warmth is None else 406
-    return Chart(name, f'{SENSORS[sensor]}: the signal', ' '.join([text, *shades]),
-                 both(name, f'{SENSORS[sensor]}: mean and extremes over time', height,
-                       draw, height), groups_of(known))
+    return sensor_chart(sensor, 'signal', 'the signal', 'mean and extremes over time',
+                        ' '.join([text, *shades]), (height, height), draw, known)
 
 
 def _marks(panel: Panel, letter: str, time_s: Array, mean: Array, at: NDArray[np.intp],
@@ -184,9 +182,6 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
             inside.append(group(name[-1], f'axis-{name[-1]}', parts))
         drawing.add(panel, inside)
 
-    name = f'{sensor}-segments'
-    return Chart(name, f'{SENSORS[sensor]}: part by part',
-                 'The noise density of equal parts of the recording, each by itself, with its '
-                 '95 % interval.',
-                 both(name, f'{SENSORS[sensor]}: noise density of each part', 260, draw, 260),
-                 groups_of(known))
+    return sensor_chart(sensor, 'segments', 'part by part', 'noise density of each part',
+                        'The noise density of equal parts of the recording, each by itself, with '
+                        'its 95 % interval.', (260, 260), draw, known)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from imu_allan.noise.terms import AXES
 from imu_allan.result import AxisResult, Timeline
 from imu_allan.sensor.units import engineering, typeset
-from imu_allan.wording import number, SENSORS
-from imu_allan.writers.charts.chart import both, box_of, Chart, groups_of, worst_axis
+from imu_allan.wording import number
+from imu_allan.writers.charts.chart import box_of, Chart, sensor_chart, worst_axis
 from imu_allan.writers.curves import coefficients_of, density_limits, in_bands, model_density
 from imu_allan.writers.svg import Drawing, group
 import numpy as np
@@ -74,12 +74,10 @@ def density_chart(sensor: str, axes: Mapping[str, AxisResult], timeline: Timelin
                 panel.line(frequency, np.where(model > 0, model, np.nan), 'curve model')]))
         drawing.add(panel, inside)
 
-    name = f'{sensor}-psd'
-    return Chart(name, f'{SENSORS[sensor]}: power spectral density',
-                 'Thin: measured, in bands of a quarter of an octave. Thick: fitted model, '
-                 'low-pass included; white noise of density N stands at N². Upright: lines that '
-                 'were left out of the fit.'
-                 + (' Shaded: frequencies that were left out.' if any(
-                     axis.band_edge_hz is not None for axis in known.values()) else ''),
-                 both(name, f'{SENSORS[sensor]}: power spectral density against frequency', 400,
-                      draw, 320), groups_of(known), worst_axis(known))
+    shaded = any(axis.band_edge_hz is not None for axis in known.values())
+    return sensor_chart(
+        sensor, 'psd', 'power spectral density', 'power spectral density against frequency',
+        'Thin: measured, in bands of a quarter of an octave. Thick: fitted model, low-pass '
+        'included; white noise of density N stands at N². Upright: lines that were left out of '
+        'the fit.' + (' Shaded: frequencies that were left out.' if shaded else ''), (400, 320),
+        draw, known, worst_axis(known))
