@@ -7,7 +7,6 @@ from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.joint import joint_fit
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.terms import Quantity
-from imu_allan.writers.words import message_of
 
 
 def characterized(samples, rate_hz, thermometer=None):
@@ -33,9 +32,9 @@ def joint_fits(records, dt, thermometers=None):
 
 
 def one_axis(estimator, rate_hz, fits=None):
-    """Return the result of the only axis of an estimator, and its warnings."""
+    """Return the result of the only axis of an estimator, and the values of its warnings."""
     [(axis, remarks)] = axis_results(estimator, rate_hz, [Quantity.ANGULAR_VELOCITY], fits)
-    return axis, {remark.code: message_of(remark) for remark in remarks}
+    return axis, {remark.code: remark.values for remark in remarks}
 
 
 def taken_in(samples):

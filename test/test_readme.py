@@ -107,16 +107,25 @@ def shortened(command: str) -> str:
 
 @pytest.mark.parametrize('command', [
     line for page in PAGES for line in commands(page) if line.startswith('imu_allan ')])
-def test_command_of_the_tool_runs_as_printed(command: str, workplace: Path) -> None:
+def test_command_of_the_tool_runs_as_printed(
+        command: str, workplace: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
     output = re.search(r'simulate .*--output (\w+)', command)
     if output:
         shutil.rmtree(workplace / output[1], ignore_errors=True)
+    # Of the shortened recording check cannot tell everything.
+    well = (0, 4) if ' check ' in command else (0,)
+    if not set(command) & set('|&;<>*?$~'):
+        # What needs no shell needs no process, whose start is half of the time.
+        monkeypatch.chdir(workplace)
+        status = main(shlex.split(shortened(command))[1:])
+        assert (status in well, capsys.readouterr().err) == (True, '')
+        return
     done = subprocess.run(
         ['bash', '-c', shortened(command)], cwd=workplace, check=False, capture_output=True,
         text=True, env=os.environ | {
             'PATH': f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'})
-    # Of the shortened recording check cannot tell everything.
-    assert done.returncode in ((0, 4) if ' check ' in command else (0,)), done.stderr
+    assert done.returncode in well, done.stderr
     assert done.stderr == ''
 
 

@@ -12,7 +12,6 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.writers.datasheet.live import standing
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -37,12 +36,12 @@ def still(seconds):
     return rows
 
 
-def take(stream, stamps, rows, size=3001):
+def take(stream, stamps, rows, size=3001, *, received=None, gyro_alone=True):
+    received = stamps if received is None else received
     for begin in range(0, len(rows), size):
         part = slice(begin, begin + size)
-        n = len(rows[part])
-        stream.update(ImuBlock(stamps[part], stamps[part], rows[part], np.zeros((n, 2), bool),
-                               'imu_link'))
+        absent = np.tile([False, gyro_alone], (len(rows[part]), 1))
+        stream.update(ImuBlock(stamps[part], received[part], rows[part], absent, 'imu_link'))
 
 
 def stamps_of(seconds, offset=START):
@@ -55,15 +54,12 @@ def hour():
     return seconds, still(seconds)
 
 
-FINELY = 'record the temperature all the time and finely, or leave it out'
+def axis_of(result):
+    return result.axes['gyro_x'].trend.temperature
 
 
-def axis_of(stream):
-    return stream.result().axes['gyro_x'].trend.temperature
-
-
-def remarks(stream):
-    return [message_of(remark) for remark in stream.result().warnings
+def remarks(result):
+    return [remark for remark in result.warnings
             if remark.code in ('temperature', 'thermometer')]
 
 
@@ -85,7 +81,7 @@ def test_a_verdict_on_the_bench_takes_out_the_temperature_as_the_result_does(hou
 def test_the_mean_follows_the_temperature_of_the_readings(hour):
     seconds, rows = hour
     stream = Characterization(kind='topic')
-    take(stream, stamps_of(seconds), rows)
+    take(stream, stamps_of(seconds), rows, gyro_alone=False)
     reading = seconds[::20]
     stream.take_temperature(stamps_of(reading), celsius_at(reading))
     result = stream.result()
@@ -97,11 +93,12 @@ def test_the_mean_follows_the_temperature_of_the_readings(hour):
     assert (one.lowest_c, one.highest_c) == pytest.approx(
         (celsius_at(reading).min(), celsius_at(reading).max()), abs=0.1)
     assert not result.axes['gyro_x'].coefficients['rate_random_walk'].observable
-    assert remarks(stream)[0] == (
-        f'gyro x: the mean follows the temperature by {one.per_kelvin:.3g} rad/s/K (95 % interval '
-        f'{one.ci95[0]:.3g} to {one.ci95[1]:.3g}; {one.lowest_c:.1f} to {one.highest_c:.1f} '
-        'degrees Celsius); coefficients are given without the temperature, numbers for a filter '
-        'with it')
+    told = remarks(result)[0]
+    assert (told.code, told.axes) == ('temperature', ('gyro_x',))
+    assert told.values == {
+        'per_kelvin': one.per_kelvin, 'per_kelvin_low': one.ci95[0],
+        'per_kelvin_high': one.ci95[1], 'unit': 'rad/s', 'lowest_c': one.lowest_c,
+        'highest_c': one.highest_c, 'curved': False, 'lag_s': None}
     shown = result.temperature
     middle = (np.arange(len(shown.mean)) + 0.5) * shown.step_s
     assert len(middle) <= 128
@@ -126,8 +123,9 @@ def test_readings_may_come_in_any_order_and_through_a_state(hour):
         some = shuffled[number::7]
         second.take_temperature(stamps_of(some), celsius_at(some))
         second = Characterization.from_state(second.to_state())
-    assert axis_of(first) is not None
-    assert second.result().to_dict() == first.result().to_dict()
+    result = first.result()
+    assert axis_of(result) is not None
+    assert second.result().to_dict() == result.to_dict()
 
 
 def test_memory_does_not_grow_with_the_readings():
@@ -150,24 +148,19 @@ def test_gaps_in_the_samples_and_a_jump_of_the_clock_are_followed(hour):
     # The driver's clock is set by a day; the receive clock goes on.
     stamps[late] += 86_400_000_000_000
     stream = Characterization(kind='topic')
-    receive = stamps_of(seconds)
-    for begin in range(0, len(rows), 3001):
-        part = np.arange(begin, min(begin + 3001, len(rows)))
-        part = part[keep[part]]
-        stream.update(ImuBlock(stamps[part], receive[part], rows[part],
-                               np.zeros((len(part), 2), bool), 'imu_link'))
+    take(stream, stamps[keep], rows[keep], received=stamps_of(seconds)[keep])
     stream.take_temperature(stamps[::20], celsius_at(seconds[::20]))
-    one = axis_of(stream)
+    one = axis_of(stream.result())
     assert one.per_kelvin == pytest.approx(PER_KELVIN, rel=0.02)
 
 
 @pytest.mark.parametrize(('readings', 'expected'), [
     (lambda s: (s[s < 2000][::20], celsius_at(s[s < 2000][::20])),
-     'the temperature covers 64 % of the record: it is not used; ' + FINELY),
+     {'fault': 'short', 'covered_share': pytest.approx(0.635, abs=5e-3)}),
     (lambda s: (s[::20], np.full(len(s[::20]), 25.0)),
-     'the temperature never changes: its effect cannot be measured; ' + FINELY),
+     {'fault': 'constant'}),
     (lambda s: (s[::20] + 1e6, celsius_at(s[::20])),
-     'the temperature covers 0 % of the record: it is not used; ' + FINELY),
+     {'fault': 'short', 'covered_share': 0.0}),
 ])
 def test_readings_that_are_no_use_are_told(hour, readings, expected):
     seconds, rows = hour
@@ -175,8 +168,11 @@ def test_readings_that_are_no_use_are_told(hour, readings, expected):
     take(stream, stamps_of(seconds), rows)
     reading, celsius = readings(seconds)
     stream.take_temperature(stamps_of(reading), celsius)
-    assert remarks(stream) == [expected]
-    assert axis_of(stream) is None
+    result = stream.result()
+    [told] = remarks(result)
+    assert told.code == 'thermometer'
+    assert {key: value for key, value in told.values.items() if key in expected} == expected
+    assert axis_of(result) is None
 
 
 def test_coarse_steps_and_gaps_of_the_readings_are_told(hour):
@@ -186,9 +182,10 @@ def test_coarse_steps_and_gaps_of_the_readings_are_told(hour):
     reading = seconds[::20]
     reading = reading[(reading < 1000) | (reading > 1320)]
     stream.take_temperature(stamps_of(reading), np.round(celsius_at(reading) / 2) * 2)
-    assert remarks(stream)[-2:] == [
-        'the temperature comes in steps of 2 K within a range of 12 K; ' + FINELY,
-        'the temperature has 1 gap, over which it is interpolated; ' + FINELY]
+    coarse, gaps = (remark.values for remark in remarks(stream.result())[-2:])
+    assert (coarse['fault'], coarse['step_k'], coarse['range_k']) == (
+        'coarse', pytest.approx(2), pytest.approx(12))
+    assert (gaps['fault'], gaps['gaps']) == ('gaps', 1)
 
 
 def test_readings_that_are_none_are_left_out():

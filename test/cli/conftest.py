@@ -1,11 +1,13 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings for the tests of the command, written once."""
+"""Recordings for the tests of the command, written once, and the result of one."""
 
 from pathlib import Path
 
+import imu_allan
 from imu_allan.sensor.noise_model import NoiseModel, parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
+from imu_allan.writers.result_file import save_result
 import pytest
 
 RATE_HZ = 100.0
@@ -13,16 +15,37 @@ SAMPLES = 30_000
 START_NS = 1_700_000_000 * 10**9
 
 
+GYRO = 'gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 20 deg/h}\n'
+
+
 @pytest.fixture(scope='session')
 def model() -> NoiseModel:
-    return parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz), bias_instability: 20 deg/h}\n'
-                       'accel: {noise_density: 150 ug/sqrt(Hz)}')
+    return parse_model(GYRO)
+
+
+def written(folder: Path, model: NoiseModel) -> Path:
+    from imu_allan.recordings.write import write_recording
+
+    blocks = simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=START_NS)
+    return write_recording(folder / 'at_rest', blocks)
 
 
 @pytest.fixture(scope='session')
 def recording(tmp_path_factory: pytest.TempPathFactory, model: NoiseModel) -> Path:
-    """Five minutes of a simulated IMU, topic /imu/data_raw, MCAP."""
-    from imu_allan.recordings.write import write_recording
+    """Five minutes of a simulated gyroscope, topic /imu/data_raw, MCAP."""
+    return written(tmp_path_factory.mktemp('recordings'), model)
 
-    blocks = simulated_blocks(model, RATE_HZ, SAMPLES, start_ns=START_NS)
-    return write_recording(tmp_path_factory.mktemp('recordings') / 'at_rest', blocks)
+
+@pytest.fixture(scope='session')
+def imu_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """As long, with an accelerometer: its fit takes twice the time."""
+    model = parse_model(f'{GYRO}accel: {{noise_density: 150 ug/sqrt(Hz)}}')
+    return written(tmp_path_factory.mktemp('recordings'), model)
+
+
+@pytest.fixture(scope='session')
+def result_file(imu_recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the result of the recording with an accelerometer, that nobody changes."""
+    path = tmp_path_factory.mktemp('result') / 'result.json'
+    save_result(imu_allan.analyze(imu_recording), path)
+    return path

@@ -39,8 +39,8 @@ COMMAND = [sys.executable, '-m', 'imu_allan', 'analyze']
 
 
 def test_table_goes_to_stdout_and_nothing_to_stderr(
-        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['analyze', str(recording)]) == 0
+        imu_recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(imu_recording)]) == 0
     shown = capsys.readouterr()
     assert shown.err == ''
     assert '30,000 samples at 100 Hz, 5 min' in shown.out.splitlines()
@@ -92,8 +92,8 @@ def test_output_folder_holds_result_curve_plot_and_report(
 
 
 def test_a_configuration_comes_in_the_same_command_alone_on_stdout(
-        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['analyze', str(recording), '--for', 'kalibr']) == 0
+        imu_recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['analyze', str(imu_recording), '--for', 'kalibr']) == 0
     shown = capsys.readouterr()
     assert set(yaml.safe_load(shown.out)) == {
         'accelerometer_noise_density', 'accelerometer_random_walk', 'gyroscope_noise_density',

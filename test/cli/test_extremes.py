@@ -17,13 +17,6 @@ import numpy as np
 import pytest
 
 
-@pytest.fixture(scope='module')
-def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp('result') / 'r.json'
-    assert main(['analyze', str(recording), '--json', str(path)]) == 0
-    return path
-
-
 @pytest.mark.parametrize(('option', 'value'), [
     ('--start', '1e300'), ('--duration', '1e300'), ('--start', '40000d')])
 def test_a_time_beyond_a_century_is_wrong_usage(
@@ -48,10 +41,10 @@ def test_in_python_a_part_beyond_all_stamps_is_empty_or_all(start_s, duration_s,
 @pytest.mark.parametrize('digits', [400, 5000])
 @pytest.mark.parametrize('verb', ['report', 'check', 'export'])
 def test_a_number_of_many_digits_in_a_result_is_one_line(
-        result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str, reason: str,
-        digits: int, verb: str) -> None:
+        result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str,
+        reason: str, digits: int, verb: str) -> None:
     text, found = re.subn(
-        rf'("{key}": )[\d.]+', rf'\g<1>{"9" * digits}', result.read_text(), count=1)
+        rf'("{key}": )[\d.]+', rf'\g<1>{"9" * digits}', result_file.read_text(), count=1)
     assert found == 1
     damaged, spec = tmp_path / 'damaged.json', tmp_path / 'spec.yaml'
     damaged.write_text(text)
@@ -63,10 +56,10 @@ def test_a_number_of_many_digits_in_a_result_is_one_line(
     assert capsys.readouterr().err == f'imu_allan: {damaged}.timeline.{key}: {reason}\n'
 
 
-def test_the_smallest_limit_there_is_gives_valid_json(result: Path, tmp_path: Path) -> None:
+def test_the_smallest_limit_there_is_gives_valid_json(result_file: Path, tmp_path: Path) -> None:
     spec = tmp_path / 'spec.yaml'
     spec.write_text('gyro: {noise_density: 5e-324 rad/s/sqrt(Hz)}\n')
-    assert main(['check', str(result), '--spec', str(spec),
+    assert main(['check', str(result_file), '--spec', str(spec),
                  '--json', str(tmp_path / 'c.json')]) == 3
 
     def refuse(name: str) -> None:

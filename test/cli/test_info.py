@@ -21,12 +21,12 @@ START_NS = 1_700_000_000 * 10**9
 
 
 def test_clean_recording_is_described(
-        recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['info', str(recording)]) == 0
+        imu_recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['info', str(imu_recording)]) == 0
     shown = capsys.readouterr()
     assert shown.err == ''
     assert shown.out.splitlines() == [
-        Varying(f'{recording}  <number> MB'), '', '/imu/data_raw', '  messages    30,000',
+        Varying(f'{imu_recording}  <number> MB'), '', '/imu/data_raw', '  messages    30,000',
         '  frame_id    imu_link', '  start       2023-11-14T22:13:20Z', '  duration    5 min',
         '  rate        100 Hz, jitter below 1 us', CLOCK, '  faults      none']
 

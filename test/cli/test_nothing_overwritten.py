@@ -6,16 +6,15 @@ import os
 from pathlib import Path
 import shutil
 
-import imu_allan
 from imu_allan.cli.main import main
-from imu_allan.writers.result_file import save_result
 import pytest
 
 SPEC = 'gyro: {noise_density: 0.05 deg/s/sqrt(Hz)}\n'
 
 
 @pytest.fixture
-def folder(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, recording: Path, result_file: Path, monkeypatch: pytest.MonkeyPatch
+           ) -> Path:
     """Give a folder with a recording, a table, a result, a datasheet and links to the first."""
     [mcap] = recording.glob('*.mcap')
     shutil.copy(mcap, tmp_path / 'a.mcap')
@@ -23,7 +22,7 @@ def folder(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> 
     (tmp_path / 'a.csv').write_text(f'time_s,gyro_x\n{rows}')
     shutil.copy(tmp_path / 'a.csv', tmp_path / 'curve.csv')
     shutil.copy(tmp_path / 'a.csv', tmp_path / 'b.csv')
-    save_result(imu_allan.analyze(recording), tmp_path / 'r.json')
+    shutil.copy(result_file, tmp_path / 'r.json')
     (tmp_path / 'spec.yaml').write_text(SPEC)
     (tmp_path / 'soft.json').symlink_to('a.mcap')
     os.link(tmp_path / 'r.json', tmp_path / 'hard.json')

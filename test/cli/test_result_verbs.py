@@ -23,13 +23,6 @@ from whole_lines import Varying
 import yaml
 
 
-@pytest.fixture(scope='module')
-def result_file(recording, tmp_path_factory):
-    path = tmp_path_factory.mktemp('result') / 'result.json'
-    save_result(imu_allan.analyze(recording), path)
-    return path
-
-
 def test_export_prints_what_a_filter_reads(result_file, capsys):
     assert main(['export', str(result_file), '--for', 'kalibr']) == 0
     out, err = capsys.readouterr()
@@ -166,16 +159,16 @@ def test_check_tells_by_its_status_whether_the_datasheet_is_kept(
     assert suite.get('failures') == ('3' if status else '0')
 
 
-def test_check_takes_a_recording_as_well(recording, result_file, tmp_path, capsys):
+def test_check_takes_a_recording_as_well(imu_recording, result_file, tmp_path, capsys):
     (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.2 deg/sqrt(h)}')
     verdicts = []
-    for source in (recording, result_file):
+    for source in (imu_recording, result_file):
         assert main(['check', str(source), '--spec', str(tmp_path / 'spec.yaml'),
                      '--json', str(tmp_path / 'c.json')]) == 3
         verdicts.append(json.loads((tmp_path / 'c.json').read_text())['checks'])
     assert verdicts[0] == verdicts[1]
     shown = capsys.readouterr().out.splitlines()
-    for source in (recording, result_file):
+    for source in (imu_recording, result_file):
         assert f'fail: {source} against {tmp_path}/spec.yaml' in shown
 
 
@@ -398,13 +391,6 @@ def test_an_unknown_format_is_wrong_usage(result_file, capsys):
         "imu_allan report: error: argument --format: 'bmp' is not one of png, svg, pdf, latex")
 
 
-def test_analyze_leaves_result_curve_plot_and_report(recording, tmp_path, capsys):
-    assert main(['analyze', str(recording), '--output', str(tmp_path / 'out')]) == 0
-    assert {path.name for path in (tmp_path / 'out').iterdir()} == {
-        'result.json', 'curve.csv', 'allan_deviation.png', 'report.html'}
-    assert 'deg/sqrt(h)' in capsys.readouterr().out
-
-
 @pytest.fixture
 def folder(result_file, tmp_path):
     """Make what analyze --output leaves, as far as it matters."""
@@ -443,8 +429,8 @@ def test_a_specification_may_be_one_that_is_shipped(result_file, capsys):
     assert 'gyro_x' in capsys.readouterr().out
 
 
-def test_a_printed_result_is_the_table(recording, result_file):
+def test_a_printed_result_is_the_table(imu_recording, result_file):
     lines = str(imu_allan.load_result(result_file)).splitlines()
     assert lines[0].startswith('Gyroscope: N is good')
-    assert f'{recording} /imu/data_raw frame imu_link' in ' '.join(' '.join(lines).split())
+    assert f'{imu_recording} /imu/data_raw frame imu_link' in ' '.join(' '.join(lines).split())
     assert max(map(len, lines)) <= 80

@@ -16,13 +16,6 @@ import pytest
 from whole_lines import Varying
 
 
-@pytest.fixture(scope='module')
-def result_file(recording, tmp_path_factory):
-    path = tmp_path_factory.mktemp('tune') / 'result.json'
-    save_result(imu_allan.analyze(recording), path)
-    return path
-
-
 def test_the_four_ways_stand_side_by_side(result_file, capsys):
     assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s']) == 0
     out, err = capsys.readouterr()

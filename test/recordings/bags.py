@@ -4,12 +4,13 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+import re
 import sqlite3
 import struct
 
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
-from imu_allan.finding import Finding
+from imu_allan.finding import Finding, finding
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, Recording
 from mcap.writer import CompressionType, Writer
 import numpy as np
@@ -48,6 +49,16 @@ def read(path: Path, topic: str | None = None, **options: float) -> tuple[ImuBlo
     with open_recording(path, **options) as recording:
         messages = joined(read_blocks(recording, choose_topic(recording, topic)))
         return messages, recording.remarks
+
+
+def told(path: Path, code: str, **values: object) -> Finding:
+    """Return a finding about a recording."""
+    return finding(code, recording=str(path), **values)
+
+
+def figures(reason: str) -> list[int]:
+    """Return the whole numbers that a reason names, whatever its words are."""
+    return [int(number) for number in re.findall(r'\d+', reason)]
 
 
 def assert_same(first: ImuBlock, second: ImuBlock) -> None:

@@ -14,7 +14,6 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.thermometers import temperatures, thermometer_of
 from imu_allan.result import Result
-from imu_allan.writers.words import message_of
 from mcap.writer import Writer
 import numpy as np
 from other_types import full_definition, sample, stamped, store_with, vector, write_mcap
@@ -150,13 +149,11 @@ def test_a_column_that_is_no_temperature_is_told(tmp_path):
     path = tmp_path / 'a.csv'
     rows = [f'{i / 100},{(i * i) % 7},warm' for i in range(500)]
     path.write_text('\n'.join(['time_s,gyro_x,temp', *rows, '']))
-    [remark] = [message_of(remark) for remark in analyze(path).warnings
-                if remark.code == 'thermometer']
+    [remark] = [remark for remark in analyze(path).warnings if remark.code == 'thermometer']
     line = (f'{path}: line 2: 0.0,0,warm lacks a number in a column that is read; a column that '
             'holds none can be left out: --columns names the others, and --rate takes the place '
             'of the time')
-    assert remark == (f'the temperature was not read: {line}; record the temperature all the time '
-                      'and finely, or leave it out')
+    assert remark.values == {'fault': 'unread', 'reason': line}
     with refused(line):
         analyze(path, reading=RecordingOptions(temperature='temp'))
 

@@ -516,10 +516,6 @@ DENSITY_TOLERANCE = 0.03
 RATE_TOLERANCE = 0.002
 MOVES = ('scenario, topic /imu: the IMU moves during most of the recording; record it at rest, '
          'choose a still part with --start and --duration, or keep everything with --motion keep')
-TWO_PUBLISHERS = ('neighbouring messages differ in turn, as those of two sensors that publish '
-                  'with one frame_id do')
-HALF_RATE = ('the values of neighbouring messages differ in turn: a vibration at half the message '
-             'rate, or two sensors that publish with one frame_id')
 OR_TWO = ('or two sensors publish on this topic: ros2 topic info --verbose names the publishers')
 
 

@@ -4,13 +4,14 @@
 
 from io import StringIO
 
+from imu_allan.finding import Finding
+from imu_allan.result import Result
 from imu_allan.writers.answer import answers, GOOD
 from imu_allan.writers.table import print_result
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from scenarios import at_rest, characterized, Messages, MOVES, SIGMA, Truth
-from whole_lines import refused, Varying
+from whole_lines import refused
 
 RATE_HZ = 100.0
 
@@ -28,6 +29,11 @@ def driven(moving: str, times: float, duration_s: float = 400.0) -> tuple[Messag
     return messages, truth
 
 
+def told(result: Result) -> Finding:
+    [found] = [one for one in result.warnings if one.code == 'rest_within_motion']
+    return found
+
+
 @pytest.mark.parametrize('times', [5, 20])
 @pytest.mark.parametrize(('moving', 'rest_s'), [
     ('take-off after 10 s', 8.5), ('stops every 40 s', 158), ('drives first', 46.5),
@@ -39,20 +45,16 @@ def test_what_is_at_rest_is_used_and_listed(moving, times, rest_s):
         density = axis.coefficients['noise_density']
         low, high = density.ci95
         assert low - (density.value - low) < truth.density < high + (high - density.value)
-    told = next(message_of(remark) for remark in result.warnings
-                if remark.code == 'rest_within_motion')
-    assert told == Varying(f'the IMU moves during <number> % of the samples: only the {rest_s:g} '
-                           's at rest are used (<words>)')
+    assert told(result).values['rest_s'] == pytest.approx(rest_s, rel=1e-3)
     assert sum(span.duration_s for span in result.timeline.motion) == pytest.approx(
         400 - rest_s, abs=0.6)
 
 
 def test_the_stretches_at_rest_are_named():
-    result = characterized(driven('drives first', 20)[0])
-    assert [message_of(remark) for remark in result.warnings
-            if remark.code == 'rest_within_motion'] == [
-        'the IMU moves during 88 % of the samples: only the 46.5 s at rest are used '
-        '(15.5 s at 183 s, 15.5 s at 263 s, 15.5 s at 343 s)']
+    assert told(characterized(driven('drives first', 20)[0])).values == {
+        'share': pytest.approx(0.88, abs=5e-3), 'rest_s': pytest.approx(46.5, abs=0.05),
+        'rests': 3, 'starts_s': pytest.approx([183, 263, 343], abs=0.5),
+        'durations_s': pytest.approx([15.5] * 3, abs=0.05)}
 
 
 def test_rest_is_the_same_whatever_the_blocks_and_saves():

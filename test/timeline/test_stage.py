@@ -6,16 +6,16 @@ from functools import lru_cache
 from hypothesis import example, given, settings, strategies as st
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
+from imu_allan.finding import Finding
 from imu_allan.timeline import TimelineOptions, TimelineStage, TimelineSummary
-from imu_allan.writers.words import says
 from imu_messages import codes, cut, pick, rows_by_place, run, START_NS, still
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
 
 
-def told(summary: TimelineSummary, code: str) -> str:
-    return next(says(found) for found in summary.remarks if found.code == code)
+def told(summary: TimelineSummary, code: str) -> Finding:
+    return next(found for found in summary.remarks if found.code == code)
 
 
 def faulty(seed: int, count: int = 12_000) -> ImuBlock:
@@ -279,15 +279,14 @@ def test_of_interleaved_publishers_the_first_is_followed_and_the_other_counted()
     summary, even = run(blocks)
     assert np.array_equal(rows_by_place(even)[1], one.samples)
     assert (summary.timeline.samples, summary.timeline.rejected) == (2000, 2000)
-    assert told(summary, 'several_frames') == (
-        "messages of frame_id 'imu_link' are used, those of "
-        "'base_link' (2000 messages) rejected")
+    assert told(summary, 'several_frames').values == {
+        'frame_id': 'imu_link', 'others': ['base_link'], 'rejected': [2000]}
 
 
 def test_any_number_of_frame_ids_keeps_memory_and_remark_bounded():
     summary, _ = run([still(200), *(replace(still(1), frame_id=f'frame_{i}')
                                     for i in range(1000))])
-    assert len(told(summary, 'several_frames')) < 600
+    assert len(told(summary, 'several_frames').values['others']) < 20
     assert summary.timeline.rejected == 1000
 
 
@@ -353,8 +352,7 @@ def test_unusable_header_stamps_make_receive_stamps_the_clock(spoil, flaw):
     block = still(10_000)
     summary, even = run(replace(block, header_ns=spoil(block.header_ns)))
     assert summary.clock == 'receive'
-    assert told(summary, 'receive_clock') == (
-        f'header stamps are {flaw}: receive stamps are used')
+    assert told(summary, 'receive_clock').values == {'flaw': flaw}
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-6)
     assert np.array_equal(rows_by_place(even)[1], block.samples)
     assert summary.start_time is not None
@@ -432,9 +430,10 @@ def test_a_rate_change_half_way_is_told_and_the_other_rate_left_out(other_hz):
     then = replace(then, header_ns=then.header_ns + shift, receive_ns=then.receive_ns + shift)
     summary, even = run([first, then])
     assert summary.timeline.sample_rate_hz == pytest.approx(100.0, rel=1e-3)
-    assert told(summary, 'rate_changed') == Varying(
-        f'the sample rate changed from 100 to {other_hz:g} Hz at <number> s: the <number> samples '
-        'at another rate than the first are left out')
+    change = told(summary, 'rate_changed').values
+    assert (change['from_hz'], change['to_hz']) == pytest.approx((100, other_hz), rel=1e-3)
+    assert change['at_s'] == pytest.approx(300, abs=3)
+    assert change['left_out'] == summary.at_other_rate
     assert summary.at_other_rate == pytest.approx(20_000, abs=300)
     assert len(rows_by_place(even)[0]) == pytest.approx(30_000, abs=300)
 
@@ -476,14 +475,12 @@ def test_a_break_begins_a_new_run_at_the_next_sample():
     assert (gap.start_s, gap.duration_s) == pytest.approx((60.0, 120.0), abs=0.02)
 
 
-@pytest.mark.parametrize(('gravity', 'hint'), [
-    (0.0, '; has gravity been removed?'), (1.0, '; is it in units of g?'), (5.0, '')])
-def test_gravity_far_from_its_value_is_told(gravity, hint):
+@pytest.mark.parametrize('gravity', [0.0, 1.0, 5.0])
+def test_gravity_far_from_its_value_is_told(gravity):
     block = still(2000)
     block.samples[:, 5] += gravity - 9.81
     summary, _ = run(block)
-    assert told(summary, 'gravity') == Varying(
-        f'the mean acceleration is <number> m/s^2, not about 9.81{hint}')
+    assert told(summary, 'gravity').values == {'mean': pytest.approx(gravity, abs=1e-2)}
 
 
 def test_a_slightly_tilted_real_sensor_says_nothing_about_gravity():

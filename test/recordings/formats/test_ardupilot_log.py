@@ -8,14 +8,13 @@ from struct import calcsize, pack
 import subprocess
 import sys
 
-from bags import read
+from bags import read, told
 from imu_allan import analyze
 from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -151,9 +150,8 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [Stream('GYR', 'gyro'), Stream('ACC', 'accel')]
         [remark] = recording.remarks
-    assert message_of(remark) == (
-        f'{path}: of 3 IMU topics GYR and ACC are read, with the highest rate; --topic, or '
-        '--gyro-topic and --accel-topic, choose among IMU')
+    assert remark == told(path, 'chosen_topic', topics=3, chosen=['GYR', 'ACC'], others=['IMU'],
+                          reason=remark.values['reason'])
     axes = analyze(path).axes
     assert [axes[f'{name}_x'].sample_rate_hz for name in ('gyro', 'accel')] == pytest.approx(
         [1000, 2000])
@@ -163,10 +161,8 @@ def test_raw_samples_are_preferred_and_named(tmp_path):
 
 def test_filtered_samples_are_told(tmp_path):
     result = analyze(write(tmp_path / 'a.bin', imu(2000)))
-    assert [message_of(remark) for remark in result.warnings if remark.code == 'filtered'] == [
-        f'{tmp_path / "a.bin"}: IMU messages have passed the filters of the autopilot '
-        '(INS_GYRO_FILTER, INS_ACCEL_FILTER); set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the '
-        'autopilot for raw samples at the full rate']
+    assert [remark for remark in result.warnings if remark.code == 'filtered'] == [
+        told(tmp_path / 'a.bin', 'filtered', by='autopilot')]
 
 
 def test_batches_are_unrolled_and_show_n_alone(tmp_path):
@@ -176,10 +172,8 @@ def test_batches_are_unrolled_and_show_n_alone(tmp_path):
     assert np.unique(np.diff(messages.header_ns)).tolist() == [10**6, 2 * 10**9 - 1023 * 10**6]
     assert messages.header_ns[0] == 10**9
     result = analyze(path)
-    assert [message_of(remark) for remark in result.warnings if remark.code == 'batches'] == [
-        f'{path}: topic {topic} comes in batches with pauses: it shows N and no more; set '
-        'LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the full '
-        'rate' for topic in ('ISBD_GYR', 'ISBD_ACC')]
+    assert [remark for remark in result.warnings if remark.code == 'batches'] == [
+        told(path, 'batches', topic=topic) for topic in ('ISBD_GYR', 'ISBD_ACC')]
     for name, axis in result.axes.items():
         shown = {key for key, found in axis.coefficients.items() if found.observable}
         assert shown == {'noise_density'}

@@ -8,12 +8,22 @@ import shutil
 import sqlite3
 from tempfile import gettempdir
 
-from bags import assert_same, block, IMU, joined, read, write_db3, write_mcap, write_metadata
+from bags import (
+    assert_same,
+    block,
+    figures,
+    IMU,
+    joined,
+    read,
+    told,
+    write_db3,
+    write_mcap,
+    write_metadata,
+)
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.formats.bag_directory import BagDirectory
-from imu_allan.writers.words import message_of
 import pytest
 from whole_lines import refused, Varying
 import zstandard
@@ -60,41 +70,32 @@ def test_a_bag_without_metadata_is_read_in_the_order_of_its_numbers(split_bag):
     (split_bag / 'metadata.yaml').unlink()
     after, [remark] = read(split_bag)
     assert_same(block(1500), after)
-    assert (remark.code, message_of(remark)) == (
-        'no_metadata',
-        f'{split_bag}: no metadata.yaml (was the recorder killed?); the files found were read')
+    assert remark == told(split_bag, 'no_metadata', reason=None)
 
 
 def test_damaged_metadata_is_told_and_the_files_are_read(split_bag):
     for text, reason in [
             # These three in the words of the YAML library, and of Python.
-            ('rosbag2_bagfile_information: {', '<words>'), ('[' * 100_000, '<words>'),
-            ('\0', '<words>'),
-            ('', 'no rosbag2_bagfile_information'),
-            ('rosbag2_bagfile_information: 5', 'no rosbag2_bagfile_information'),
-            ('rosbag2_bagfile_information: {relative_file_paths: [[1]]}',
-             'relative_file_paths holds something else than file names'),
-            ('rosbag2_bagfile_information: {relative_file_paths: []}',
-             'relative_file_paths is empty'),
+            ('rosbag2_bagfile_information: {', ''), ('[' * 100_000, ''), ('\0', ''),
+            ('', 'rosbag2_bagfile_information'),
+            ('rosbag2_bagfile_information: 5', 'rosbag2_bagfile_information'),
+            ('rosbag2_bagfile_information: {relative_file_paths: [[1]]}', 'relative_file_paths'),
+            ('rosbag2_bagfile_information: {relative_file_paths: []}', 'relative_file_paths'),
             ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap]}',
-             'no topics_with_message_count'),
-            ('a: 2001-99-99', 'no rosbag2_bagfile_information')]:
+             'topics_with_message_count'),
+            ('a: 2001-99-99', 'rosbag2_bagfile_information')]:
         (split_bag / 'metadata.yaml').write_text(text)
         after, [remark] = read(split_bag)
         assert_same(block(1500), after)
-        assert (remark.code, message_of(remark)) == (
-            'no_metadata', Varying(
-                f'{split_bag}: metadata.yaml is damaged ({reason}); the files found were read'))
+        assert remark == told(split_bag, 'no_metadata', reason=remark.values['reason'])
+        assert reason in remark.values['reason'].splitlines()[0]
 
 
 def test_a_missing_file_is_named_and_the_others_are_read(split_bag):
     (split_bag / 'bag_10.mcap').unlink()
     after, [remark] = read(split_bag)
     assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert (remark.code, message_of(remark)) == (
-        'missing_file',
-        f'{split_bag}: 1 of 3 files that metadata.yaml lists cannot be found: bag_10.mcap; the '
-        'others were read')
+    assert remark == told(split_bag, 'missing_file', missing=1, listed=3, files='bag_10.mcap')
 
 
 def test_a_bag_without_any_of_its_files_is_refused(split_bag):
@@ -111,9 +112,10 @@ def test_a_file_of_it_that_cannot_be_read_is_a_remark(split_bag):
     (split_bag / 'bag_10.mcap').write_bytes(b'version https://git-lfs.github.com/spec/v1\noid 1')
     after, [remark] = read(split_bag)
     assert_same(joined([block(500), block(500, first=1000)]), after)
-    assert message_of(remark) == (
-        f'{split_bag}: a file of it was left out: {split_bag}/bag_10.mcap: a git-LFS pointer, not '
-        'the recording itself; fetch it with: git lfs pull')
+    assert remark == told(split_bag, 'damaged_recording', fault='file',
+                          reason=remark.values['reason'])
+    assert remark.values['reason'].startswith(f'{split_bag}/bag_10.mcap: ')
+    assert 'git lfs pull' in remark.values['reason']
 
 
 def test_remarks_of_its_files_are_remarks_of_the_bag(split_bag):
@@ -164,13 +166,13 @@ def test_a_compressed_file_cut_short_gives_what_comes_before(tmp_path):
     after, remarks = read(packed)
     assert_same(block(len(after)), after)
     assert len(after) > 1000
-    assert [(remark.code, message_of(remark)) for remark in remarks] == [
-        ('truncated_recording', Varying(
-            f'{packed}: the compressed file is damaged or cut short (<number> of {size} bytes are '
-            'missing); what comes before was read')),
-        ('truncated_recording', Varying(
-            f'{packed}: the recording breaks off (was the recorder killed?): the chunk at byte '
-            '<number>, of which <number> bytes are there, is lost; found <number> whole chunks'))]
+    cut, end = remarks
+    assert cut == told(packed, 'truncated_recording', fault='compressed',
+                       reason=cut.values['reason'])
+    assert figures(cut.values['reason'])[1:] == [size]
+    assert end == told(packed, 'truncated_recording', fault='ends', end=end.values['end'],
+                       whole_chunks=end.values['whole_chunks'])
+    assert len(figures(end.values['end'])) == 2
 
 
 def test_a_compressed_file_for_which_there_is_no_room_is_refused(tmp_path, monkeypatch):
@@ -207,10 +209,9 @@ def test_messages_compressed_one_by_one_are_read(tmp_path, container):
     write_metadata(tmp_path, [path.name], [('/imu', IMU, 300)],
                    compression_format='zstd', compression_mode='MESSAGE')
     after, [remark] = read(tmp_path)
-    assert remark.code == 'malformed_messages'
-    assert message_of(remark) == (
-        f'{path}: left out 1 invalid message of /imu (sensor_msgs/Imu); the first: '
-        '0 bytes are too few for a sensor_msgs/Imu message (312 at least)')
+    assert remark == told(path, 'malformed_messages', what='message', count=1, topic='/imu',
+                          type='sensor_msgs/Imu', first=remark.values['first'])
+    assert figures(remark.values['first']) == [0, 312]
     assert_same(joined([block(7), block(292, first=8)]), after)
 
 
@@ -302,6 +303,4 @@ def test_messages_that_metadata_counts_and_no_file_holds_are_told(tmp_path):
     write_metadata(tmp_path, ['bag_0.db3'], [('/imu', IMU, 100)])
     after, [remark] = read(tmp_path)
     assert_same(block(90), after)
-    assert (remark.code, message_of(remark)) == (
-        'lost_messages',
-        f'{tmp_path}: 90 of the 100 messages of /imu that metadata.yaml counts were found')
+    assert remark == told(tmp_path, 'lost_messages', found=90, counted=100, topic='/imu')

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of a CSV file that are not what its header says."""
 
-from bags import read
+from bags import read, told
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import RecordingOptions
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -113,9 +112,8 @@ def test_a_damaged_line_does_not_part_seconds_from_their_nanoseconds(tmp_path):
     messages, [remark] = read(path)
     assert messages.header_ns.tolist() == [
         125_000_000 * place for place in range(len(ROWS)) if place != 9]
-    assert message_of(remark) == (
-        f'{path}: left out 1 line without readable numbers; the first: line 11: 1,100000000000,'
-        + ','.join(map(str, ROWS[9].tolist())))
+    assert remark == told(path, 'malformed_messages', what='line', count=1,
+                          first='line 11: 1,100000000000,' + ','.join(map(str, ROWS[9].tolist())))
 
 
 @pytest.mark.parametrize(('mark', 'grouped', 'comma'), [

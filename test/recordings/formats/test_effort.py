@@ -6,13 +6,12 @@ import bz2
 from pathlib import Path
 import struct
 
-from bags import block, IMU, read, ros1_record, write_bag, write_mcap
+from bags import block, figures, IMU, read, ros1_record, told, write_bag, write_mcap
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.finding import Finding
 from imu_allan.recordings.formats import effort
 from imu_allan.recordings.formats.gather import gather, in_batches
 from imu_allan.recordings.open_recording import open_recording
-from imu_allan.writers.words import message_of
 from measured_command import run
 import numpy as np
 import pytest
@@ -46,12 +45,15 @@ def with_chunks(path: Path, added: bytes) -> Path:
     return path
 
 
-def assert_too_much(path: Path, remarks: list[Finding], chunks: int, times: int) -> None:
-    assert [message_of(remark) for remark in remarks] == [
-        f'{path}: the recording breaks off (was the recorder killed?): what was not yet written '
-        f'is missing; found {chunks} whole chunks',
-        Varying(f'{path}: left out <number> damaged chunks of {chunks} (the first at byte '
-                f'<number>: the file expands to more than {times} times its size)')]
+def assert_too_much(path: Path, remarks: list[Finding], chunks: int, times: int) -> int:
+    """Return how many chunks were left out as the file expands to too much."""
+    end, broken = remarks
+    assert end == told(path, 'truncated_recording', fault='ends', whole_chunks=chunks,
+                       end=end.values['end'])
+    assert broken == told(path, 'damaged_recording', fault='chunks', chunks=chunks,
+                          broken=broken.values['broken'], first=broken.values['first'])
+    assert figures(broken.values['first'])[1:] == [times]
+    return broken.values['broken']
 
 
 def test_all_chunks_of_a_file_have_one_bound_together(tmp_path):
@@ -59,8 +61,7 @@ def test_all_chunks_of_a_file_have_one_bound_together(tmp_path):
     path = with_chunks(tmp_path / 'a.mcap', 40 * zeros)
     after, remarks = read(path)
     assert len(after) == len(MESSAGES)
-    assert_too_much(path, remarks, 48, 1000)
-    assert 25 < int(message_of(remarks[1]).split()[3]) < 40
+    assert 25 < assert_too_much(path, remarks, 48, 1000) < 40
 
 
 def test_all_chunks_of_a_ros1_bag_have_one_bound_together(tmp_path, monkeypatch):
@@ -77,8 +78,7 @@ def test_all_chunks_of_a_ros1_bag_have_one_bound_together(tmp_path, monkeypatch)
     path.write_bytes(content[:index] + 24 * zeros)
     after, remarks = read(path)
     assert len(after) == len(MESSAGES)
-    assert_too_much(path, remarks, 32, 2)
-    assert 15 < int(message_of(remarks[1]).split()[3]) < 24
+    assert 15 < assert_too_much(path, remarks, 32, 2) < 24
 
 
 def test_messages_that_expand_within_a_chunk_that_expands_are_not_held(tmp_path):
@@ -175,8 +175,7 @@ def test_connections_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path)
         file.write(connections(100, 70_000 * [b'']))
     after, [remark] = read(path)
     assert len(after) == len(MESSAGES)
-    assert message_of(remark) == (
-        f'{path}: its first 65,536 connections are listed, the others are not read')
+    assert remark == told(path, 'many_topics', what='connections', listed=65_536)
 
 
 def test_messages_whose_size_always_changes_are_decoded_a_few_at_a_time():

@@ -5,11 +5,10 @@
 from csv import DictReader
 from pathlib import Path
 
-from bags import read
+from bags import read, told
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES
 from imu_allan.recordings import open_recording
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -72,9 +71,7 @@ def test_messages_that_nothing_tells_apart_are_counted(tmp_path):
         line.rsplit(',', 1)[0] + ',7.0' for line in lines if line.startswith('0.0,')]))
     messages, [remark] = read(path, '/imu')
     assert messages.samples.tolist() == [[7.0] * 6, *SAMPLES[1:].tolist()]
-    assert (remark.code, message_of(remark)) == (
-        'merged_messages', f'{path}: merged 1 message with another of the same receive time and '
-        'stamp, of which the last counts: nothing else in such a file tells them apart')
+    assert remark == told(path, 'merged_messages', count=1)
 
 
 def test_what_is_missing_or_no_number_is_told(tmp_path):
@@ -86,8 +83,7 @@ def test_what_is_missing_or_no_number_is_told(tmp_path):
     messages, remarks = read(path)
     assert np.argwhere(np.isnan(messages.samples)).tolist() == [[7, 2]]
     assert not messages.header_ns.any()
-    assert [message_of(remark) for remark in remarks] == [
-        f'{path}: left out 2 lines without readable numbers']
+    assert remarks == [told(path, 'malformed_messages', what='line', count=2)]
     assert list(AXES)[2] == 'gyro_z'
 
 

@@ -9,20 +9,18 @@ import resource
 import struct
 import time
 
-from bags import assert_same, block, COMPRESSIONS, IMU, joined, read, write_mcap
+from bags import assert_same, block, COMPRESSIONS, figures, IMU, joined, read, told, write_mcap
 from hypothesis import given, HealthCheck, settings, strategies as st
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
 from imu_allan.recordings.formats.gather import gather
-from imu_allan.writers.words import message_of
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 import numpy as np
 import pytest
-from whole_lines import Varying
 import zstandard
 
 MESSAGES = block(1000)
@@ -194,18 +192,15 @@ def test_a_truncated_file_gives_every_message_of_every_whole_chunk(
             after, [remark] = read(path)
             counts.append(len(after))
             assert_same(after, joined([block(len(after))]))
-            assert remark.code == 'truncated_recording'
-            assert message_of(remark) == (
-                f'{path}: the recording breaks off (was the recorder killed?): what was not yet '
-                f'written is missing; found {len(counts) + 2} whole chunks')
+            assert remark == told(path, 'truncated_recording', fault='ends',
+                                  end=remark.values['end'], whole_chunks=len(counts) + 2)
+            assert figures(remark.values['end']) == []
             path.write_bytes(whole[:end - 1])
             before, [remark] = read(path)
             assert_same(before, joined([block(len(before))]))
             assert len(before) < len(after)
-            assert message_of(remark) == (
-                f'{path}: the recording breaks off (was the recorder killed?): the chunk at byte '
-                f'{start}, of which {end - 1 - start} bytes are there, is lost; '
-                f'found {len(counts) + 1} whole chunks')
+            assert remark.values['whole_chunks'] == len(counts) + 1
+            assert figures(remark.values['end']) == [start, end - 1 - start]
         assert counts == sorted(set(counts))
     else:
         whole = path.read_bytes()
@@ -223,9 +218,16 @@ def test_a_tail_of_zeros_is_told(tmp_path):
     path.write_bytes(whole[:end] + bytes(4096))
     after, [remark] = read(path)
     assert_same(after, joined([block(len(after))]))
-    assert message_of(remark) == (
-        f'{path}: the recording breaks off (was the recorder killed?): 4096 bytes from byte {end} '
-        'on are not whole records and are lost; found 4 whole chunks')
+    assert (remark.code, remark.values['whole_chunks']) == ('truncated_recording', 4)
+    assert figures(remark.values['end']) == [4096, end]
+
+
+def damaged_chunk(path, remark, chunks, at, lost, broken=1):
+    """Return what is told of damaged chunks, in the words of `remark` of the first."""
+    first = remark.values['first']
+    assert figures(first)[0] == at
+    return told(path, 'damaged_recording', fault='chunks', broken=broken, chunks=chunks,
+                first=first, lost=lost, of=1000, topic='/imu')
 
 
 @pytest.mark.parametrize('compression', COMPRESSIONS)
@@ -240,10 +242,7 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, compression):
     lost = 1000 - len(after)
     assert 100 < lost < 200
     assert np.isin(after.receive_ns, MESSAGES.receive_ns).all()
-    assert remark.code == 'damaged_recording'
-    assert message_of(remark) == Varying(
-        f'{path}: left out 1 damaged chunk of {len(places)} (the first at byte {start + 9}: '
-        f'<words>); lost {lost} of 1000 messages of /imu')
+    assert remark == damaged_chunk(path, remark, len(places), start + 9, lost)
 
 
 def test_a_flipped_bit_that_decompresses_all_the_same_is_found_by_the_checksum(tmp_path):
@@ -254,10 +253,9 @@ def test_a_flipped_bit_that_decompresses_all_the_same_is_found_by_the_checksum(t
     path.write_bytes(data)
     after, [remark] = read(path)
     assert len(after) < 1000
-    assert message_of(remark) == (
-        f'{path}: left out 1 damaged chunk of {len(chunk_places(path))} (the first at byte '
-        f'{start + 9}: its checksum does not match); lost {1000 - len(after)} of 1000 messages '
-        'of /imu')
+    assert remark == damaged_chunk(path, remark, len(chunk_places(path)), start + 9,
+                                   1000 - len(after))
+    assert 'checksum' in remark.values['first']
 
 
 def test_reading_goes_on_behind_bytes_that_are_no_records(tmp_path):
@@ -269,10 +267,9 @@ def test_reading_goes_on_behind_bytes_that_are_no_records(tmp_path):
     after, [remark] = read(path)
     lost = 1000 - len(after)
     assert 100 < lost < 200
-    assert message_of(remark) == (
-        f'{path}: left out 1 place without records (the first: '
-        f'{places[3][0] - places[2][0]} bytes from byte {places[2][0]} on); '
-        f'lost {lost} of 1000 messages of /imu')
+    assert remark == told(path, 'damaged_recording', fault='holes', holes=1, lost=lost, of=1000,
+                          topic='/imu', first=remark.values['first'])
+    assert figures(remark.values['first']) == [places[3][0] - places[2][0], places[2][0]]
 
 
 def test_malformed_messages_are_counted(tmp_path):
@@ -288,10 +285,9 @@ def test_malformed_messages_are_counted(tmp_path):
         writer.finish()
     after, [remark] = read(path)
     assert len(after) == 900
-    assert (remark.code, message_of(remark)) == (
-        'malformed_messages',
-        f'{path}: left out 100 invalid messages of /imu (sensor_msgs/Imu); the first: '
-        '8 bytes are too few for a sensor_msgs/Imu message (312 at least)')
+    assert remark == told(path, 'malformed_messages', what='message', count=100, topic='/imu',
+                          type='sensor_msgs/Imu', first=remark.values['first'])
+    assert figures(remark.values['first']) == [8, 312]
 
 
 def test_a_file_cut_within_its_first_chunk_is_told_apart_from_an_empty_one(tmp_path):
@@ -305,11 +301,9 @@ def test_a_file_cut_within_its_first_chunk_is_told_apart_from_an_empty_one(tmp_p
         'bytes are there, is lost')
 
 
-@pytest.mark.parametrize(('compression', 'reason'), [
-    ('none', 'it ends 4611686018427337849 bytes early'),
-    ('lz4', 'the file expands to more than 1000 times its size'),
-    ('zstd', 'the file expands to more than 1000 times its size')])
-def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, reason):
+@pytest.mark.parametrize(('compression', 'figure'), [
+    ('none', 4611686018427337849), ('lz4', 1000), ('zstd', 1000)])
+def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, figure):
     path = write_mcap(tmp_path / 'a.mcap', MESSAGES, compression=compression)
     start, _ = chunk_places(path)[1]
     data = bytearray(path.read_bytes())
@@ -317,9 +311,10 @@ def test_sizes_that_a_chunk_declares_are_not_allocated(tmp_path, compression, re
     path.write_bytes(data)
     after, [remark] = read(path)
     assert 800 < len(after) < 1000
-    assert message_of(remark) == (
-        f'{path}: left out 1 damaged chunk of {len(chunk_places(path))} (the first at byte '
-        f'{start + 9}: {reason}); lost {1000 - len(after)} of 1000 messages of /imu')
+    assert remark == damaged_chunk(path, remark, len(chunk_places(path)), start + 9,
+                                   1000 - len(after))
+    # How many bytes are missing, or how many times its size a file may expand to.
+    assert figures(remark.values['first'])[1:] == [figure]
     struct.pack_into('<Q', data, start + 1, 2**63 - 1)
     path.write_bytes(data)
     after, remarks = read(path)
@@ -390,10 +385,10 @@ def test_a_bomb_of_tiny_records_costs_little_time(tmp_path):
     after, remarks = read(path)
     assert time.process_time() - began < 10
     assert len(after) > 700
-    assert [message_of(remark) for remark in remarks] == [
-        f'{path}: left out 5 damaged chunks of {len(places) + 4} (the first at byte {start + 9}: '
-        f'more records than its bytes can hold); lost {1000 - len(after)} of 1000 messages of '
-        '/imu']
+    [remark] = remarks
+    assert remark == damaged_chunk(path, remark, len(places) + 4, start + 9, 1000 - len(after),
+                                   broken=5)
+    assert 'records' in remark.values['first']
 
 
 def test_a_bomb_of_zeros_is_left_out(tmp_path):
@@ -411,8 +406,7 @@ def test_a_bomb_of_zeros_is_left_out(tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     after, remarks = read(path)
     assert len(after) > 700
-    assert [message_of(remark) for remark in remarks] == [
-        f'{path}: left out 1 damaged chunk of {len(places)} (the first at byte {start + 9}: '
-        f'the file expands to more than 1000 times its size); lost {1000 - len(after)} of 1000 '
-        'messages of /imu']
+    [remark] = remarks
+    assert remark == damaged_chunk(path, remark, len(places), start + 9, 1000 - len(after))
+    assert figures(remark.values['first'])[1:] == [1000]
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000

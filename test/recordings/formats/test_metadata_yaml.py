@@ -4,8 +4,7 @@
 
 from pathlib import Path
 
-from bags import block, IMU, read, write_db3, write_metadata
-from imu_allan.writers.words import message_of
+from bags import block, IMU, read, told, write_db3, write_metadata
 from measured_command import run
 import pytest
 
@@ -47,8 +46,7 @@ def test_metadata_of_another_size_than_rosbag2_writes_is_told(tmp_path, text, re
     (tmp_path / 'metadata.yaml').write_text(text)
     after, [remark] = read(tmp_path)
     assert len(after) == 300
-    assert message_of(remark) == (
-        f'{tmp_path}: metadata.yaml is damaged ({reason}); the files found were read')
+    assert remark == told(tmp_path, 'no_metadata', reason=reason)
 
 
 @pytest.mark.parametrize('name', ['1:30', '0x10', '2024-01-01', 'yes', '010'])
@@ -68,18 +66,15 @@ def bag(folder: Path, *, count: int, times: int = 1) -> Path:
 def test_a_file_that_is_listed_many_times_is_read_once(tmp_path):
     after, [remark] = read(bag(tmp_path, count=600_000, times=2000))
     assert len(after) == 300
-    assert message_of(remark) == (
-        f'{tmp_path}: metadata.yaml is damaged (relative_file_paths names a file twice); the '
-        'files found were read')
+    assert remark == told(tmp_path, 'no_metadata',
+                          reason='relative_file_paths names a file twice')
 
 
 @pytest.mark.parametrize('count', [-1, 1 << 63])
 def test_an_impossible_count_is_not_believed(tmp_path, count):
     after, [remark] = read(bag(tmp_path, count=count))
     assert len(after) == 300
-    assert message_of(remark) == (
-        f'{tmp_path}: metadata.yaml is damaged (message_count is {count}); the files found were '
-        'read')
+    assert remark == told(tmp_path, 'no_metadata', reason=f'message_count is {count}')
 
 
 def test_of_thousands_of_damaged_files_ten_are_told_and_the_others_counted(tmp_path):
@@ -88,6 +83,6 @@ def test_of_thousands_of_damaged_files_ten_are_told_and_the_others_counted(tmp_p
         (tmp_path / f'a_{number}.db3').write_bytes(b'no database')
     after, remarks = read(tmp_path)
     assert len(after) == 300
-    left_out = [message_of(remark) for remark in remarks if remark.code == 'damaged_recording']
+    left_out = [remark for remark in remarks if remark.code == 'damaged_recording']
     assert len(left_out) == 11
-    assert left_out[-1] == f'{tmp_path}: 2989 more like these'
+    assert left_out[-1] == told(tmp_path, 'damaged_recording', more=2989)

@@ -7,12 +7,11 @@ from struct import pack
 import subprocess
 import sys
 
-from bags import assert_same, read
+from bags import assert_same, read, told
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from imu_allan.recordings.halves import choose_streams, Stream
 from imu_allan.recordings.thermometers import temperatures
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -84,9 +83,10 @@ def test_the_topic_or_pair_with_the_highest_rate_is_chosen(tmp_path):
     with open_recording(path) as recording:
         assert choose_streams(recording) == [
             Stream('sensor_gyro', 'gyro'), Stream('sensor_accel', 'accel')]
-        assert [message_of(remark) for remark in recording.remarks] == [
-            f'{path}: of 3 IMU topics sensor_gyro and sensor_accel are read, with the highest '
-            'rate; --topic, or --gyro-topic and --accel-topic, choose among sensor_combined']
+        [remark] = recording.remarks
+        assert remark == told(path, 'chosen_topic', topics=3, others=['sensor_combined'],
+                              chosen=['sensor_gyro', 'sensor_accel'],
+                              reason=remark.values['reason'])
         assert choose_streams(recording, 'sensor_combined') == [Stream('sensor_combined')]
 
 
@@ -119,9 +119,10 @@ def test_a_burst_that_is_none_is_left_out_and_told(tmp_path):
     kept = ~np.isin(np.arange(len(whole)) // 4, [7, 9])
     assert found.header_ns.tolist() == whole.header_ns[kept].tolist()
     assert found.samples.tobytes() == whole.samples[kept].tobytes()
-    assert [message_of(remark) for remark in remarks] == [
-        f'{path}: left out 2 invalid messages of sensor_gyro_fifo '
-        '(px4_msgs/msg/SensorGyroFifo); the first: samples is not 1 to 4, or dt is no time']
+    [remark] = remarks
+    assert remark == told(path, 'malformed_messages', what='message', count=2,
+                          topic='sensor_gyro_fifo', type='px4_msgs/msg/SensorGyroFifo',
+                          first=remark.values['first'])
 
 
 def test_a_thin_log_says_what_to_set(tmp_path):
@@ -159,9 +160,8 @@ def test_what_is_damaged_is_left_out_and_told(tmp_path):
     path.write_bytes(data[:at] + bytes(70) + mark + data[at:-1])
     found, remarks = read(path)
     assert len(found) == COUNT - 1
-    assert [message_of(remark) for remark in remarks] == [
-        f'{path}: left out 70 damaged bytes',
-        f'{path}: the log breaks off in a message; its {one - 1} bytes are lost']
+    assert remarks == [told(path, 'damaged_recording', fault='bytes', bytes=70),
+                       told(path, 'truncated_recording', fault='log', bytes=one - 1)]
 
 
 def test_what_was_appended_after_a_crash_is_read(tmp_path):

@@ -9,22 +9,23 @@ import struct
 from bags import (
     assert_same,
     block,
+    figures,
     joined,
     read,
     ROS1_COMPRESSIONS,
     ros1_record,
     ROS1_STORE,
+    told,
     write_bag,
 )
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks
-from imu_allan.writers.words import message_of
 import lz4.frame
 from measured_command import run
 import pytest
 from rosbags.rosbag1 import Reader, Writer
-from whole_lines import refused, Varying
+from whole_lines import refused
 
 MESSAGES = block(3000)
 
@@ -58,10 +59,9 @@ def test_a_truncated_bag_without_index_gives_every_whole_chunk(tmp_path):
     after, [remark] = read(path)
     assert_same(block(len(after)), after)
     assert topic.count == len(after) > 300
-    assert (remark.code, message_of(remark)) == (
-        'truncated_recording',
-        f'{path}: the recording breaks off (was the recorder killed?): 100 bytes from byte '
-        f'{places[4]} on are not whole records and are lost; found 4 whole chunks')
+    assert remark == told(path, 'truncated_recording', fault='ends', whole_chunks=4,
+                          end=remark.values['end'])
+    assert figures(remark.values['end']) == [100, places[4]]
 
 
 @pytest.mark.parametrize('compression', ROS1_COMPRESSIONS)
@@ -75,10 +75,9 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, compression):
     after, [remark] = read(path)
     lost = 3000 - len(after)
     assert 20 < lost < 200
-    assert remark.code == 'damaged_recording'
-    assert message_of(remark) == Varying(
-        f'{path}: left out 1 damaged chunk of {len(places)} (the first at byte {places[2]}: '
-        f'<words>); lost {lost} of 3000 messages of /imu')
+    assert remark == told(path, 'damaged_recording', fault='chunks', broken=1, chunks=len(places),
+                          first=remark.values['first'], lost=lost, of=3000, topic='/imu')
+    assert figures(remark.values['first'])[0] == places[2]
 
 
 def test_reading_goes_on_at_the_next_chunk_that_the_index_names(tmp_path):
@@ -91,9 +90,9 @@ def test_reading_goes_on_at_the_next_chunk_that_the_index_names(tmp_path):
     after, [remark] = read(path)
     lost = 3000 - len(after)
     assert 20 < lost < 200
-    assert message_of(remark) == (
-        f'{path}: left out 1 place without records (the first: {size} bytes from byte '
-        f'{places[2]} on); lost {lost} of 3000 messages of /imu')
+    assert remark == told(path, 'damaged_recording', fault='holes', holes=1, lost=lost, of=3000,
+                          topic='/imu', first=remark.values['first'])
+    assert figures(remark.values['first']) == [size, places[2]]
 
 
 @pytest.mark.parametrize(('content', 'reason'), [

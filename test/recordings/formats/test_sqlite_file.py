@@ -8,12 +8,11 @@ import shutil
 import sqlite3
 import stat
 
-from bags import assert_same, block, joined, read, write_db3
+from bags import assert_same, block, joined, read, told, write_db3
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 
@@ -129,10 +128,8 @@ def test_an_unfinished_transaction_is_rolled_back_in_a_copy(tmp_path):
     before = contents(killed)
     after, [remark] = read(killed / 'a.db3')
     assert_same(MESSAGES, after)
-    assert (remark.code, message_of(remark)) == (
-        'unfinished_recording',
-        f'{killed / "a.db3"}: a.db3-journal beside it tells that the recorder was killed; what it '
-        'was about to write then is missing')
+    assert remark == told(killed / 'a.db3', 'unfinished_recording', fault='killed',
+                          file='a.db3-journal')
     assert contents(killed) == before
 
 
@@ -145,10 +142,8 @@ def test_a_truncated_database_gives_what_is_there(tmp_path, share):
     after, remarks = read(path)
     assert_same(block(len(after)), after)
     assert len(after) > 5000 * share * 0.9
-    assert remarks[0].code == 'truncated_recording'
-    assert message_of(remarks[0]) == (
-        f'{path}: {len(whole) - left} of {len(whole)} bytes are missing at the end of the '
-        'database (was the recorder killed, or the copy cut short?)')
+    assert remarks[0] == told(path, 'truncated_recording', fault='database',
+                              missing_bytes=len(whole) - left, bytes=len(whole))
 
 
 def test_messages_behind_a_damaged_page_are_read(tmp_path):
@@ -161,10 +156,8 @@ def test_messages_behind_a_damaged_page_are_read(tmp_path):
     assert 4960 < len(after) < 5000
     assert after.receive_ns[[0, -1]].tolist() == MESSAGES.receive_ns[[0, -1]].tolist()
     assert np.isin(after.samples[:, 0], MESSAGES.samples[:, 0]).all()
-    assert (remark.code, message_of(remark)) == (
-        'damaged_recording',
-        f'{path}: the database is damaged in 1 place (database disk image is malformed): '
-        f'{len(after):,} messages of /imu could be read, the others are lost')
+    assert remark == told(path, 'damaged_recording', fault='database', places=1, read=len(after),
+                          topic='/imu', reason=remark.values['reason'])
 
 
 def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
@@ -218,9 +211,8 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
     database.close()
     after, [remark] = read(path)
     assert_same(block(4), after)
-    assert message_of(remark) == (
-        f'{path}: left out 3 invalid messages of /imu (sensor_msgs/Imu); the first: '
-        'not a blob of 1,048,576 bytes at most')
+    assert remark == told(path, 'malformed_messages', what='message', count=3, topic='/imu',
+                          type='sensor_msgs/Imu', first='not a blob of 1,048,576 bytes at most')
 
 
 def test_a_topic_without_messages_is_named(tmp_path):

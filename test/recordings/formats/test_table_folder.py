@@ -9,7 +9,6 @@ from imu_allan import analyze
 from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording, RecordingOptions
 from imu_allan.recordings.halves import choose_streams, Stream
-from imu_allan.writers.words import message_of
 import numpy as np
 import pytest
 from whole_lines import refused
@@ -48,11 +47,10 @@ def test_the_files_of_both_sensors_are_one_imu(tmp_path):
         assert axes[name].coefficients['noise_density'].value == pytest.approx(
             sigma / rate ** 0.5, rel=0.1)
     assert axes['accel_z'].mean == pytest.approx(9.81, abs=0.01)
-    [told] = [message_of(remark) for remark in result.warnings if remark.code == 'chosen_topic']
-    assert told == (
-        f'{tmp_path}: of 4 IMU topics Gyroscope.csv and TotalAcceleration.csv are read, by the '
-        'names of the files; --topic, or --gyro-topic and --accel-topic, choose among '
-        'Accelerometer.csv, GyroscopeUncalibrated.csv')
+    [chosen] = [remark.values for remark in result.warnings if remark.code == 'chosen_topic']
+    assert (chosen['topics'], chosen['chosen'], chosen['others']) == (
+        4, ['Gyroscope.csv', 'TotalAcceleration.csv'],
+        ['Accelerometer.csv', 'GyroscopeUncalibrated.csv'])
 
 
 def test_other_files_of_the_folder_can_be_chosen(tmp_path):

@@ -7,11 +7,10 @@ from pathlib import Path
 import shutil
 import sqlite3
 
-from bags import assert_same, block, read, write_db3
+from bags import assert_same, block, read, told, write_db3
 from hostile_databases import HOSTILE
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
-from imu_allan.writers.words import message_of
 from measured_command import run
 import pytest
 
@@ -66,25 +65,22 @@ def test_topics_beyond_those_of_any_robot_are_not_listed_but_told(tmp_path):
     path = HOSTILE['many topics'](tmp_path)
     with open_recording(path) as recording:
         assert len(recording.topics) == 65_536
-        assert [message_of(remark) for remark in recording.remarks] == [
-            f'{path}: its first 65,536 topics are listed, the others are not read']
+        assert recording.remarks == [told(path, 'many_topics', what='topics', listed=65_536)]
 
 
 def test_messages_too_large_for_an_imu_are_told_and_the_others_read(tmp_path):
     path = HOSTILE['large blobs'](tmp_path)
     after, [remark] = read(path)
     assert_same(block(2000), after)
-    assert message_of(remark) == (
-        f'{path}: left out 64 invalid messages of /imu (sensor_msgs/Imu); the first: '
-        'not a blob of 1,048,576 bytes at most')
+    assert (remark.code, remark.values['count']) == ('malformed_messages', 64)
 
 
 def test_a_topic_entered_many_times_is_read(tmp_path):
     path = HOSTILE['one topic of many numbers'](tmp_path)
     after, [_, remark] = read(path)
     assert_same(block(2000), after)
-    assert message_of(remark) == (
-        f'{path}: /imu is entered 65536 times; the messages of the first 500 entries were read')
+    assert remark == told(path, 'damaged_recording', fault='entries', topic='/imu',
+                          entries=65_536, read=500)
 
 
 def killed_in_a_transaction(folder: Path) -> Path:
@@ -127,9 +123,8 @@ def test_no_file_that_a_journal_names_is_deleted(tmp_path, lines):
     assert victim.read_bytes() == lines
     assert files_in(path.parent) == before
     _, remarks = read(path)
-    assert message_of(remarks[0]) == (
-        f'{path}: a.db3-journal beside it could not be used (it names another file, which rosbag2 '
-        'never does); the last messages before the recorder was killed are missing or damaged')
+    assert remarks[0] == told(path, 'unfinished_recording', fault='unusable',
+                              file='a.db3-journal', reason=remarks[0].values['reason'])
     assert victim.read_bytes() == lines
 
 
@@ -156,8 +151,7 @@ def test_what_is_no_file_beside_a_database_is_not_used(tmp_path, kind, what):
      'folder': beside.mkdir}[what]()
     after, [remark] = read(path)
     assert_same(block(2000), after)
-    assert message_of(remark) == (
-        f'{path}: a.db3-{kind} beside it is not a regular file and was not used')
+    assert remark == told(path, 'unfinished_recording', fault='not_regular', file=f'a.db3-{kind}')
     assert victim.read_bytes() == b'anything at all'
 
 

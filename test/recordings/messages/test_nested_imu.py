@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 import sqlite3
 
-from bags import joined, read
+from bags import figures, joined, read, told
 from imu_allan.cdr import rows_like_first
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import choose_topic, open_recording, read_blocks, RecordingOptions
@@ -15,7 +15,6 @@ from imu_allan.recordings.messages.definitions import Definition, parse
 from imu_allan.recordings.messages.imu_fields import found_by_shape
 from imu_allan.recordings.messages.imus_in import imu_messages
 from imu_allan.recordings.messages.piece import Piece
-from imu_allan.writers.words import message_of
 import numpy as np
 from other_types import (
     full_definition,
@@ -267,9 +266,9 @@ def test_messages_that_do_not_fit_their_definition_are_told(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', DRIVER, full_definition(store, DRIVER), made)
     messages, [remark] = read(path)
     assert len(messages) == COUNT - 2
-    assert message_of(remark) == (
-        f'{path}: left out 2 invalid messages of /sensor (my_driver/msg/Vectornav); '
-        'the first: 300 bytes are too few for its type, which takes 364 or more')
+    assert remark == told(path, 'malformed_messages', what='message', count=2, topic='/sensor',
+                          type=DRIVER, first=remark.values['first'])
+    assert figures(remark.values['first']) == [300, 364]
 
 
 def test_messages_that_are_all_of_another_form_are_compared_in_linear_time(monkeypatch):
