@@ -64,10 +64,9 @@ def floor(module: str) -> int:
     return number
 
 
-@pytest.mark.parametrize('module', sorted(MODULES))
-def test_a_module_imports_nothing_from_a_floor_above(module: str) -> None:
-    inside = {name for name in imported(MODULES[module]) if name.split('.')[0] == 'imu_allan'}
-    assert not {name for name in inside if floor(name) > floor(module)}
+def test_a_module_imports_nothing_from_a_floor_above() -> None:
+    assert [(module, name) for module, path in MODULES.items() for name in imported(path)
+                  if name.split('.')[0] == 'imu_allan' and floor(name) > floor(module)] == []
 
 
 def test_no_circle_of_imports() -> None:
@@ -76,17 +75,19 @@ def test_no_circle_of_imports() -> None:
     TopologicalSorter(needs).prepare()
 
 
-@pytest.mark.parametrize('module', sorted(MODULES))
-def test_only_the_node_imports_ros(module: str) -> None:
-    if not module.startswith('imu_allan.node'):
-        names = {name.partition('.')[0] for name in imported(MODULES[module])}
-        assert not names & ROS
+def libraries(path: Path) -> set[str]:
+    return {name.partition('.')[0] for name in imported(path)}
 
 
-@pytest.mark.parametrize('module', sorted(name for name in MODULES if '.noise.' in name))
-def test_numerics_need_numpy_and_scipy_alone(module: str) -> None:
+def test_only_the_node_imports_ros() -> None:
+    assert not {module for module, path in MODULES.items()
+                if libraries(path) & ROS and not module.startswith('imu_allan.node')}
+
+
+def test_numerics_need_numpy_and_scipy_alone() -> None:
     allowed = {'imu_allan', 'numpy', 'scipy', *sys.stdlib_module_names}
-    assert {name.partition('.')[0] for name in imported(MODULES[module])} <= allowed
+    assert not {module for module, path in MODULES.items()
+                if '.noise.' in module and libraries(path) - allowed}
 
 
 def test_no_module_is_named_after_nothing() -> None:
@@ -94,17 +95,20 @@ def test_no_module_is_named_after_nothing() -> None:
         'utils', 'util', 'helpers', 'helper', 'common', 'misc', 'tools'}
 
 
-@pytest.mark.parametrize('module', sorted(MODULES))
-def test_a_number_with_a_name_says_where_it_comes_from(module: str) -> None:
-    text = MODULES[module].read_text()
-    lines, body = text.splitlines(), tree_of(MODULES[module]).body
-    for node, after in pairwise([*body, None]):
-        if not (isinstance(node, ast.Assign) and all_upper(node.targets[0])
-                and is_number(node.value)):
-            continue
-        explained = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-        beside = '#' in lines[node.lineno - 1] or lines[node.lineno - 2].startswith('#')
-        assert explained or beside, lines[node.lineno - 1]
+def unexplained(path: Path) -> list[str]:
+    """Lines that give a number a name, and nothing beside it or below says why."""
+    lines, found = path.read_text().splitlines(), []
+    for node, after in pairwise([*tree_of(path).body, None]):
+        if (isinstance(node, ast.Assign) and all_upper(node.targets[0]) and is_number(node.value)
+                and not (isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant))
+                and '#' not in lines[node.lineno - 1]
+                and not lines[node.lineno - 2].startswith('#')):
+            found.append(lines[node.lineno - 1])
+    return found
+
+
+def test_a_number_with_a_name_says_where_it_comes_from() -> None:
+    assert not {module: lines for module, path in MODULES.items() if (lines := unexplained(path))}
 
 
 def all_upper(target: ast.expr) -> bool:

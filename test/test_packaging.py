@@ -159,11 +159,11 @@ def test_every_name_that_a_benchmark_imports_is_there() -> None:
     assert missing == []
 
 
-@pytest.mark.parametrize('path', SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_every_source_file_begins_with_copyright_and_licence(path: Path) -> None:
-    lines = [line for line in path.read_text().splitlines() if not line.startswith('#!')]
-    assert lines[:2] == ['# Copyright 2026 The imu_allan authors',
-                         '# SPDX-License-Identifier: Apache-2.0']
+def test_every_source_file_begins_with_copyright_and_licence() -> None:
+    begin = '# Copyright 2026 The imu_allan authors\n# SPDX-License-Identifier: Apache-2.0\n'
+    assert len(SOURCES) > 200
+    assert not [path for path in SOURCES if not re.match(
+        rf'(#!.*\n)?{re.escape(begin)}', path.read_text())]
 
 
 def test_scripts_land_where_ros2_run_looks() -> None:

@@ -4,6 +4,7 @@
 
 import ast
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import re
 import subprocess
@@ -39,8 +40,12 @@ def test_every_code_that_is_found_has_words() -> None:
     assert set(WORDS) >= ACT
 
 
-@pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_no_module_makes_or_reads_a_sentence_of_a_finding(path: Path) -> None:
+def test_no_module_makes_or_reads_a_sentence_of_a_finding() -> None:
+    for path in MODULES:
+        makes_and_reads_none(path)
+
+
+def makes_and_reads_none(path: Path) -> None:
     tree = ast.parse(path.read_text())
     for call in calls_of(tree):
         for keyword in call.keywords:
@@ -138,3 +143,131 @@ def test_the_page_of_findings_is_made_from_the_table() -> None:
         [sys.executable, '-c', 'import make_findings; print(make_findings.page(), end="")'],
         check=True, capture_output=True, text=True, cwd=docs).stdout
     assert (docs / 'findings.md').read_text() == shown
+
+
+GYRO, ALL = ('gyro_x',), ('gyro_x', 'gyro_y', 'gyro_z')
+IMU, RECORDING = '/imu', {'recording': 'a.mcap'}
+LOST = {'lost': 30, 'of': 1000, 'topic': IMU}
+SAID = [
+    finding('stood_still', GYRO, start_s=120.0, duration_s=80.0),
+    finding('constant_axis', ALL, value=[0.0, 0.0, 0.25], unit='rad/s'),
+    finding('saturated', GYRO, share=0.5, value=9.81, unit='m/s^2', end='highest'),
+    finding('deadband', GYRO, share=0.93, width=1e-4, unit='rad/s'),
+    finding('copied_axis', ALL[:2], opposite=True),
+    finding('copied_axis', ALL[:2], opposite=False),
+    finding('high_passed', GYRO, corner_hz=0.031),
+    finding('filtered', by='autopilot', **RECORDING),
+    finding('filtered', by='orientation', topic='/imu/data', raw='/imu/data_raw', **RECORDING),
+    finding('axis_not_finite', GYRO), finding('frozen', messages=1500, since_s=67.5),
+    finding('unknown_rate'), finding('mostly_motion', share=0.8),
+    *(finding('slow_motion', GYRO, size=0.0102, unit='rad/s', start_s=60.0, duration_s=28.0,
+              count=count) for count in (1, 3)),
+    finding('noise_level_changed', at_s=[300.0], ratios=[2.01]),
+    finding('bias_step', GYRO, size=4.8e-4, unit='rad/s', after_s=4000.0),
+    finding('not_steady', GYRO, interval_s=61.0, drift_ratio=2.0, higher='second'),
+    finding('not_steady', GYRO, low_hz=3.0, spread_share=0.05, segment_s=600.0),
+    finding('not_steady', GYRO, low_hz=0.1, high_hz=3.0, change_share=0.5, higher='first',
+            until_s=2000.0),
+    finding('warm_up', GYRO, amplitude=0.02, unit='rad/s', time_constant_s=600.0, start='auto',
+            start_s=1800.0, time_constant_factor=1.1, exponentials=2, steady_after_s=1800.0),
+    finding('warm_up', GYRO, amplitude=0.02, unit='rad/s', time_constant_s=600.0,
+            time_constant_factor=7.0, exponentials=1, steady_after_s=1800.0),
+    finding('several_publishers'), finding('alternating'),
+    finding('several_frames', frame_id='imu_link', others=['base_link'], rejected=[2000]),
+    finding('rate_changed', from_hz=100.0, to_hz=50.0, at_s=300.0, left_out=20_000,
+            most_left_out=False),
+    finding('rate_changed', from_hz=200.0, to_hz=100.0, at_s=None, left_out=200,
+            most_left_out=True),
+    finding('clock_changed', flaw='constant', since_s=120.0), finding('clock_speed', ratio=10.0),
+    finding('gravity', mean=0.02), finding('gravity', mean=1.0), finding('gravity', mean=5.0),
+    finding('implausible', GYRO, what='mean', value=60.0, unit='rad/s', limit=0.5,
+            likely='degrees'),
+    finding('many_missing', share=0.1, density_error_share=None),
+    finding('many_missing', share=0.6, density_error_share=0.25),
+    finding('spikes', messages=1), finding('spikes', messages=29),
+    finding('field_absent', messages=12), finding('axis_absent_in_part', GYRO, absent=6000,
+                                                  messages=15_000),
+    finding('interpolated', topic=IMU, half='accel', **RECORDING),
+    finding('batches', topic='ISBD_GYR', **RECORDING),
+    finding('damaged_recording', fault='chunks', broken=1, chunks=8, first='at byte 90: cut',
+            **LOST, **RECORDING),
+    finding('damaged_recording', fault='holes', holes=1, first='8 bytes from byte 9 on',
+            **RECORDING),
+    finding('damaged_recording', fault='entries', topic=IMU, entries=65_536, read=500),
+    finding('damaged_recording', fault='database', places=1, read=4980, topic=IMU, reason='bad'),
+    finding('damaged_recording', fault='bytes', bytes=7000),
+    finding('damaged_recording', fault='file', reason='b.mcap: empty'),
+    finding('damaged_recording', fault='unread', **LOST), finding('damaged_recording', more=2989),
+    finding('truncated_recording', fault='ends', end='the rest is missing', whole_chunks=4),
+    finding('truncated_recording', fault='compressed', reason='9 of 10 bytes are missing'),
+    finding('truncated_recording', fault='database', missing_bytes=9, bytes=10),
+    finding('truncated_recording', fault='log', bytes=77),
+    finding('lost_messages', found=90, counted=100, topic=IMU),
+    finding('missing_file', missing=1, listed=3, files='b.mcap'),
+    finding('malformed_messages', what='line', count=4, first='line 3: x,6'),
+    finding('malformed_messages', what='message', count=1, topic=IMU, type='a/msg/B', first='8'),
+    finding('short_recording', samples=20, duration_s=0.2, needed=57),
+    finding('short_recording', GYRO, coefficient='rate_random_walk', duration_s=600.0),
+    finding('poor_fit', GYRO, misfit_share=0.12), finding('poor_fit', GYRO, leaves_at_s=300.0),
+    finding('recordings_disagree', GYRO, coefficient='noise_density', value=1e-4,
+            of_recording='b', usual_value=8e-5, others=['a', 'c'], unit='rad/s/sqrt(Hz)'),
+    finding('thermometer', fault='short', covered_share=0.64),
+    finding('thermometer', fault='constant'), finding('thermometer', fault='gaps', gaps=1),
+    finding('thermometer', fault='coarse', step_k=2.0, range_k=12.0),
+    finding('thermometer', fault='unread', reason='line 2'), finding('trend_or_walk', GYRO),
+    finding('power_law', GYRO, exponent=0.7, exponent_low=0.68, exponent_high=0.72),
+    finding('power_law', GYRO, recordings=['a', 'b'], exponents=[1.4, None],
+            density_is_mean=True),
+    finding('band_limited', ALL, window_s=[0.0148, 0.02, 0.0152]),
+    finding('band_limited', GYRO, edge_hz=20.0),
+    finding('gauss_markov', GYRO, sigma=1e-3, unit='rad/s', correlation_time_s=9.0),
+    finding('temperature', GYRO, per_kelvin=2e-3, per_kelvin_low=1.9e-3, per_kelvin_high=2.1e-3,
+            unit='rad/s', lowest_c=24.0, highest_c=37.0, curved=True, lag_s=240.0),
+    finding('slow_cycle', GYRO, period_s=1200.0),
+    finding('coarse_resolution', GYRO, step=0.03, unit='rad/s', ratio=3.0),
+    finding('tones', GYRO, count=2, unit='rad/s', frequency_hz=23.4, amplitude=2e-4),
+    finding('turn_on_bias', GYRO, sigma=1e-3, sigma_low=5e-4, sigma_high=3e-3, unit='rad/s'),
+    finding('start_auto', warm_up_s=0.0, left_out=False),
+    finding('start_auto', warm_up_s=1800.0, left_out=False),
+    finding('start_auto', warm_up_s=1800.0, left_out=True, longest_s=2400.0),
+    finding('motion', count=2, excluded_s=345.0),
+    finding('rest_within_motion', share=0.88, rest_s=46.5, rests=7, starts_s=[183.0, 263.0],
+            durations_s=[15.5, 15.5]),
+    finding('motion_kept', count=1, seen_s=3.0, first_s=59.0),
+    finding('motion_not_listed', listed=1000), finding('receive_clock', flaw='zero'),
+    finding('receive_clock', flaw=None), finding('counted_samples', rate_hz=250.0),
+    finding('uneven_stamps', clock='header', numbered=True),
+    finding('uneven_stamps', clock='header', numbered=False, hidden_share=0.1,
+            density_high_share=0.06, rate_error_share=0.02),
+    finding('uneven_rate', lowest_hz=100.0, highest_hz=101.8, mean_hz=100.89,
+            tau_error_share=0.009),
+    finding('clock_jumps', clock='header', count=1),
+    finding('clock_jumps', clock='header', count=3),
+    finding('gaps_not_listed', gaps=1999, gaps_s=199.9, listed=1000),
+    finding('held_values', share=0.5), finding('late_start', messages=4500),
+    finding('axis_late_start', ALL, late=[10, 20, 20], messages=15_000), finding('unit_g'),
+    finding('two_rates', sensors=['gyro', 'accel'], topics=['/g', '/a'], rates_hz=[400.0, 250.0]),
+    finding('repeated_half', topic=IMU, half=None), finding('repeated_half', topic=IMU,
+                                                            half='accel'),
+    finding('chosen_topic', topics=3, chosen=['GYR', 'ACC'], reason='at random', others=['IMU']),
+    finding('short_part', recorded_s=120.0, asked_s=300.0),
+    finding('ignored_columns', perhaps_axes=True, count=12, columns=['alpha_x']),
+    finding('ignored_columns', perhaps_axes=False, count=1, columns=['note']),
+    finding('merged_messages', count=1),
+    finding('many_topics', what='topics', listed=65_536), finding('many_definitions'),
+    finding('no_metadata', reason=None), finding('no_metadata', reason='cut'),
+    finding('unfinished_recording', fault='killed', file='a.db3-journal'),
+    finding('unfinished_recording', fault='unusable', file='a.db3-journal', reason='cut'),
+    finding('unfinished_recording', fault='not_regular', file='a.db3-wal'),
+    finding('unpacked_in_memory', bytes=7000, folder='/dev/shm')]
+"""Findings of every code, with each figure that changes the sentence."""
+
+
+def test_every_finding_is_said_as_it_was() -> None:
+    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_words.py."""
+    assert {found.code for found in SAID} == set(WORDS)
+    text = ''.join(f'{message_of(found)}\n' for found in SAID)
+    snapshot = Path(__file__).with_name('snapshots') / 'findings.txt'
+    if os.environ.get('IMU_ALLAN_SNAPSHOTS') == 'write':
+        snapshot.write_text(text)
+    assert text == snapshot.read_text()
