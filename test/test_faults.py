@@ -170,9 +170,9 @@ import sys
 from pathlib import Path
 from imu_allan.writers.atomic import write_atomically
 number = 0
-print('ready', flush=True)
 while True:
     number += 1
+    print(number, flush=True)
     write_atomically(sys.argv[1], (b'%09d' % number) * 200_000)
 """
 
@@ -183,8 +183,10 @@ def kill_while_writing(target: Path, kills: int, seed: int) -> int:
     for _ in range(kills):
         with subprocess.Popen([sys.executable, '-c', WRITER, str(target)],
                               stdout=subprocess.PIPE) as process:
-            process.stdout.readline()
-            time.sleep(choice.uniform(.0, .06))
+            # So many times it has begun to write: the clock of a busy machine says nothing.
+            for _ in range(choice.randrange(1, 20)):
+                process.stdout.readline()
+            time.sleep(choice.uniform(0, .003))
             process.send_signal(signal.SIGKILL)
         if target.exists():
             content = target.read_bytes()

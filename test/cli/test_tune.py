@@ -156,11 +156,11 @@ def test_an_axis_without_numbers_is_named_with_its_reason(result_file, tmp_path,
     assert 'accel z is left out: a filter has taken out its slow part.' in out
 
 
-def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording, capsys):
-    assert main(['tune', str(result_file), '--verify', str(recording), '--no-progress']) == 0
+def test_the_numbers_hold_on_the_recording_they_come_from(result_file, imu_recording, capsys):
+    assert main(['tune', str(result_file), '--verify', str(imu_recording), '--no-progress']) == 0
     out = capsys.readouterr().out
-    assert f'The tuned numbers held against {recording}:' in out.splitlines()
-    assert (f'Filters with these numbers, run over 5 min of rest in {recording}, in one part:'
+    assert f'The tuned numbers held against {imu_recording}:' in out.splitlines()
+    assert (f'Filters with these numbers, run over 5 min of rest in {imu_recording}, in one part:'
             in out.splitlines())
     assert 'NIS 10 s' in out
     assert 'off after 10 s' in out
@@ -174,13 +174,13 @@ def test_the_numbers_hold_on_the_recording_they_come_from(result_file, recording
         'are compared; name the recording itself to run filters over it.')
 
 
-def test_what_filters_met_there_as_json(result_file, recording, tmp_path, capsys):
+def test_what_filters_met_there_as_json(result_file, imu_recording, tmp_path, capsys):
     path = tmp_path / 'verified.json'
-    assert main(['tune', str(result_file), '--aiding', '1s', '--verify', str(recording),
+    assert main(['tune', str(result_file), '--aiding', '1s', '--verify', str(imu_recording),
                  '--no-progress', '--json', str(path)]) == 0
     capsys.readouterr()
     found = json.loads(path.read_text())['verification']
-    assert found['other'] == str(recording)
+    assert found['other'] == str(imu_recording)
     for axis in found['axes'].values():
         assert axis['stops'] == 1
         assert axis['full']['innovations'][0]['nis'] == pytest.approx(1, abs=0.4)
@@ -188,11 +188,11 @@ def test_what_filters_met_there_as_json(result_file, recording, tmp_path, capsys
         assert {'from_s', 'to_s', 'ratio', 'ci95'} == set(axis['excess'][0])
 
 
-def test_a_filter_with_a_process_stays_one_when_it_is_verified(result_file, recording, tmp_path,
-                                                               capsys):
+def test_a_filter_with_a_process_stays_one_when_it_is_verified(
+        result_file, imu_recording, tmp_path, capsys):
     path, picture = tmp_path / 'verified.json', tmp_path / 'drift.svg'
     assert main(['tune', str(result_file), '--aiding', '1s', '--bias', 'gauss_markov', '--verify',
-                 str(recording), '--no-progress', '--json', str(path), '--plot',
+                 str(imu_recording), '--no-progress', '--json', str(path), '--plot',
                  str(picture)]) == 0
     out = ' '.join(capsys.readouterr().out.split())
     assert 'sigma times' in out

@@ -69,34 +69,30 @@ def test_what_too_few_units_show_is_said(fleet, tmp_path):
     assert fleet.unseen in (tmp_path / 'out').read_text()
 
 
-def test_unit_and_failure_are_named_everywhere(fleet, tmp_path):
+def test_units_and_failures_are_named_everywhere_and_strangers_are_escaped(fleet, tmp_path):
+    # Its page takes two seconds: one is looked at for all.
+    results = {**fleet.results, '<b>evil</b>': fleet.results['unit5'],
+               'unit1': replace(fleet.results['unit1'], inspection=Inspection('A-17'))}
+    copy = Failure('copy', 'units/copy', 'unit1 and copy hold the same messages')
+    fleet = replace(fleet, results=results, folders={}, failures=(*fleet.failures, copy))
+    page = fleet_html(fleet)
     with (tmp_path / 'out').open('w') as file:
         Console(file=file, width=140).print(population_table(fleet))
-    for text in ((tmp_path / 'out').read_text(), fleet_html(fleet), fleet_csv(fleet),
-                 fleet_json(fleet)):
+    for text in ((tmp_path / 'out').read_text(), page, fleet_csv(fleet), fleet_json(fleet)):
         assert 'unit5' in text
         assert 'angle random walk' in text
         assert 'cannot be read' in text
-
-
-def test_the_page_escapes_what_a_stranger_named(fleet):
-    results = {**fleet.results, '<b>evil</b>': fleet.results['unit5']}
-    page = fleet_html(replace(fleet, results=results, folders={}))
     assert '<b>evil' not in page
     assert '&lt;b&gt;evil' in page
+    assert json.loads(fleet_json(fleet))['units'][0]['serial'] == 'A-17'
+    assert '<small>A-17</small>' in page
+    assert '2 not counted' in page
+    assert '<b>copy</b> is not counted: unit1 and copy hold the same messages' in page
 
 
 def test_a_name_is_no_formula_in_the_table(fleet):
     results = {'=1+1': fleet.results['unit1'], 'b': fleet.results['unit2']}
     assert "\n'=1+1,," in fleet_csv(Fleet(results))
-
-
-def test_a_serial_number_stands_beside_the_name(fleet):
-    results = {**fleet.results,
-               'unit1': replace(fleet.results['unit1'], inspection=Inspection('A-17'))}
-    fleet = replace(fleet, results=results)
-    assert json.loads(fleet_json(fleet))['units'][0]['serial'] == 'A-17'
-    assert '<small>A-17</small>' in fleet_html(fleet)
 
 
 def test_a_fleet_of_nothing_but_failures_is_told(fleet):
@@ -145,10 +141,3 @@ def test_a_unit_is_named_where_it_sticks_out_and_not_among_the_dots_of_others(fl
              if 'unit5' in {text.get_text() for text in panel.texts}]
     assert 'N gyro x' in named
     assert all(title.endswith('gyro x') for title in named)
-
-
-def test_a_unit_that_is_left_out_is_not_counted_whatever_the_reason(fleet):
-    copy = Failure('copy', 'units/copy', 'unit1 and copy hold the same messages')
-    page = fleet_html(replace(fleet, failures=(*fleet.failures, copy)))
-    assert '2 not counted' in page
-    assert '<b>copy</b> is not counted: unit1 and copy hold the same messages' in page
