@@ -1160,7 +1160,7 @@ def test_a_slow_turn_is_told(rise_s):
     slow = told(result, 'slow_motion')
     assert (slow.axes, slow.values['count']) == (('gyro_z',), 1)
     assert [slow.values[name] for name in ('size', 'start_s', 'duration_s')] == [
-        pytest.approx(0.01, rel=0.1), pytest.approx(65, abs=5), pytest.approx(25, abs=5)]
+        pytest.approx(0.011, abs=1e-3), pytest.approx(65, abs=5), pytest.approx(25, abs=5)]
 
 
 @pytest.mark.parametrize('term', ['rate_random_walk', 'bias_instability'])
