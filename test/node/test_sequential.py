@@ -79,7 +79,7 @@ def test_where_the_fit_tells_how_probable_a_term_is_it_has_to_be_probable_too(
             **axis.coefficients, WALK: replace(walk, presence=presence)})})
 
     found = seen(SequentialLooks(), [probably(10.0 * number, presence) for number, presence
-                                     in enumerate((0.95, 0.89, 0.89, 0.91, 0.8), 1)])
+                                     in enumerate((0.995, 0.98, 0.98, 0.995, 0.8), 1)])
     # At 30 s the record is thrice as long, but only at 40 s it is probable; what is shown stays.
     assert [coefficient.observable for coefficient in found] == [False] * 3 + [True] * 2
     assert [coefficient.observable_in_s for coefficient in found[:3]] == [20.0, None, None]
