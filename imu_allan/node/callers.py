@@ -31,8 +31,8 @@ class Callers(ReentrantCallbackGroup):
         super().__init__()
         self._waiting = 0
         self._answered = 0.0
-        # Only wakes the executor, which then asks those who wait.
-        self._turns = node.create_timer(ANSWER_S, lambda: None, callback_group=self,
+        # Wakes the executor, which then asks those who wait.
+        self._turns = node.create_timer(ANSWER_S, self._rest_if_alone, callback_group=self,
                                         clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._turns.cancel()
 
@@ -47,9 +47,12 @@ class Callers(ReentrantCallbackGroup):
         try:
             yield
         finally:
+            # Whoever waits when the node ends comes here once there is no timer any more.
             self._waiting -= 1
-            if not self._waiting:
-                self._turns.cancel()
+
+    def _rest_if_alone(self) -> None:
+        if not self._waiting:
+            self._turns.cancel()
 
     def may_answer(self) -> bool:
         """Whether it is the turn of whoever asks, who is woken again if it is not."""

@@ -6,6 +6,7 @@ from collections import Counter
 import json
 from pathlib import Path
 import random
+import signal
 import time
 from typing import Any
 
@@ -168,6 +169,21 @@ def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) ->
     answers = [answer for service, answer in client.answers if service == 'save']
     assert sorted(answer.success for answer in answers) == [False, True, True, True], answers
     assert_well(node)
+
+
+def test_a_signal_while_a_save_is_under_way_ends_the_node_without_a_traceback(ros: Ros) -> None:
+    node, driver, client = ros.start('imu_allan_node'), Driver(ros), Client(ros)
+    driver.wait_for_node()
+    driver.publish(3000)
+    ros.until(lambda: samples_of(saved(ros)) == 3000)
+    client.ask(Trigger, 'save')
+    client.wait()
+    client.ask(Trigger, 'save')
+    # By then it has been taken, and waits for the worker.
+    for _ in range(3):
+        ros.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request())
+    assert node.stop(signal.SIGTERM) == 0, node.log
+    assert 'Traceback' not in node.log, node.log
 
 
 @pytest.mark.slow
