@@ -2,22 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the command `imu_allan`, which is `python -m imu_allan`, begins."""
 
-import os
-import signal
-
-EXIT_INTERRUPTED = 130
-"""As a shell reports the signal: 128 + SIGINT."""
+from imu_allan.interruption import ends_without_a_word
 
 
 def main() -> int:
     """Run the command; Ctrl-C during its imports ends it without a word, too."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is signal.default_int_handler:
-        # An exception would be told with a traceback, and forgotten in a callback of an import.
-        signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
-    from imu_allan.cli.main import main as run
+    with ends_without_a_word():
+        from imu_allan.cli.main import main as run
 
-    signal.signal(signal.SIGINT, before)
     return run()
 
 

@@ -19,10 +19,9 @@ from typing import Any
 from imu_allan.cli import analyze, check, explain, export, info, report, simulate, tune
 from imu_allan.cli.arguments import require_apart
 from imu_allan.errors import ImuAllanError, printable
+from imu_allan.interruption import EXIT_INTERRUPTED
 from imu_allan.version import __version__
 
-EXIT_INTERRUPTED = 130
-"""As a shell reports the signal: 128 + SIGINT."""
 EXIT_BROKEN_PIPE = 141
 """128 + SIGPIPE, what `imu_allan ... | head` ends other programs with."""
 _INSTALLED_AS = {name: name for name in (

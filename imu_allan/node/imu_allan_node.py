@@ -3,17 +3,24 @@
 """Entry point of `imu_allan_node`, the node that characterizes the IMU on a topic."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from imu_allan.node.interface import CHARACTERIZATION
-from imu_allan.node.process import run_process, StopRequest
+from imu_allan.interruption import ends_without_a_word
+
+if TYPE_CHECKING:
+    from imu_allan.node.process import StopRequest
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop; save and return the exit status."""
-    return run_process('imu_allan_node', _serve, args, CHARACTERIZATION)
+    # Until the node handles signals itself.
+    with ends_without_a_word():
+        from imu_allan.node.interface import CHARACTERIZATION
+        from imu_allan.node.process import run_process
+        return run_process('imu_allan_node', _serve, args, CHARACTERIZATION)
 
 
-def _serve(stop: StopRequest) -> int:
+def _serve(stop: 'StopRequest') -> int:
     from imu_allan.node.characterization_node import CharacterizationNode
     node = CharacterizationNode()
     try:

@@ -3,17 +3,24 @@
 """Entry point of `imu_simulator`, the node that publishes an IMU simulated from a noise model."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from imu_allan.node.interface import SIMULATOR
-from imu_allan.node.process import run_process, StopRequest
+from imu_allan.interruption import ends_without_a_word
+
+if TYPE_CHECKING:
+    from imu_allan.node.process import StopRequest
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until its duration is over or it is told to stop; return the exit status."""
-    return run_process('imu_simulator', _serve, args, SIMULATOR)
+    # Until the node handles signals itself.
+    with ends_without_a_word():
+        from imu_allan.node.interface import SIMULATOR
+        from imu_allan.node.process import run_process
+        return run_process('imu_simulator', _serve, args, SIMULATOR)
 
 
-def _serve(stop: StopRequest) -> int:
+def _serve(stop: 'StopRequest') -> int:
     from imu_allan.node.simulator_node import SimulatorNode
     node = SimulatorNode()
     try:

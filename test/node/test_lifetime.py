@@ -18,7 +18,16 @@ from imu_allan.node.results import Results
 from imu_allan.writers.filters import CONSUMERS
 import numpy as np
 import pytest
-from ros_harness import Driver, Process, RATE_HZ, Ros, start_repeatedly, told_in, too_early
+from ros_harness import (
+    Driver,
+    PATIENCE_S,
+    Process,
+    RATE_HZ,
+    Ros,
+    start_repeatedly,
+    told_in,
+    too_early,
+)
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 from std_srvs.srv import SetBool, Trigger
@@ -367,6 +376,39 @@ def test_without_ros_one_line_says_how_to_install_it(tmp_path: Path, program: st
         f"{program}: needs ROS 2, which {sys.executable} cannot import (No module named 'rclpy'); "
         'source a ROS 2 installation (source /opt/ros/jazzy/setup.bash) or install the wheels: '
         "pip install 'imu_allan[ros]'\n")
+
+
+INTERRUPTED = """
+import os, signal, sys
+
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == interrupted:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+program, interrupted = sys.argv.pop(1), sys.argv.pop(1)
+sys.meta_path.insert(0, Interrupt())
+if program == 'imu_simulator':
+    from imu_allan.node.imu_simulator import main
+else:
+    from imu_allan.node.imu_allan_node import main
+raise SystemExit(main())
+"""
+
+
+@pytest.mark.parametrize(('program', 'module', 'status'), [
+    ('imu_allan_node', 'imu_allan.node.interface', 130), ('imu_allan_node', 'numpy', 130),
+    ('imu_simulator', 'numpy', 130), ('imu_allan_node', 'rclpy', 0)])
+def test_ctrl_c_while_a_node_starts_ends_it_without_a_traceback(
+        ros: Ros, program: str, module: str, status: int) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED, program, module, '--ros-args', '-r',
+         f'__ns:={ros.namespace}', '-p', f'state_file:={ros.folder / "state"}'],
+        check=False, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert (done.returncode, 'Traceback' in done.stderr) == (status, False), done.stderr
 
 
 def test_the_node_imports_neither_bag_readers_nor_plotting() -> None:

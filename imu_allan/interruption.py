@@ -1,0 +1,25 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ctrl-C before a program is ready for it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+import signal
+
+EXIT_INTERRUPTED = 130
+"""As a shell reports the signal: 128 + SIGINT."""
+
+
+@contextmanager
+def ends_without_a_word() -> Iterator[None]:
+    """Let Ctrl-C end the process at once, unless it is ignored or somebody handles it."""
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    # An exception would be told with a traceback, and forgotten in a callback of an import.
+    signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
