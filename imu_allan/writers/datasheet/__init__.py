@@ -3,8 +3,9 @@
 """
 A measured sensor against its datasheet.
 
-`verdicts` decides, `measured` says what was measured of each limited quantity, `documents` writes
-JSON and JUnit, `table` the terminal's table, `certificate` the page that goes with the unit.
+`verdicts` decides, `measured` says what was measured of each limited quantity, `json_and_junit`
+writes what programs read, `table` the terminal's table, `certificate` the page that goes
+with the unit, `live` ends a check as soon as the verdict is certain.
 """
 
 from imu_allan.writers.datasheet.certificate import certificate_html

@@ -3,21 +3,18 @@
 """The certificate: one sheet of A4 with every verdict on a unit, printed by the browser."""
 
 from collections.abc import Sequence
-from typing import Any
 
+from imu_allan import wording
 from imu_allan.errors import printable, shorten
-from imu_allan.noise.terms import AXES, TERMS
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.units import typeset
 from imu_allan.version import __version__
-from imu_allan.wording import duration
 from imu_allan.writers.datasheet.table import figures
 from imu_allan.writers.datasheet.verdicts import Outcome, overall, reasons, Verdict
 from imu_allan.writers.pages import filled
 from imu_allan.writers.verdict import findings_line
 
-_TITLES = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 _MARKS: dict[Outcome, tuple[str, str]] = {
     'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'doubt')}
 _MOST_SENTENCES = 8
@@ -49,8 +46,11 @@ def certificate_html(verdicts: Sequence[Verdict], result: Result, specification:
     return filled(
         'certificate.html', version=__version__, outcome=outcome, outcome_class=_MARKS[outcome][1],
         title=_title(result, specification), facts=_facts(result, specification),
-        tables=[_table(numbered, sensor) for sensor in _TITLES
-                if any(verdict.axis.startswith(sensor) for verdict in verdicts)],
+        tables={sensor: {key: [one for one in own if one[0].key == key]
+                         for key in dict.fromkeys(verdict.key for verdict, _ in own)}
+                for sensor in wording.SENSORS if (own := [
+                    one for one in numbered if one[0].axis.startswith(sensor)])},
+        marks=_MARKS, figures=figures, shown=_shown,
         findings=findings_line(result),
         sentences=[shorten(typeset(sentence)) for sentence in sentences[:_MOST_SENTENCES]],
         more=len(sentences) - _MOST_SENTENCES if len(sentences) > _MOST_SENTENCES else 0)
@@ -70,42 +70,9 @@ def _facts(result: Result, specification: NoiseModel) -> list[tuple[str, str]]:
              ('operator', inspection.operator if inspection else None),
              ('recording', source.path), ('station', inspection.station if inspection else None),
              ('topic', source.topic), ('recorded', source.start_time),
-             ('samples', f'{timeline.samples:,}{rate}, {duration(timeline.duration_s)}')]
+             ('samples', f'{timeline.samples:,}{rate}, {wording.duration(timeline.duration_s)}')]
     return [(name, shorten(printable(value), _LONGEST)) for name, value in facts
             if value is not None]
-
-
-def _table(verdicts: Sequence[tuple[Verdict, int | None]], sensor: str) -> dict[str, Any]:
-    own = [(verdict, number) for verdict, number in verdicts if verdict.axis.startswith(sensor)]
-    axes = [axis for axis in AXES if axis.startswith(sensor)]
-    return {'title': _TITLES[sensor], 'axes': [axis[-1] for axis in axes],
-            'rows': [_row([each for each in own if each[0].key == key], axes)
-                     for key in dict.fromkeys(verdict.key for verdict, _ in own)]}
-
-
-def _row(verdicts: Sequence[tuple[Verdict, int | None]], axes: Sequence[str]) -> dict[str, Any]:
-    first = verdicts[0][0]
-    key = first.key
-    limits = {verdict.specified for verdict, _ in verdicts}
-    by_axis = {verdict.axis: (verdict, number) for verdict, number in verdicts}
-    if not set(by_axis) <= set(axes):
-        cells = [_cell(*verdicts[0], limit=False, wide=True)]
-    else:
-        cells = [_cell(*by_axis[axis], limit=len(limits) > 1) if axis in by_axis
-                 else {'mark': '', 'wide': False} for axis in axes]
-    name = TERMS[key].name(AXES[axes[0]]) if key in TERMS else first.symbol
-    return {'name': name, 'cells': cells,
-            'limit': _shown(limits.pop()) if len(limits) == 1 else 'by axis'}
-
-
-def _cell(verdict: Verdict, number: int | None, *, limit: bool, wide: bool = False
-          ) -> dict[str, Any]:
-    value, interval, _ = figures(verdict)
-    mark, style = _MARKS[verdict.verdict]
-    return {'mark': mark, 'class': style, 'number': number or '',
-            'verdict': verdict.verdict, 'wide': wide,
-            'limit': _shown(verdict.specified) if limit else '', 'value': value,
-            'interval': interval.replace(' .. ', ' – ')}
 
 
 def _shown(specified: str) -> str:

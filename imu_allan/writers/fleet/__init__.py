@@ -3,8 +3,8 @@
 """
 A fleet on paper: one page, one table, one document about many units.
 
-`findings` says what sticks out, `documents` writes JSON and CSV, `figure` draws, `page` is the
-HTML, `table` the terminal's summary, `folder` the three files.
+`findings` says what sticks out, `figure` draws, `page` is the HTML, `table` the terminal's
+summary, `folder` writes the page, JSON and CSV.
 """
 
 from imu_allan.writers.fleet.findings import Failure, Fleet
