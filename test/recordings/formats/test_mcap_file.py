@@ -361,10 +361,10 @@ def test_a_million_channels_take_neither_time_nor_memory(tmp_path):
         many += record[:9] + (number % 65536 + 3).to_bytes(2, 'little', signed=False)[:2] + (
             record[11:]) if number % 65536 < 65533 else record
     path.write_bytes(content[:first] + bytes(many) + content[first:-60])
-    start = time.perf_counter()
+    start = time.process_time()
     with open_recording(path) as recording:
         assert len(recording.topics) == 1
-    assert time.perf_counter() - start < 20
+    assert time.process_time() - start < 20
 
 
 def test_a_bomb_of_tiny_records_costs_little_time(tmp_path):
