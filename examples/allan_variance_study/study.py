@@ -23,17 +23,16 @@ from imu_allan.sensor.noise_model import load_model, parse_model
 from imu_allan.sensor.units import convert, engineering, parse, typeset
 from imu_allan.wording import number
 from imu_allan.writers.atomic import write_atomically
+from imu_allan.writers.curves import density_limits, limits_of
 from imu_allan.writers.datasheet import check
 from imu_allan.writers.plot import (
     COLOURS,
-    density_limits,
     draw_curve,
     draw_density,
     draw_terms,
     empty_figure,
     frame_allan,
     frame_density,
-    limits_of,
     plot_style,
     render,
 )
