@@ -326,6 +326,10 @@ class HostileDrivers:
         self.imu.rate_hz = rate_hz
 
     def _kill(self) -> None:
+        # Data comes faster than time goes: behind a checkpoint of it all some seconds are lost.
+        last, _ = self._sent[-1]
+        self.ros.until(lambda: self._lived_s() > last + CHECKPOINT_S + LATE_S)
+        self.imu.measure(2.0, self.polled)
         due = self._lived_s() - CHECKPOINT_S - LATE_S
         self.killed += self.imu.sent - max(sent for when, sent in self._sent if when < due)
         self.nodes[-1].popen.send_signal(signal.SIGKILL)
