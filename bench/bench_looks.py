@@ -7,7 +7,7 @@ Simulated IMUs stand still for ten minutes, all axes with the same noise. They a
 as the node fits them. A term is wrong where it is not in the noise, or where its interval misses
 the truth by a half. It vanishes where a later fit does not show it any more.
 
-    OPENBLAS_NUM_THREADS=1 python bench/bench_looks.py         # a quarter of an hour
+    OPENBLAS_NUM_THREADS=1 python bench/bench_looks.py         # half an hour
     ... python bench/bench_looks.py --growth 1 --probable 0.9  # by other rules
 """
 
@@ -78,7 +78,7 @@ def count(terms: dict[str, float], seed: int) -> Counter[str]:
 def main() -> None:
     """Print a line for each model."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--seeds', default='0:7', metavar='FIRST:END')
+    parser.add_argument('--seeds', default='0:11', metavar='FIRST:END')
     parser.add_argument('--growth', type=float, default=sequential.GROWTH)
     parser.add_argument('--probable', type=float, default=sequential.PROBABLE)
     given = parser.parse_args()
