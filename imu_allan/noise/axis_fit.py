@@ -287,12 +287,11 @@ def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
         return STEADY
     best = posterior.models[0]
     lam, white = expected(best)
-    frequency = source.segments.frequency / dt
-    share = np.exp(np.interp(np.log(frequency), np.log(best.spectra.frequency),
-                             np.log(np.maximum(white, 1e-300) / lam)))
-    edge = int(best.row.edge[0])
-    top = best.spectra.frequency[edge - 1]
-    ratio = white_ratio(source.segments, source.axis, 1.0, 1 / share, frequency <= top)
+    frequency, at = source.segments.frequency / dt, np.log(best.spectra.frequency)
+    share = np.exp(np.interp(np.log(frequency), at, np.log(np.maximum(white, 1e-300) / lam)))
+    top = best.spectra.frequency[int(best.row.edge[0]) - 1]
+    ratio = white_ratio(source.segments, source.axis, 1.0, 1 / share,
+                        (frequency <= top) & source.segments.passed(source.axis, white.max()))
     if ratio is None or not ratio[0].all():
         return STEADY
     return change_of(2 * np.log(ratio[0]), 2 * ratio[1])

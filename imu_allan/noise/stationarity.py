@@ -91,6 +91,14 @@ class SegmentPowers:
     drift: Array
     drift_samples: Array
 
+    def level(self, axis: int) -> Array:
+        """Return the mean power of every band of an axis."""
+        return np.average(self.power[axis], axis=0, weights=np.maximum(self.dof, 1e-9))
+
+    def passed(self, axis: int, white: float) -> NDArray[np.bool_]:
+        """Return the bands that have at least half the white noise: into others drift leaks."""
+        return np.asarray(self.level(axis) > white / 2)
+
 
 @dataclass(frozen=True)
 class Change:
@@ -300,7 +308,7 @@ def steadiness(powers: SegmentPowers, axis: int, dt: float,
     for line in lines_hz:
         keep &= np.abs(np.log2(frequency / line)) > 1.5 / PER_OCTAVE
     power, dof = powers.power[axis], powers.dof
-    level = np.average(power, axis=0, weights=np.maximum(dof, 1e-9))
+    level = powers.level(axis)
     if keep.any():
         if white_alone:
             fastest = keep & (frequency > frequency[keep][-1] / 2)
