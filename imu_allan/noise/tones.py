@@ -42,6 +42,8 @@ _LEAST_RISE = 1.3
 """A long record shows the smallest rise by more than chance; less is no line. A judgment."""
 _LEAST_BROAD_RISE = 1.5
 """The same for a broad line, which a bend of the spectrum resembles: a judgment."""
+_STOPPED = 0.1
+"""Share of the largest floor below which a hump is a side lobe of a filter's response."""
 _SCALES = (1, 32, 8)
 """Bins averaged: sharp lines first, then humps as broad as the idle tones of a quantizer."""
 _LOWEST_INDEX = 32
@@ -295,6 +297,8 @@ def rises(ratio: Array, blocks: int, scale: int) -> list[tuple[int, int, float]]
         # A strictly periodic signal has nothing between its lines.
         floor = np.maximum(floor, _LOWEST_FLOOR * float(mean.mean()))
         found = (mean > floor * max(chance, least)) & ~empty
+        if scale > 1:
+            found &= mean > _STOPPED * floor.max()
         if (found == hit).all():
             break
         hit = found

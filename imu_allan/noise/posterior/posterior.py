@@ -49,8 +49,8 @@ _SMOOTH = 1.5
 """Half-octaves over which the misfit of a model is averaged: it is worth that much less there."""
 _BY_CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
-_UNNAMED = 0.1
-"""Share of what it takes to which a filter is known that no model explains to the top."""
+_NAMED, _UNNAMED = 0.03, 0.2
+"""Share of what it takes to which a filter is known: one that has a name, and one that has none."""
 _MOST = 10
 """Models of each set of courses that are drawn from."""
 _DRAWS = ((0.2, 512), (0.03, 192), (0.0, 48))
@@ -216,15 +216,16 @@ def _doubt(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
         weight = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTH)**2)
         local = (weight @ judged.normal**2 + 1) / (weight.sum(axis=1) + 1)
         factor *= np.maximum(local, 1.0)[judged.octave]
-    edge = int(row.edge[0])
+    edge, taken, known = int(row.edge[0]), np.zeros(len(factor)), _NAMED
     if edge < len(factor):
-        taken = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0)
-        if row.has[0, LOW]:
-            table = spectra.tables.low_pass
-            value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
-            taken = np.maximum(taken, 1 - np.exp(value[0]))
-        count = np.bincount(judged.octave, spectra.whole[row.of[0]])[judged.octave]
-        factor *= 1 + count * (_UNNAMED * taken)**2 / 2
+        taken, known = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0), _UNNAMED
+    if row.has[0, LOW]:
+        table = spectra.tables.low_pass
+        value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
+        taken = np.maximum(taken, 1 - np.exp(value[0]))
+    count = np.bincount(judged.octave, spectra.whole[row.of[0]])[judged.octave]
+    # What the best model leaves to itself still tells it from others.
+    factor[:edge] *= 1 + count[:edge] * (known * taken[:edge])**2 / 2
     return factor
 
 
