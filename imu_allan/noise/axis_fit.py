@@ -289,7 +289,7 @@ def _change(posterior: Posterior, source: _Source, dt: float) -> Change:
     lam, white = expected(best)
     frequency, at = source.segments.frequency / dt, np.log(best.spectra.frequency)
     share = np.exp(np.interp(np.log(frequency), at, np.log(np.maximum(white, 1e-300) / lam)))
-    top = best.spectra.frequency[int(best.row.edge[0]) - 1]
+    top = best.spectra.frequency[:posterior.edge][-1]
     ratio = white_ratio(source.segments, source.axis, 1.0, 1 / share,
                         (frequency <= top) & source.segments.passed(source.axis, white.max()))
     if ratio is None or not ratio[0].all():

@@ -178,13 +178,13 @@ def answer(posterior: Posterior, dt: float) -> Answer:
     def free(values: Array, own: NDArray[np.bool_]) -> Estimate:
         return _estimate(values, own, weight, REPORTED)
 
-    groups = spectra.dof.shape[1]
-    edge = int(models[0].row.edge[0])
+    edge = posterior.edge
     return Answer(
         terms, _ramp(posterior), free(size[:, 1], process), free(time, process),
         free(alpha, law), free(size[:, 0] * dt**((1 - alpha) / 2), law),
-        free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]), _weight_of(posterior, _bends),
-        _window(posterior), float(spectra.frequency[edge - 1]) if edge < groups else None,
+        free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]),
+        _weight_of(posterior, _bends) if edge is None else 1.0,
+        _window(posterior), None if edge is None else float(spectra.frequency[edge - 1]),
         _courses(posterior), high / low if low > 0 else np.inf,
         _weight_of(posterior, _drifts))
 
@@ -382,11 +382,12 @@ def expected(model: Drawn) -> tuple[Array, Array]:
 
 def _window(posterior: Posterior) -> float | None:
     """Width of the boxcar that bends the white noise as much as the likeliest filter does."""
-    model = next((model for model in posterior.models if _bends(model)), None)
+    model = next((model for model in posterior.models if _bends(model)),
+                 posterior.models[0] if posterior.edge is not None else None)
     if model is None:
         return None
     spectra = model.spectra
-    below = spectra.frequency[: int(model.row.edge[0])]
+    below = spectra.frequency[:posterior.edge]
     if model.row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(model.row.family, model.row.x[:, LOW]))

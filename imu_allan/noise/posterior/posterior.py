@@ -96,6 +96,8 @@ class Posterior:
     p_value, misfit : float
         Of the half-octave residuals of the best model: chi-square probability, and the largest
         relative misfit beyond sampling error.
+    edge : int or None
+        Groups from here on that model leaves to themselves.
     change : Change
         How much the level of the noise changes over the record.
 
@@ -104,6 +106,7 @@ class Posterior:
     models: tuple[Drawn, ...]
     p_value: float
     misfit: float
+    edge: int | None = None
     change: Change = STEADY
 
     def courses(self, duration_s: float) -> list[Course]:
@@ -155,7 +158,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
         for axis, own in enumerate(_sets(spectra, starts, found, fewer, bank)):
             if doubtful[axis]:
                 sets[axis] = own
-    return [Posterior(_drawn(own), one.p_value, one.misfit)
+    return [Posterior(_drawn(own), one.p_value, one.misfit, one.edge)
             for own, one in zip(sets, judged, strict=True)]
 
 
@@ -183,6 +186,7 @@ class _Judged:
     octave: NDArray[np.int64]
     p_value: float
     misfit: float
+    edge: int | None
 
 
 def _judged(best: tuple[Spectra, Rows]) -> _Judged:
@@ -204,7 +208,9 @@ def _judged(best: tuple[Spectra, Rows]) -> _Judged:
     high = chi_square.upper(_BY_CHANCE, count) / count
     low = chi_square.lower(_BY_CHANCE, count) / count
     misfit = np.where(seen, np.maximum(level - high, low - level), 0.0)
-    return _Judged(normal, octave.astype(np.int64), p_value, float(max(misfit.max(), 0.0)))
+    edge = int(row.edge[0])
+    return _Judged(normal, octave.astype(np.int64), p_value, float(max(misfit.max(), 0.0)),
+                   edge if edge < lam.shape[1] else None)
 
 
 def _doubt(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
@@ -216,16 +222,16 @@ def _doubt(best: tuple[Spectra, Rows], judged: _Judged) -> Array:
         weight = np.exp(-0.5 * ((place[:, None] - place) / _SMOOTH)**2)
         local = (weight @ judged.normal**2 + 1) / (weight.sum(axis=1) + 1)
         factor *= np.maximum(local, 1.0)[judged.octave]
-    edge, taken, known = int(row.edge[0]), np.zeros(len(factor)), _NAMED
-    if edge < len(factor):
-        taken, known = np.minimum((spectra.frequency / spectra.frequency[edge])**2, 1.0), _UNNAMED
+    taken, known = np.zeros(len(factor)), _NAMED
+    if judged.edge is not None:
+        taken = np.minimum((spectra.frequency / spectra.frequency[judged.edge])**2, 1.0)
+        known = _UNNAMED
     if row.has[0, LOW]:
         table = spectra.tables.low_pass
         value, _ = cubic(table.rows, *table.place(row.family, row.x[:, LOW]))
         taken = np.maximum(taken, 1 - np.exp(value[0]))
     count = np.bincount(judged.octave, spectra.whole[row.of[0]])[judged.octave]
-    # What the best model leaves to itself still tells it from others.
-    factor[:edge] *= 1 + count[:edge] * (known * taken[:edge])**2 / 2
+    factor *= 1 + count * (known * taken)**2 / 2
     return factor
 
 
