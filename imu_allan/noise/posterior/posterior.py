@@ -51,6 +51,8 @@ _BY_CHANCE = 1e-3
 """Probability of the excursion of a half-octave that counts as sampling error, not as misfit."""
 _NAMED, _UNNAMED = 0.03, 0.2
 """Share of what it takes to which a filter is known: one that has a name, and one that has none."""
+_DOUBTED = 1.1
+"""By how much less a group is worth where an axis is searched again."""
 _MOST = 10
 """Models of each set of courses that are drawn from."""
 _DRAWS = ((0.2, 512), (0.03, 192), (0.0, 48))
@@ -149,7 +151,7 @@ def posteriors(groups: Sequence[Groups], dt: float,
     sets = _sets(spectra, starts, found, records, bank)
     judged = [_judged(_best(own)) for own in sets]
     factors = np.stack([_doubt(_best(own), one) for own, one in zip(sets, judged, strict=True)])
-    doubtful: NDArray[np.bool_] = np.any(factors > 1, axis=1)
+    doubtful: NDArray[np.bool_] = np.any(factors > _DOUBTED, axis=1)
     if doubtful.any():
         spectra = spectra.worth(spectra.dof / factors)
         found = again(spectra, found)
