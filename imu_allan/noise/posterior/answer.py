@@ -184,7 +184,7 @@ def answer(posterior: Posterior, dt: float) -> Answer:
         free(alpha, law), free(size[:, 0] * dt**((1 - alpha) / 2), law),
         free(np.exp(x[:, HIGH]) / dt, has[:, HIGH]),
         _weight_of(posterior, _bends) if edge is None else 1.0,
-        _window(posterior), None if edge is None else float(spectra.frequency[edge - 1]),
+        _window(posterior, dt), None if edge is None else float(spectra.frequency[edge - 1]),
         _courses(posterior), high / low if low > 0 else np.inf,
         _weight_of(posterior, _drifts))
 
@@ -380,7 +380,7 @@ def expected(model: Drawn) -> tuple[Array, Array]:
     return lam[0], slopes[np.isin(used, (ALWAYS, _OUTPUT)), 0].sum(axis=0) / 2
 
 
-def _window(posterior: Posterior) -> float | None:
+def _window(posterior: Posterior, dt: float) -> float | None:
     """Width of the boxcar that bends the white noise as much as the likeliest filter does."""
     model = next((model for model in posterior.models if _bends(model)),
                  posterior.models[0] if posterior.edge is not None else None)
@@ -394,5 +394,6 @@ def _window(posterior: Posterior) -> float | None:
         passed = np.exp(value[0, :len(below)])
         at = int(np.argmin(np.abs(passed - 0.9)))
         if passed[at] < 1:
-            return float(np.sqrt(3 * min(1 - passed[at], 1.0)) / (np.pi * below[at]))
+            # Of n samples, beyond the average over the sample interval that white noise is of.
+            return float(np.hypot(np.sqrt(3 * min(1 - passed[at], 1.0)) / (np.pi * below[at]), dt))
     return float(1 / (2 * below[-1]))
