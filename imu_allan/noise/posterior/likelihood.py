@@ -153,14 +153,19 @@ def left_to_itself(frequency: Array, dof: Array, power: Array, whole: Array) -> 
     half = half_octaves(frequency)
     new = np.concatenate(([True], half[1:] != half[:-1]))
     number = np.cumsum(new) - 1
-    # A level of its own gains a group so much in the mean, half a nat where it is well known.
-    known = np.maximum(dof, _SOME)
-    gain = np.where(dof >= _SOME, 0.5 * known * (np.log(known / 2) - digamma(known / 2)), 0.0)
-    own = 0.5 * dof * (np.log(np.maximum(power, _SMALL)) + 1) + gain
-    for row, count in zip(own, whole, strict=True):
+    # Many short runs have many groups of few degrees of freedom: they share levels, too.
+    eighth = np.round(8 * np.log2(frequency / frequency[-1]))
+    band = np.cumsum(new | np.concatenate(([False], np.diff(eighth) != 0))) - 1
+    own = np.empty_like(dof)
+    for row, known, each, count in zip(own, dof, power, whole, strict=True):
+        shared = np.maximum(np.bincount(band, known), _SOME)
+        level = np.bincount(band, known * each) / shared
+        # A level of its own gains a band so much in the mean, half a nat where it is well known.
+        gain = 0.5 * (np.log(shared / 2) - digamma(shared / 2))
+        row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + 2 * gain)[band]
         octave = np.bincount(number, count)[number]
-        level = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
-        row -= np.where(new & (octave > 0), level, 0.0)
+        prior = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
+        row -= np.where(new & (octave > 0), prior, 0.0)
     ends = np.zeros((len(own), 1))
     return np.concatenate((np.cumsum(own[:, ::-1], axis=1)[:, ::-1], ends), axis=1)
 
