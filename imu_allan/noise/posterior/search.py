@@ -12,6 +12,7 @@ from dataclasses import replace
 from imu_allan.noise.posterior.evidence import climb, distinct, inside, sees_pass_band
 from imu_allan.noise.posterior.likelihood import (
     GENTLE_FAMILY,
+    half_octaves,
     HIGH,
     LOW,
     PLAIN,
@@ -195,8 +196,9 @@ def _filtered(own: Proposals, spectra: Spectra, axis: int, start: Start, dt: flo
 
 def _edges(nu: Array) -> Iterator[tuple[int, int]]:
     """Half-octaves from the top, and the group that the last of them begins with."""
+    halves = half_octaves(nu)
     for half in (*range(1, _FIRST_HALVES), *range(_FIRST_HALVES, _MOST_HALVES + 1, 2)):
-        edge = int(np.searchsorted(nu, nu[-1] / 2 ** (half / 2) * 1.0001))
+        edge = int(np.searchsorted(halves, -half))
         if edge < FEWEST_GROUPS:
             return
         yield half, edge
