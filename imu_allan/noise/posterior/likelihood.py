@@ -161,8 +161,8 @@ def left_to_itself(frequency: Array, dof: Array, power: Array, whole: Array) -> 
         shared = np.maximum(np.bincount(band, known), _SOME)
         level = np.bincount(band, known * each) / shared
         # A level of its own gains a band so much in the mean, half a nat where it is well known.
-        gain = 0.5 * (np.log(shared / 2) - digamma(shared / 2))
-        row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + 2 * gain)[band]
+        gain = np.log(shared / 2) - digamma(shared / 2)
+        row[:] = 0.5 * known * (np.log(np.maximum(level, _SMALL)) + 1 + gain)[band]
         octave = np.bincount(number, count)[number]
         prior = np.log(UNSEEN_LEVEL * np.sqrt(4 * np.pi / np.maximum(octave, 1.0)))
         row -= np.where(new & (octave > 0), prior, 0.0)

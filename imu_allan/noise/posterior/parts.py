@@ -62,14 +62,12 @@ def _losses(posterior: Posterior, groups: Sequence[Groups], dt: float) -> tuple[
     model = next(model for model in posterior.models if model.row.has[0, K])
     together = joined_groups(groups)
     spectra, _ = prepared([together], dt)
-    of = int(model.row.of[0])
-    known = model.spectra.dof[of] / np.maximum(model.spectra.whole[of], 1e-9)
+    record, of = model.spectra, int(model.row.of[0])
+    known = np.interp(np.log(spectra.frequency), np.log(record.frequency),
+                      record.dof[of] / np.maximum(record.whole[of], 1e-9))
     # A part is worth as little as the whole where no model describes the record.
-    spectra = spectra.worth(np.minimum(spectra.dof, spectra.whole * np.interp(
-        np.log(spectra.frequency), np.log(model.spectra.frequency), known)))
-    edge = len(together.dof) if (above := int(model.row.edge[0])) == len(
-        model.spectra.frequency) else int(np.searchsorted(
-            spectra.frequency, model.spectra.frequency[above]))
+    spectra = spectra.worth(np.minimum(spectra.dof, spectra.whole * known))
+    edge = np.searchsorted(spectra.frequency, np.append(record.frequency, np.inf)[model.row.edge])
     rows = model.row.take(np.zeros(2, np.int64))
     x, has = rows.x.copy(), rows.has.copy()
     x[:, :PLAIN] += np.log(model.spectra.unit[model.row.of[0]] / spectra.unit[0])
@@ -78,6 +76,6 @@ def _losses(posterior: Posterior, groups: Sequence[Groups], dt: float) -> tuple[
     has[1, B] |= not has[1, PLAIN]
     x[1, B] = max(x[1, B], 1.0)
     walk, flicker = climb(spectra, replace(
-        rows, of=np.zeros(2, np.int64), x=x, has=has, edge=np.full(2, edge), prior=np.zeros(2)),
+        rows, of=np.zeros(2, np.int64), x=x, has=has, edge=np.repeat(edge, 2), prior=np.zeros(2)),
         12).loss.tolist()
     return walk, flicker

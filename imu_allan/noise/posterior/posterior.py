@@ -149,8 +149,9 @@ def posteriors(groups: Sequence[Groups], dt: float,
                  if record is not None and record.duration_s > 0), None)
     bank = None if some is None else Bank(some, kinds)
     sets = _sets(spectra, starts, found, records, bank)
-    judged = [_judged(_best(own)) for own in sets]
-    factors = np.stack([_doubt(_best(own), one) for own, one in zip(sets, judged, strict=True)])
+    best = [_best(own) for own in sets]
+    judged = [_judged(one) for one in best]
+    factors = np.stack([_doubt(*both) for both in zip(best, judged, strict=True)])
     doubtful: NDArray[np.bool_] = np.any(factors > _DOUBTED, axis=1)
     if doubtful.any():
         spectra = spectra.worth(spectra.dof / factors)
