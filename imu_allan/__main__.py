@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the command `imu_allan`, which is `python -m imu_allan`, begins."""
 
-from imu_allan.interruption import ends_without_a_word
+from imu_allan.interruption import quiet_interrupt
 
 
 def main() -> int:
     """Run the command; Ctrl-C during its imports ends it without a word, too."""
-    with ends_without_a_word():
+    with quiet_interrupt():
         from imu_allan.cli.main import main as run
 
     return run()

@@ -12,7 +12,7 @@ EXIT_INTERRUPTED = 130
 
 
 @contextmanager
-def ends_without_a_word() -> Iterator[None]:
+def quiet_interrupt() -> Iterator[None]:
     """Let Ctrl-C end the process at once, unless it is ignored or somebody handles it."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from imu_allan.interruption import ends_without_a_word
+from imu_allan.interruption import quiet_interrupt
 
 if TYPE_CHECKING:
     from imu_allan.node.process import StopRequest
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until its duration is over or it is told to stop; return the exit status."""
     # Until the node handles signals itself.
-    with ends_without_a_word():
+    with quiet_interrupt():
         from imu_allan.node.interface import SIMULATOR
         from imu_allan.node.process import run_process
         return run_process('imu_simulator', _serve, args, SIMULATOR)
