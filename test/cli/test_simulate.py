@@ -106,5 +106,4 @@ def peak_megabytes(tmp_path: Path, duration: str) -> float:
 def test_memory_does_not_grow_with_the_length_of_the_recording(tmp_path: Path) -> None:
     pytest.importorskip('mcap', reason='needs mcap, which rosdep does not install: pip install '
                                        'mcap')
-    # The messages of 90 s are 29 MB.
-    assert peak_megabytes(tmp_path, '100s') < peak_megabytes(tmp_path, '10s') + 10
+    assert peak_megabytes(tmp_path, '200s') < peak_megabytes(tmp_path, '20s') + 10

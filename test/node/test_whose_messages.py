@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whose messages come: a driver and its sensor go and return, change, or give way to others."""
 
+from collections.abc import Sequence
 import json
 from pathlib import Path
 from typing import Any
@@ -145,16 +146,21 @@ def test_a_run_that_a_stranger_has_replaced_goes_on_when_its_imu_returns(ros: Ro
     assert document['source']['frame_id'] == 'imu'
 
 
+def plugged_in(ros: Ros, node: Process, sensor: Sensor, bias: Sequence[float]) -> None:
+    """Let a sensor measure for two minutes with the turn-on bias of this power-on."""
+    sensor.bias[:3] = bias
+    sensor.plug_in()
+    for _ in range(4):
+        sensor.measure(30.0)
+        ros.executor.spin_once(timeout_sec=0.6)
+    fitted(ros, node)
+
+
 def test_replugs_are_power_ons_and_no_random_walk(ros: Ros) -> None:
     node, sensor = begin(ros), Sensor(ros)
     biases = np.random.default_rng(3).normal(0, 0.1, (6, 3))
     for bias in biases:
-        sensor.bias[:3] = bias
-        sensor.plug_in()
-        for _ in range(4):
-            sensor.measure(30.0)
-            ros.executor.spin_once(timeout_sec=0.6)
-        fitted(ros, node)
+        plugged_in(ros, node, sensor, bias)
     document = saved(ros, sensor)
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=100)
     assert_density(document, 50.0)
@@ -171,12 +177,7 @@ def test_replugs_are_power_ons_and_no_random_walk(ros: Ros) -> None:
 def test_a_single_replug_is_a_power_on_and_no_step_of_the_bias(ros: Ros) -> None:
     node, sensor = begin(ros), Sensor(ros, 100.0)
     for bias in ((0.0, 0.0, 0.0), (0.01, -0.02, 0.1)):
-        sensor.bias[:3] = bias
-        sensor.plug_in()
-        for _ in range(4):
-            sensor.measure(30.0)
-            ros.executor.spin_once(timeout_sec=0.6)
-        fitted(ros, node)
+        plugged_in(ros, node, sensor, bias)
     document = saved(ros, sensor)
     assert node.log.count('may have been switched off and on') == 1
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=10)

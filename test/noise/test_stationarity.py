@@ -11,6 +11,7 @@ from imu_allan.noise.stationarity import segment_powers, short_powers, steadines
 from imu_allan.noise.terms import Quantity
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 RATE = 100.0
 SENSOR = {'noise_density': 1e-3, 'bias_instability': 1e-3}
@@ -208,3 +209,15 @@ def test_the_whole_contradicts_hardly_a_half_that_is_a_little_louder():
         apart += any(low > end or start > high for start, end in halves)
     print(f'the whole contradicts a half in {apart} of 100')
     assert apart <= 5
+
+
+def test_a_level_that_changes_behind_a_filter_and_noise_of_the_output_widens_the_interval():
+    rng = np.random.default_rng(4)
+    behind = lfilter(*butter(1, 0.1), rng.normal(size=301_000))[1000:]
+    louder = np.where(np.arange(300_000) < 150_000, 1.0, 1.04)
+    estimator = Estimator()
+    estimator.update((behind + 0.7 * rng.normal(size=300_000)) * louder)
+    axis, _ = axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])[0]
+    low, high = axis.coefficients['noise_density'].ci95
+    quiet = np.sqrt((1 + 0.7**2) / RATE)
+    assert low < quiet < 1.04 * quiet < high

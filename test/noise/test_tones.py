@@ -10,6 +10,7 @@ from imu_allan.result import Tone
 from imu_allan.tuning.processes import line_power
 import numpy as np
 import pytest
+from scipy.signal import firwin, lfilter
 
 DT = 0.01
 
@@ -185,3 +186,11 @@ def test_what_is_broad_is_held_against_the_higher_of_both_sides():
     # Half of the 33 neighbours on the left are in front of the knee.
     assert edge == 200 + 33 // 2
     np.testing.assert_array_equal(higher_side(level[::-1], 65), higher[::-1])
+
+
+@pytest.mark.parametrize('response', [np.full(8, 1 / 8), firwin(31, 0.3), firwin(63, 0.15)])
+def test_side_lobes_of_a_filter_are_no_lines(response):
+    noise = np.random.default_rng(4).normal(size=300_000)
+    lines, keep = lines_of(lfilter(response, 1, noise)[100:])
+    assert lines == []
+    assert keep.all()

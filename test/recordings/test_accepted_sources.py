@@ -281,16 +281,15 @@ def test_info_analyze_check_and_the_node_read_a_source_alike(name, tmp_path, cap
         assert axis['mean'] == pytest.approx(MEAN[number], abs=5 * SIGMA[number] / 500**0.5)
         assert axis['coefficients']['noise_density']['value'] == pytest.approx(
             SIGMA[number] / rate**0.5, rel=0.15)
-    # check, which opens what analyze opens: it is asked where there are options or two halves.
-    if words or len(rates) > 1 or name == 'bare':
-        (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n'
-                                            'accel: {noise_density: 0.1 m/s^2/sqrt(Hz)}\n')
-        assert main(['check', str(source.path), *words, '--spec', str(tmp_path / 'spec.yaml'),
-                     '--json', str(tmp_path / 'c.json')]) == 0
-        found = json.loads((tmp_path / 'c.json').read_text())['checks']
-        assert {each['axis']: each['value'] for each in found} == {
-            axis: each['coefficients']['noise_density']['value']
-            for axis, each in result['axes'].items()}
+    # check
+    (tmp_path / 'spec.yaml').write_text('gyro: {noise_density: 0.01 rad/s/sqrt(Hz)}\n'
+                                        'accel: {noise_density: 0.1 m/s^2/sqrt(Hz)}\n')
+    assert main(['check', str(source.path), *words, '--spec', str(tmp_path / 'spec.yaml'),
+                 '--json', str(tmp_path / 'c.json')]) == 0
+    found = json.loads((tmp_path / 'c.json').read_text())['checks']
+    assert {each['axis']: each['value'] for each in found} == {
+        axis: each['coefficients']['noise_density']['value']
+        for axis, each in result['axes'].items()}
     # What the node decodes with
     if source.kinds:
         reading = RecordingOptions(**source.options)

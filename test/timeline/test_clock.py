@@ -1,8 +1,45 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from hypothesis import given, strategies as st
-from imu_allan.timeline.clock import iso_time, order_stamps, place_in_burst
+from imu_allan.timeline.clock import iso_time, judge_clock, order_stamps, place_in_burst
 import numpy as np
+import pytest
+
+
+def judge(stamps, bursts=False):
+    stamps = np.asarray(stamps, dtype=np.int64)
+    return judge_clock(stamps, np.zeros(max(len(stamps) - 1, 0), dtype=bool), bursts)
+
+
+@pytest.mark.parametrize(('stamps', 'flaw'), [
+    ([0] * 20, 'zero'),
+    ([7] * 20, 'constant'),
+    (np.repeat(np.arange(20), 50) * 10**9, 'in whole seconds'),
+    (np.repeat(np.arange(500), 2) * 10**7, 'coarse'),
+    (np.tile([5, 1], 50), 'out of order'),
+])
+def test_flaws_of_a_clock_are_named(stamps, flaw):
+    quality = judge(stamps)
+    assert not quality.usable
+    assert flaw in quality.flaw
+
+
+def test_an_even_clock_is_usable_at_any_rate_even_one_hertz():
+    for interval in (10**9, 10**7, 10**5):
+        assert judge(np.arange(1000) * interval + 10**18).usable
+
+
+def test_messages_that_came_twice_are_no_flaw_of_the_clock():
+    stamps = np.repeat(np.arange(500), 2) * 10**7
+    assert judge_clock(stamps, np.diff(stamps) == 0, bursts=False).usable
+
+
+def test_messages_received_together_are_no_flaw_of_the_receive_clock():
+    assert judge(np.repeat(np.arange(500), 4) * 10**7, bursts=True).usable
+
+
+def test_rising_stamps_need_no_order():
+    assert order_stamps(np.array([1, 2, 5]), 0) is None
 
 
 @given(st.lists(st.integers(-(2**62), 2**62), max_size=200), st.integers(-(2**62), 2**62))
@@ -18,6 +55,20 @@ def test_kept_stamps_rise_between_jumps_and_every_other_has_a_reason(stamps, las
         if keep:
             assert jump or stamp > newest
             newest = stamp
+
+
+def test_a_clock_set_back_is_a_jump_and_a_swapped_message_is_not():
+    stamps = np.concatenate([np.arange(100), np.arange(50, 150)]) * 10
+    order = order_stamps(stamps, None)
+    assert order is not None
+    assert np.flatnonzero(order.jumps).tolist() == [100]
+    assert order.keep.all()
+    swapped = np.arange(100)
+    swapped[[40, 41]] = [41, 40]
+    order = order_stamps(swapped, None)
+    assert order is not None
+    assert not order.jumps.any()
+    assert np.flatnonzero(order.out_of_order).tolist() == [41]
 
 
 def test_places_in_a_burst_go_on_across_blocks():

@@ -3,6 +3,8 @@
 from dataclasses import replace
 
 from hypothesis import given, settings, strategies as st
+from imu_allan.timeline.grid import count_steps, rate_changes
+from imu_allan.timeline.pace import measure_pace, Pace
 from imu_messages import codes, pick, run, START_NS, still
 import numpy as np
 import pytest
@@ -112,3 +114,38 @@ def test_lost_samples_are_counted_exactly_at_any_rate(data, rate_hz, jitter):
     assert summary.timeline.samples == count - len(lost)
     assert summary.timeline.sample_rate_hz == pytest.approx(rate_hz, rel=2e-3)
     assert 'rate_changed' not in codes(summary)
+
+
+def test_the_interval_is_measured_whatever_share_of_samples_is_lost():
+    rng = np.random.default_rng(4)
+    for share in (0.0, 0.05, 0.2, 0.4):
+        stamps = START_NS + np.flatnonzero(rng.random(8000) >= share) * 2_500_000
+        pace = measure_pace(stamps)
+        assert pace is not None
+        assert pace.interval_ns == pytest.approx(2_500_000, rel=1e-5)
+        assert not pace.counting
+
+
+def test_too_few_stamps_have_no_pace():
+    assert measure_pace(np.array([5])) is None
+    pace = measure_pace(np.array([0, 10]))
+    assert pace is not None
+    assert pace.interval_ns == 10
+
+
+def test_steps_are_whole_and_at_least_one():
+    pace = Pace(1.0, 0.1)
+    places = np.array([1.0, 2.02, 2.97, 6.0, 7.01, 1007.4, 1008.4])
+    assert count_steps(places, pace).tolist() == [1, 1, 1, 3, 1, 1000, 1]
+
+
+def test_rate_changes_are_found_to_the_message():
+    places = np.cumsum(np.concatenate([np.ones(1000), np.full(1500, 0.5), np.ones(1500)]))
+    assert rate_changes(places, False, False) == [
+        (0, False), (pytest.approx(1000, abs=1), True), (pytest.approx(2500, abs=1), False)]
+
+
+def test_random_loss_is_no_change_of_rate():
+    rng = np.random.default_rng(5)
+    places = np.flatnonzero(rng.random(8000) > 0.3).astype(float)
+    assert rate_changes(places, False, False) == [(0, False)]

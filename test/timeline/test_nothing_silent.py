@@ -359,7 +359,10 @@ def test_headers_in_batches_with_outages_leave_the_rate_to_even_receive_stamps()
     messages.header = ((messages.place // 20 + 1) * 20 / truth.rate_hz
                        + messages.place % 20 * 2e-6)
     kept = keep(messages, messages.place / truth.rate_hz % 12 < 0.7)
-    assert_right(characterized(kept), truth)
+    result = characterized(kept)
+    assert_right(result, truth)
+    # Of so many short runs the spectrum has many bands of one degree of freedom.
+    assert not {'band_limited', 'bias_step'} & codes(result)
 
 
 @pytest.mark.parametrize('size', [4, 10, 20])
@@ -1212,7 +1215,7 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(seed):
 
 
 def test_random_faults_leave_no_number_silently_wrong():
-    verdicts = [verdict(seed, 6000, 1) for seed in range(EVERYDAY)]
+    verdicts = [verdict(seed, 6000, 2) for seed in range(EVERYDAY)]
     wrong = [one for one in verdicts if one.violations]
     assert len(wrong) <= 0.01 * EVERYDAY, wrong
     assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
