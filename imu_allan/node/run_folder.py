@@ -86,6 +86,13 @@ def claimed(folder: Path) -> Path:
     return folder
 
 
+def leave_if_empty(folder: Path) -> None:
+    """Remove a claimed folder into which nothing could be written, and the claim with it."""
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+        os.close(_CLAIMS.pop(folder))
+
+
 def _try_file(name: str, folder: int) -> None:
     """Write a byte to a new file in an open folder and remove it."""
     handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder)

@@ -10,7 +10,7 @@ import time
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.checkpoint import StateFile
-from imu_allan.node.run_folder import claimed
+from imu_allan.node.run_folder import claimed, leave_if_empty
 import numpy as np
 import pytest
 from whole_lines import refused, Varying
@@ -35,6 +35,23 @@ def test_two_processes_have_two_folders_and_a_later_one_the_first_again(tmp_path
         assert other.stdout == f'{folder}-2\n'
     assert sorted(path.name for path in folder.parent.iterdir()) == [
         folder.name, f'{folder.name}-2']
+
+
+def test_a_folder_that_stays_empty_is_removed_and_free_for_others(tmp_path: Path) -> None:
+    folder = tmp_path / 'imu_allan_2026-11-22T00-00-00'
+    leave_if_empty(claimed(folder))
+    assert not folder.exists()
+    with subprocess.Popen([sys.executable, '-c', CLAIM, str(folder)], text=True,
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == f'{folder}\n'
+        second = claimed(folder)
+        assert second == folder.with_name(f'{folder.name}-2')
+        (second / 'result.json').write_text('{}')
+        # What is in it stays, and so does the claim.
+        leave_if_empty(second)
+        assert claimed(folder) == second
+        other.communicate()
 
 
 def test_a_node_that_is_reset_a_hundred_times_keeps_few_files_open(tmp_path: Path) -> None:
