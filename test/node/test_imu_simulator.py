@@ -3,6 +3,7 @@
 
 from pathlib import Path
 import signal
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
@@ -114,6 +115,19 @@ def test_samples_are_dropped_and_the_imu_knocked_on_request(
     assert forward.max() == pytest.approx(5.0, rel=0.2)
     loud = np.flatnonzero(forward > 0.5)
     assert loud[-1] - loud[0] < 0.6 * 200
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(
+        ros: Ros, number: signal.Signals) -> None:
+    subscription = ros.recorder()
+    simulator = ros.start('imu_simulator', {'rate': 1000.0, 'speed': 0.0})
+    ros.until(lambda: 'publishing' in simulator.log)
+    # It waits in the middle of a publication now.
+    time.sleep(1.0)
+    assert simulator.stop(number) == 0
+    assert subscription.take().messages
+    assert 'Traceback' not in simulator.log
 
 
 def test_a_wrong_parameter_is_one_line_and_status_1(ros: Ros) -> None:
