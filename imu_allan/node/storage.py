@@ -39,8 +39,14 @@ class _NextSave:
     """The save asked for last; `snapshot` is empty once the worker has begun with it."""
 
     of: tuple[Run, str, list[str]]
+    fed: int
     snapshot: list[Snapshot]
     future: 'Future[list[Path]]'
+
+    def holds(self, fed: int) -> bool:
+        """Whether so many messages are in its files, or will be."""
+        return self.fed == fed and (not self.future.done() or (
+            self.future.exception() is None and all(map(Path.exists, self.future.result()))))
 
 
 class Storage:
@@ -205,14 +211,16 @@ class Storage:
     def save(self, run: Run, folder: str = '') -> 'Future[list[Path]]':
         """Have result, curves, plot and configurations written, into the output folder if none."""
         folder = folder or self._output_dir
-        snapshot, name = run.snapshot(), self._node_name
-        consumers = [consumer for consumer in self.export_for if consumer]
-        of = run, folder, consumers
-        if self._next_save is not None and self._next_save.of == of:
+        name, consumers = self._node_name, [consumer for consumer in self.export_for if consumer]
+        of, last = (run, folder, consumers), self._next_save
+        if last is not None and last.of == of and last.holds(run.fed):
+            return last.future
+        snapshot = run.snapshot()
+        if last is not None and last.of == of:
             # Whoever asks while a save of the same waits for the worker is served by that one.
             with suppress(IndexError):
-                self._next_save.snapshot[0] = snapshot
-                return self._next_save.future
+                last.snapshot[0], last.fed = snapshot, run.fed
+                return last.future
         waiting = [snapshot]
 
         def work() -> list[Path]:
@@ -239,7 +247,7 @@ class Storage:
             self._log.info(f'wrote {", ".join(path.name for path in paths)} to {paths[0].parent}',
                            f'wrote to {paths[0].parent}')
 
-        self._next_save = _NextSave(of, waiting, self._worker.start('save', work, note))
+        self._next_save = _NextSave(of, run.fed, waiting, self._worker.start('save', work, note))
         return self._next_save.future
 
     # -- the end --------------------------------------------------------------------------------

@@ -251,6 +251,19 @@ def test_save_writes_result_curves_plot_and_filter_configurations(live: Ros) -> 
     assert f'rostopic: "{live.name("imu/data_raw")}"' in paths[2].read_text()
 
 
+def test_a_save_that_is_already_written_is_answered_at_once(live: Ros) -> None:
+    first = live.call(Trigger, 'imu_allan/save')
+    [result, *others] = map(Path, first.message.splitlines())
+    written = result.stat().st_mtime_ns
+    assert live.call(Trigger, 'imu_allan/save').message == first.message
+    assert result.stat().st_mtime_ns == written
+    # Unless somebody has taken a file away.
+    others[-1].unlink()
+    assert live.call(Trigger, 'imu_allan/save').message == first.message
+    assert others[-1].exists()
+    assert result.stat().st_mtime_ns > written
+
+
 def test_a_folder_that_cannot_be_written_is_answered_with_the_reason(live: Ros) -> None:
     (live.folder / 'output' / 'file').write_text('in the way')
     change(live, 'output_dir', str(live.folder / 'output' / 'file' / 'below'))
