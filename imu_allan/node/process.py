@@ -17,8 +17,6 @@ from imu_allan.node.interface import help_text, Interface, refused, wants_help
 
 ROS_PACKAGES = ('rclpy', 'rcl_interfaces', 'builtin_interfaces', 'diagnostic_msgs',
                 'geometry_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'rpyutils')
-
-
 LEAST_SHARED_BYTES = 65_536
 """Room in /dev/shm without which no process of ROS starts."""
 EXIT_BROKEN_PIPE = 141
@@ -27,8 +25,6 @@ ENOUGH_SHARED_BYTES = 8_000_000
 """Room in /dev/shm below which Fast DDS is kept from using it."""
 
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
-
-
 STOPPING = [getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')
             if hasattr(signal, name)]
 """A terminal that is closed, as by an SSH session that drops, hangs up."""

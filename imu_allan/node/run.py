@@ -95,11 +95,6 @@ class Lane:
         self.error = ''
 
     @property
-    def looping(self) -> bool:
-        """Whether the messages that come now have come before."""
-        return self.seen.looping
-
-    @property
     def span_s(self) -> float:
         """Time that it holds samples of; 0 where their rate is not known."""
         timeline = self.characterization.summary().timeline

@@ -92,7 +92,7 @@ class Runs:
         if publisher == MIXED:
             # Of publishers with frame_ids of their own the timeline keeps to the first.
             if len({block.frame_id for block in blocks}) == 1:
-                self._pass_over(facts, blocks)
+                facts.mixed_samples += messages(blocks)
             else:
                 self._feed(number, blocks)
             return
@@ -104,12 +104,12 @@ class Runs:
                 self._feed(number, blocks)
                 return
         elif publisher in topic.strangers and last_ns - topic.heard_ns < _ALONE_NS:
-            self._pass_over(facts, blocks)
+            facts.mixed_samples += messages(blocks)
             return
         if topic.holding not in (None, publisher):
             silent = last_ns - int(topic.held[-1].receive_ns[-1]) > _ALONE_NS
             if not silent and topic.publisher not in (publisher, topic.holding):
-                self._pass_over(facts, blocks)
+                facts.mixed_samples += messages(blocks)
                 return
             # Nothing more comes of what is held.
             self._decide(number)
@@ -150,14 +150,14 @@ class Runs:
         self._facts[number].on_probation = False
         if messages(held) < FEWEST_MESSAGES:
             # So few show nothing.
-            self._pass_over(self._facts[number], held)
+            self._facts[number].mixed_samples += messages(held)
             return
         is_new = publisher != topic.publisher
         middle_ns = (int(held[0].receive_ns[0]) + int(held[-1].receive_ns[-1])) // 2
         if is_new and publisher is not None:
             if topic.publisher is not None and topic.heard_ns > middle_ns:
                 topic.strangers.add(publisher)
-                self._pass_over(self._facts[number], held)
+                self._facts[number].mixed_samples += messages(held)
                 return
             topic.strangers.discard(publisher)
         was, topic.publisher = topic.publisher, publisher
@@ -208,7 +208,7 @@ class Runs:
         run = self._run_of(topic)
         lane = run.lanes[number]
         lane.update(blocks)
-        facts.looping, facts.update_error = lane.looping, lane.error
+        facts.looping, facts.update_error = lane.seen.looping, lane.error
         if lane.error:
             self._log.error(lane.error, f'useless samples {number}')
         if run is self._other:
@@ -237,6 +237,3 @@ class Runs:
         self.run, run.over = run, False
         for topic, facts in zip(self._topics, self._facts, strict=True):
             topic.elsewhere = facts.looping = False
-
-    def _pass_over(self, facts: Facts, blocks: Sequence[ImuBlock]) -> None:
-        facts.mixed_samples += messages(blocks)

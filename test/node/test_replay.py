@@ -62,7 +62,7 @@ def test_a_second_time_after_a_restart_counts_once(gravity: float) -> None:
     resumed = unpack(decode_state(encode_state(state)), setup)
     resumed.lanes[0].update([played(samples)])
     assert resumed.snapshot().result().timeline.samples == 1000
-    assert resumed.lanes[0].looping == (gravity > 0)
+    assert resumed.lanes[0].seen.looping == (gravity > 0)
 
 
 def test_a_damaged_memory_of_earlier_samples_is_refused() -> None:
