@@ -6,8 +6,6 @@ Whoever calls a service is answered, however many call at once.
 What the middleware does alone loses requests and answers without a word: its queues hold ten.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 import time
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -29,7 +27,7 @@ class Callers(ReentrantCallbackGroup):
 
     def __init__(self, node: Node) -> None:
         super().__init__()
-        self._waiting = 0
+        self.waiting = 0
         self._answered = 0.0
         # Wakes the executor, which then asks those who wait.
         self._turns = node.create_timer(ANSWER_S, self._rest_if_alone, callback_group=self,
@@ -38,20 +36,10 @@ class Callers(ReentrantCallbackGroup):
 
     def can_execute(self, entity: object) -> bool:
         """Leave further requests in their queue while too many wait."""
-        return self._waiting < MOST_WAITING or entity is self._turns
-
-    @contextmanager
-    def one_more(self) -> Iterator[None]:
-        """Count somebody who waits."""
-        self._waiting += 1
-        try:
-            yield
-        finally:
-            # Whoever waits when the node ends comes here once there is no timer any more.
-            self._waiting -= 1
+        return self.waiting < MOST_WAITING or entity is self._turns
 
     def _rest_if_alone(self) -> None:
-        if not self._waiting:
+        if not self.waiting:
             self._turns.cancel()
 
     def may_answer(self) -> bool:

@@ -9,9 +9,11 @@ middleware's queue never has to hold more than moments. Nothing that a driver, a
 does lets an error out of the executor's thread; if one gets out all the same, `serve` saves first.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping
-from concurrent.futures import Future
+import asyncio
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
+from concurrent.futures import Future, wait
 from dataclasses import replace
+from functools import partial
 from math import ceil
 from threading import RLock
 import time
@@ -29,6 +31,7 @@ from imu_allan.node.log import Log
 from imu_allan.node.parameters import declare, warn_of_unknown
 from imu_allan.node.process import StopRequest
 from imu_allan.node.publications import Publications
+from imu_allan.node.rclpy_inside import OutOfWaitSet
 from imu_allan.node.reception import Reception
 from imu_allan.node.reports import Reports
 from imu_allan.node.results import Results
@@ -45,10 +48,11 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos_overriding_options import InvalidQosOverridesError
+from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
 
 TOPIC = 'imu/data_raw'
@@ -129,11 +133,12 @@ class CharacterizationNode(Node):
 
         # Services wait for the worker while samples come in: they have a group of their own.
         self._callers = Callers(self)
-        for kind, name, serve in ((Trigger, '~/save', self._save),
-                                  (Trigger, '~/reset', self._reset),
-                                  (SetBool, '~/pause', self._pause)):
-            self.create_service(kind, name, serve, callback_group=self._callers,
-                                qos_profile=REQUESTS)
+        self._serving: dict[Any, Any] = {
+            serve: self.create_service(Trigger, name, serve, qos_profile=REQUESTS,
+                                       callback_group=self._callers)
+            for name, serve in (('~/save', self._save), ('~/reset', self._reset))}
+        self.create_service(SetBool, '~/pause', self._pause, qos_profile=REQUESTS,
+                            callback_group=self._callers)
         now = time.monotonic()
         for reception in self._receptions:
             reception.last_take = reception.last_message = now
@@ -145,6 +150,24 @@ class CharacterizationNode(Node):
         self._timer = self.create_timer(TICK_S, self._on_timer, MutuallyExclusiveCallbackGroup(),
                                         Clock(clock_type=ClockType.STEADY_TIME))
         self._log.info(f'characterizing the IMU on {" and ".join(subscribed)}')
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Those whose messages an executor takes: an EventsExecutor asks no callback group."""
+        return (one for one in super().subscriptions
+                if not isinstance(one.callback_group, OutOfWaitSet))
+
+    @property
+    def executor(self) -> Executor | None:
+        """Who spins the node."""
+        return super().executor
+
+    @executor.setter
+    def executor(self, executor: Executor | None) -> None:
+        Node.executor.fset(self, executor)  # type: ignore[attr-defined]
+        for serve, service in self._serving.items():
+            # The EventsExecutor of Jazzy does not await what a service returns.
+            service.callback = serve if isinstance(executor, Executor) else partial(_run, serve)
 
     def serve(self, stop: StopRequest) -> int:
         """Work until `stop` is set, then save: cheaper than an executor; return the status."""
@@ -337,11 +360,18 @@ class CharacterizationNode(Node):
     async def _settled(self, future: 'Future[Any]') -> None:
         """Let the executor go on until the worker is done, and it is the caller's turn."""
         executor = self.executor
-        if executor is not None:
+        if isinstance(executor, Executor):
             future.add_done_callback(lambda _: executor.wake())
-        with self._callers.one_more():
+        else:
+            wait([future])
+        self._callers.waiting += 1
+        try:
             while not (future.done() and self._callers.may_answer()):
-                await _AWhile()
+                # It comes back when the executor wakes the next time.
+                await asyncio.sleep(0)
+        finally:
+            # Whoever waits when the node ends comes here once there is no timer any more.
+            self._callers.waiting -= 1
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         with self._lock:
@@ -445,11 +475,8 @@ def pace_s(count: int, elapsed_s: float) -> float:
     return min(TICK_S, max(HURRY_S, elapsed_s * TICK_MESSAGES / max(count, 1)))
 
 
-class _AWhile:
-    """Lets the executor go on; it comes back when it wakes the next time."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        yield
+def _run(serve: Callable[..., Coroutine[Any, Any, object]], *asked: object) -> object:
+    return asyncio.run(serve(*asked))
 
 
 def _reason_against(aiding_s: float, coast_s: float) -> str:

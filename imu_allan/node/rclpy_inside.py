@@ -35,13 +35,6 @@ class OutOfWaitSet(CallbackGroup):
         """Refuse."""
         return False
 
-    def beginning_execution(self, _: object) -> bool:
-        """Refuse."""
-        return False
-
-    def ending_execution(self, _: object) -> None:
-        """Do nothing."""
-
 
 def drain(subscription: Subscription, msg_type: type, most: int) -> Taken:
     """Take what waits in the queue of the middleware, at most so many messages."""

@@ -3,14 +3,10 @@
 """
 Nodes for several IMUs in one process, as an application of its own would have them.
 
-Arguments: class of the executor, folder for files, namespaces. Without namespaces it tells whether
-that executor calls the timer of an ordinary node at all.
+Arguments: class of the executor, folder for files, namespaces.
 """
 
-import os
 import sys
-import threading
-import time
 
 from imu_allan.node.characterization_node import CharacterizationNode
 import rclpy
@@ -21,7 +17,6 @@ from rclpy.executors import (
     SingleThreadedExecutor,
 )
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 EXECUTORS: dict[str, type[Executor]] = {
@@ -42,18 +37,14 @@ def main(executor_name: str, folder: str, *namespaces: str) -> None:
     """Spin."""
     rclpy.init()
     executor = EXECUTORS[executor_name]()
-    if not namespaces:
-        probe = Node('probe')
-        probe.create_timer(0.1, lambda: (print('ticks', flush=True), os._exit(0)))
-        threading.Thread(target=lambda: (time.sleep(5), os._exit(1)), daemon=True).start()
-        executor.add_node(probe)
-        executor.spin()
     nodes = [CharacterizationNode(namespace=namespace, parameter_overrides=overrides(
         folder, f'{namespace}/imu/data_raw')) for namespace in namespaces]
     for node in nodes:
         executor.add_node(node)
     try:
-        executor.spin()
+        while rclpy.ok():
+            # The `spin` of an EventsExecutor calls nothing in the wheels of rclpy 7.1.6.
+            executor.spin_once(1.0)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

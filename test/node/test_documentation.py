@@ -63,7 +63,7 @@ def test_the_python_example_and_the_expression_read_a_coefficient(ros: Ros) -> N
             super().__init__(name, context=ros.node.context, namespace=ros.namespace)
 
     names: dict[str, Any] = {}
-    [code] = re.findall(r'^```python\n(.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
+    [code] = re.findall(r'^```python\n(import math\n.*?)^```', PAGE, re.MULTILINE | re.DOTALL)
     exec(compile(code, 'ros_interface.md', 'exec'), names)
     [expression] = re.findall(r'`(json\.loads.*?)`', PAGE)
     results: list[String] = []

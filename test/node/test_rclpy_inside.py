@@ -11,7 +11,9 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.publisher import Publisher
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from ros_harness import Ros
 from sensor_msgs.msg import Imu
@@ -52,6 +54,12 @@ def test_the_parameters_that_a_node_was_given_are_known_before_they_are_declared
         node.destroy_node()
 
 
+def publish_often(publisher: Publisher, count: int) -> None:
+    message = serialize_message(Imu())
+    for _ in range(count):
+        publisher.publish(message)
+
+
 def test_wrong_arguments_and_full_queues_raise_the_errors_that_are_caught(ros: Ros) -> None:
     for arguments, error in ((['--ros-args', '-p', 'x'], rclpy_inside.RCLError),
                              (['--ros-args', '--nonsense'], rclpy_inside.UnknownROSArgsError)):
@@ -59,9 +67,14 @@ def test_wrong_arguments_and_full_queues_raise_the_errors_that_are_caught(ros: R
             rclpy.init(args=arguments, context=Context(),
                        signal_handler_options=SignalHandlerOptions.NO)
         assert isinstance(raised.value, error), arguments
-    publisher = ros.node.create_publisher(Imu, ros.name('gone'), QoSProfile(depth=1))
-    with pytest.raises(TypeError):
-        publisher.publish('no message')
+    # A subscription that keeps all and from which nobody takes.
+    subscription = ros.recorder('full')
+    publisher = ros.node.create_publisher(Imu, ros.name('full'), QoSProfile(
+        history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE))
+    ros.until(publisher.get_subscription_count)
+    with pytest.raises(rclpy_inside.RCLError):
+        publish_often(publisher, 100_000)
+    assert subscription.take().messages
 
 
 def test_nothing_else_looks_inside_rclpy() -> None:
