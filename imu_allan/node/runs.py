@@ -22,6 +22,7 @@ from imu_allan.node.same_imu import (
     in_parts,
     is_enough,
     Known,
+    LEVEL_MESSAGES,
     LONGEST_LOOK_S,
     LOOK_S,
     messages,
@@ -116,8 +117,10 @@ class Runs:
         topic.holding = publisher
         topic.held += blocks
         facts.on_probation = True
+        # Who takes the place of another is told by its level, whatever that takes.
+        fewest = FEWEST_MESSAGES if topic.publisher in (None, publisher) else LEVEL_MESSAGES
         if is_enough(self._known(number), topic.held, self._look_s(),
-                     by_level=self._by_level(topic)):
+                     by_level=self._by_level(topic), fewest=fewest):
             self._decide(number)
 
     def finish(self) -> None:

@@ -35,8 +35,11 @@ _SAME_LEVEL = 0.1
 """Relative difference of the noise of one sensor from one day to another. A judgment."""
 _SURE, _SUSPECT = 5.0, 2.0
 """Standard errors of a difference of levels: it is one, or wants a longer look."""
-_GROUP = 64
-"""Samples whose level is one number: chance moves it by a tenth."""
+_GROUP, _CHANCE = 64, 0.1
+"""Samples whose level is one number, and by how much of it chance moves that."""
+_FEWEST_GROUPS = 4
+LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
+"""Fewer tell no level."""
 _GROUPS = 64
 """Groups that are remembered: 20 s at 200 Hz."""
 _AT_REST = 1.5
@@ -287,14 +290,16 @@ def in_parts(blocks: Sequence[ImuBlock], most: int) -> Iterator[list[ImuBlock]]:
         yield part
 
 
-def is_enough(known: Known, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool) -> bool:
+def is_enough(known: Known, blocks: Sequence[ImuBlock], seconds: float, *, by_level: bool,
+              fewest: int = FEWEST_MESSAGES) -> bool:
     """Whether so many messages tell if they are of an IMU."""
     count, lasted = messages(blocks), known.lasted_s(blocks)
     if count >= _MOST_MESSAGES:
         return True
     if count < FEWEST_MESSAGES or lasted < seconds:
         return False
-    return lasted >= LONGEST_LOOK_S or not known.wants_longer_look(blocks, by_level=by_level)
+    return lasted >= LONGEST_LOOK_S or (
+        count >= fewest and not known.wants_longer_look(blocks, by_level=by_level))
 
 
 def _levels(blocks: Sequence[ImuBlock]) -> Floats:
@@ -309,7 +314,9 @@ def _levels(blocks: Sequence[ImuBlock]) -> Floats:
 def _calm(groups: Floats) -> tuple[float, float]:
     """Mean of the levels at rest and its standard error; infinite where they are too few."""
     groups = groups[np.isfinite(groups) & (groups > 0)]
-    if len(groups) < 4:
+    if len(groups) < _FEWEST_GROUPS:
         return 0.0, np.inf
     calm = groups[groups < _AT_REST * np.percentile(groups, 10)]
-    return float(calm.mean()), float(calm.std() / np.sqrt(max(len(calm) - 1, 1)))
+    # Few groups may be close to each other by chance.
+    spread = max(calm.std(), _CHANCE * calm.mean())
+    return float(calm.mean()), float(spread / np.sqrt(max(len(calm) - 1, 1)))

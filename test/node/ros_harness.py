@@ -42,8 +42,6 @@ LOSSLESS = {'qos_overrides./imu/data_raw.subscription.reliability': 'reliable',
 
 PATIENCE_S = 300.0
 """Only what hangs takes so long, however slow or busy the computer is."""
-ENDS_IN_S = {'imu_allan_node': 10.0, 'imu_simulator': 5.0}
-"""From a signal to the end: after 10 s a container is killed, and launch signals again after 5."""
 ASKED_AGAIN_S = 8.0
 """Without an answer for so long a request went to a node that was killed: its lease is 8 s."""
 
@@ -69,7 +67,6 @@ class Process:
     def __init__(self, program: str, args: list[str], log: Path, env: Mapping[str, str],
                  polite: bool, wrapper: Sequence[str] = ()) -> None:
         self.log_path = log
-        self.ends_in_s = ENDS_IN_S[program]
         self.polite = polite
         self.awaited = False
         start = f'import sys; from {ENTRY_POINTS[program]} import main; sys.exit(main())'
@@ -113,12 +110,12 @@ class Process:
         except subprocess.TimeoutExpired:
             raise AssertionError(f'still running after {timeout} s:\n{self.log}') from None
 
-    def stop(self, number: signal.Signals = signal.SIGINT) -> int:
-        """Send a signal and return the exit status; the end may take `ENDS_IN_S`."""
+    def stop(self, number: signal.Signals = signal.SIGINT, within_s: float = PATIENCE_S) -> int:
+        """Send a signal and return the exit status."""
         before = self.starved_s
         self.popen.send_signal(number)
         with contextlib.suppress(AssertionError):
-            return self.wait(self.ends_in_s)
+            return self.wait(within_s)
         # For what the computer kept it waiting the node is not to blame.
         return self.wait(max(self.starved_s - before, 0.1))
 
@@ -358,12 +355,14 @@ class Sensor:
             self.ros.node.destroy_publisher(self.driver.publisher)
             self.driver = None
 
-    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu') -> None:
-        """Publish what it measures meanwhile, each sample so many times."""
+    def measure(self, seconds: float, polled: int = 1, frame_id: str = 'imu', *,
+                together: bool = False) -> None:
+        """Publish what it measures meanwhile, each sample so many times, if wanted at once."""
         assert self.driver is not None
         count = round(seconds * self.rate_hz)
         samples = self.bias + self.random.normal(0, self.noise, (count, 6))
         index = np.arange(count * polled)
+        index -= index % polled if together else 0
         stamps = self.now_ns + np.rint(index * SECOND / self.rate_hz / polled).astype(np.int64)
         self.now_ns += round(seconds * SECOND)
         for row in encode_imu_rows(ImuBlock(

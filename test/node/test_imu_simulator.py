@@ -125,7 +125,8 @@ def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(
     ros.until(lambda: 'publishing' in simulator.log)
     # It waits in the middle of a publication now.
     time.sleep(1.0)
-    assert simulator.stop(number) == 0
+    # After so long `ros2 launch` signals again.
+    assert simulator.stop(number, within_s=5.0) == 0
     assert subscription.take().messages
     assert 'Traceback' not in simulator.log
 

@@ -118,6 +118,21 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
         2000, 2000]
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_fits_and_draws_ends_before_its_container_is_killed(
+        ros: Ros, number: signal.Signals) -> None:
+    node, driver = ros.start('imu_allan_node', {'publish_period': 0.5}), Driver(ros)
+    driver.wait_for_node()
+    images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
+    driver.publish(20_000)
+    ros.until(lambda: images)
+    # The next fit begins within half a second, and what is drawn of it after that.
+    driver.publish(2000)
+    ros.executor.spin_once(timeout_sec=0.6)
+    assert node.stop(number, within_s=10.0) == 0, node.log
+    assert json.loads(saved(ros)[0].read_text())['timeline']['samples'] == 22_000
+
+
 def test_a_signal_after_a_single_sample_ends_the_node_without_files(ros: Ros) -> None:
     node, driver = ros.start('imu_allan_node'), Driver(ros)
     driver.wait_for_node()

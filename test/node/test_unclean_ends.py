@@ -113,6 +113,20 @@ def test_a_home_that_takes_nothing_costs_the_state_alone(ros: Ros, home: Path) -
     assert node.stop() == 0
 
 
+def test_what_makes_room_for_a_state_that_is_kept_aside_is_said(ros: Ros, home: Path) -> None:
+    state = state_of(ros, home)
+    state.parent.mkdir(parents=True)
+    state.write_text('damaged')
+    old = [state.with_name(f'{state.name}.rate.20260101T0000{second}.000000Z')
+           for second in range(10, 31)]
+    for path in old:
+        path.write_text('of an earlier run')
+    node = start(ros, home)
+    assert node.lines[1] == ('removed the oldest states that were kept aside: '
+                             f'{old[1].name}, {old[0].name}')
+    assert [path.exists() for path in old] == [False, False, *[True] * 19]
+
+
 def test_states_kept_aside_are_capped_oldest_first(tmp_path: Path) -> None:
     file = StateFile(tmp_path / 'state')
     aside = []

@@ -33,16 +33,17 @@ def fitted(ros: Ros, node: Process) -> None:
     ros.until(lambda: 'observable: noise density' in node.log)
 
 
-@pytest.mark.parametrize('polled', [2, 3])
-def test_a_sensor_polled_faster_than_it_samples_is_one_run(ros: Ros, polled: int) -> None:
+@pytest.mark.parametrize(('polled', 'together'), [(2, False), (3, False), (2, True)])
+def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
+        ros: Ros, polled: int, together: bool) -> None:
     node, sensor = begin(ros), Sensor(ros, 100.0)
     sensor.plug_in()
     for _ in range(6):
-        sensor.measure(10.0, polled)
+        sensor.measure(10.0, polled, together=together)
         ros.executor.spin_once(timeout_sec=0.6)
     fitted(ros, node)
     for _ in range(6):
-        sensor.measure(10.0, polled)
+        sensor.measure(10.0, polled, together=together)
         ros.executor.spin_once(timeout_sec=0.6)
     document = saved(ros, sensor)
     assert document['timeline']['samples'] == pytest.approx(sensor.sent, abs=10)
@@ -189,8 +190,11 @@ def test_a_single_replug_is_a_power_on_and_no_step_of_the_bias(ros: Ros) -> None
             assert not document['axes'][name]['coefficients'][key]['observable'], (name, key)
 
 
-def test_another_sensor_of_the_same_name_and_rate_is_another_imu(ros: Ros) -> None:
-    node, sensor = begin(ros), Sensor(ros, 100.0)
+@pytest.mark.parametrize('checkpoint_s', [1.0, 60.0])
+def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
+        ros: Ros, checkpoint_s: float) -> None:
+    node = begin(ros, checkpoint_period=checkpoint_s, state_file=str(ros.folder / 'state'))
+    sensor = Sensor(ros, 100.0)
     sensor.plug_in()
     for _ in range(4):
         sensor.measure(15.0)
