@@ -18,7 +18,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(include=['imu_allan', 'imu_allan.*']),
-    package_data={'imu_allan': ['py.typed', '**/*.j2', '**/*.in', '**/*.ini']},
+    package_data={'imu_allan': ['py.typed', '**/*.j2', '**/*.in']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

@@ -9,8 +9,9 @@ Write docs/findings.md from the table of words.
 from collections.abc import Iterator
 from pathlib import Path
 
-from imu_allan.finding import ACT
-from imu_allan.writers.words import is_plain, WORDS, Words
+from imu_allan.finding import CODES
+from imu_allan.writers.sentences import WORDS, Words
+from imu_allan.writers.words import values_of
 
 HEAD = """\
 # Findings
@@ -25,8 +26,11 @@ A result lists them as `warnings`:
 ```
 
 `severity` is `act` where the numbers are not what you want until you do something, else `know`.
-`values` are in SI units, a list where axes differ. Scripts may rely on all but `message`. *Do* is
-for a recording, *live* at a running node where that differs.
+`values` are in SI units, a list where axes differ; "?" stands behind what may be absent. The name
+of a value that is *in unit* stands in the value `unit`. `recording` names one of several. `more`
+alone counts what is left out of many alike. Scripts may rely on all but `message`.
+
+*Do* is for a recording, *live* at a running node where that differs.
 """
 
 
@@ -36,7 +40,7 @@ def page() -> str:
     for severity, title in (('act', 'To act upon'), ('know', 'Good to know')):
         parts += [f'## {title}', '']
         for code, words in WORDS.items():
-            if (code in ACT) == (severity == 'act'):
+            if CODES[code].severity == severity:
                 parts += [f'### {code}', '', ' '.join(sentences(code, words)), '']
     return '\n'.join(parts)
 
@@ -46,13 +50,15 @@ def sentences(code: str, words: Words) -> Iterator[str]:
     if words.title != code.replace('_', ' '):
         yield f'**{words.title}.**'
     yield words.means
-    do = words.do if is_plain(words.do) else ''
+    do = words.do if isinstance(words.do, str) else ''
     live = words.live or ''
     if do:
         yield f'*Do:* {do}.'
     if live:
         same = bool(do) and live.startswith(do)
         yield f'*Live:* {"the same" + live[len(do):] if same else live}.'
+    if values := values_of(code):
+        yield f'*Values:* {values}.'
 
 
 if __name__ == '__main__':

@@ -4,23 +4,172 @@
 What the user should know, as data: a code, how much it matters, which axes, and figures.
 
 Nothing below the writers makes a sentence of a finding and nothing decides by one:
-`imu_allan.writers.words` has the words of every code, in one table.
+`imu_allan.writers.words` has the words of every code.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from math import isfinite
+from typing import Annotated, Any, get_args, get_origin, Literal
 
 Severity = Literal['act', 'know']
 
-ACT = frozenset({
-    'alternating', 'axis_not_finite', 'batches', 'bias_step', 'clock_changed', 'clock_speed',
-    'constant_axis', 'copied_axis', 'deadband', 'field_absent', 'filtered', 'frozen', 'gravity',
-    'high_passed', 'implausible', 'interpolated', 'many_missing', 'mostly_motion',
-    'noise_level_changed', 'not_steady', 'poor_fit', 'rate_changed', 'recordings_disagree',
-    'saturated', 'several_frames', 'several_publishers', 'slow_motion', 'stood_still',
-    'unknown_rate', 'warm_up'})
-"""Codes after which the numbers are not what one wants until something is done."""
+Count = Annotated[int, 'count']
+Flag = Annotated[bool, 'flag']
+Text = Annotated[str, 'text']
+Number = Annotated[float, 'number']
+Share = Annotated[float, 'share']
+Seconds = Annotated[float, 's']
+Hertz = Annotated[float, 'Hz']
+Kelvin = Annotated[float, 'K']
+Celsius = Annotated[float, '°C']
+InUnit = Annotated[float, 'in `unit`']
+PerKelvin = Annotated[float, 'in `unit` per K']
+
+
+@dataclass(frozen=True)
+class Code:
+    """
+    What is fixed of all findings of a code.
+
+    Attributes
+    ----------
+    severity : {'act', 'know'}
+        Unless a finding has its own.
+    values : mapping of str to type
+        Of each figure, with its unit. One that may be None may also be left out.
+
+    """
+
+    severity: Severity
+    values: Mapping[str, Any]
+
+
+def _act(**values: Any) -> Code:
+    return Code('act', values)
+
+
+def _know(**values: Any) -> Code:
+    return Code('know', values)
+
+
+CODES: Mapping[str, Code] = {
+    # the sensor does not measure
+    'stood_still': _act(start_s=Seconds, duration_s=Seconds),
+    'constant_axis': _act(value=InUnit, unit=Text),
+    'saturated': _act(share=Share, value=InUnit, unit=Text, end=Literal['highest', 'lowest']),
+    'deadband': _act(share=Share, width=InUnit, unit=Text),
+    'copied_axis': _act(opposite=Flag),
+    'high_passed': _act(corner_hz=Hertz),
+    'filtered': _act(by=Literal['autopilot', 'orientation'], topic=Text | None, raw=Text | None),
+    'axis_not_finite': _act(),
+    'frozen': _act(messages=Count, since_s=Seconds | None),
+    'unknown_rate': _act(),
+    # it did not rest
+    'mostly_motion': _act(share=Share),
+    'slow_motion': _act(size=InUnit, unit=Text, start_s=Seconds, duration_s=Seconds, count=Count),
+    'noise_level_changed': _act(at_s=tuple[Seconds, ...], ratios=tuple[Number, ...]),
+    'bias_step': _act(size=InUnit, unit=Text, after_s=Seconds),
+    'not_steady': _act(
+        low_hz=Hertz | None, high_hz=Hertz | None, spread_share=Share | None,
+        segment_s=Seconds | None, change_share=Share | None, until_s=Seconds | None,
+        higher=Literal['first', 'then', 'second'] | None, drift_ratio=Number | None,
+        interval_s=Seconds | None, half_s=Seconds | None),
+    'warm_up': _act(
+        amplitude=InUnit, unit=Text, time_constant_s=Seconds, time_constant_factor=Number | None,
+        exponentials=Count, steady_after_s=Seconds, start=Text | None, start_s=Seconds | None),
+    # whose messages are these
+    'several_publishers': _act(),
+    'alternating': _act(),
+    'several_frames': _act(
+        frame_id=Text | None, others=tuple[Text, ...], rejected=tuple[Count, ...]),
+    'rate_changed': _act(
+        from_hz=Hertz, to_hz=Hertz, at_s=Seconds | None, left_out=Count, most_left_out=Flag),
+    'clock_changed': _act(flaw=Text, since_s=Seconds),
+    'clock_speed': _act(ratio=Number),
+    'gravity': _act(mean=Annotated[float, 'm/s^2']),
+    'implausible': _act(
+        what=Literal['mean', 'noise_density'], value=InUnit, limit=InUnit, unit=Text, likely=Text),
+    # messages are lost
+    'many_missing': _act(share=Share, density_error_share=Share | None),
+    'spikes': _know(messages=Count),
+    'field_absent': _act(messages=Count),
+    'axis_absent_in_part': _know(absent=Count, messages=Count),
+    'interpolated': _act(topic=Text, half=Text),
+    'batches': _act(topic=Text),
+    'damaged_recording': _know(
+        fault=Literal['chunks', 'holes', 'entries', 'database', 'bytes', 'file', 'unread'],
+        broken=Count | None, chunks=Count | None, holes=Count | None, first=Text | None,
+        entries=Count | None, read=Count | None, places=Count | None, bytes=Count | None,
+        reason=Text | None, lost=Count | None, of=Count | None, topic=Text | None),
+    'truncated_recording': _know(
+        fault=Literal['compressed', 'database', 'log', 'ends'], missing_bytes=Count | None,
+        bytes=Count | None, end=Text | None, whole_chunks=Count | None, reason=Text | None),
+    'lost_messages': _know(found=Count, counted=Count, topic=Text),
+    'missing_file': _know(missing=Count, listed=Count, files=Text),
+    'malformed_messages': _know(
+        what=Literal['line', 'message'], count=Count, topic=Text | None, type=Text | None,
+        first=Text | None),
+    # what the model explains
+    'short_recording': _know(
+        coefficient=Text | None, duration_s=Seconds, samples=Count | None, needed=Count | None),
+    'poor_fit': _act(misfit_share=Share | None, leaves_at_s=Seconds | None),
+    'recordings_disagree': _act(
+        coefficient=Text, value=InUnit, of_recording=Text, usual_value=InUnit,
+        others=tuple[Text, ...], unit=Text),
+    'thermometer': _know(
+        fault=Literal['short', 'constant', 'coarse', 'gaps', 'unread'], covered_share=Share | None,
+        step_k=Kelvin | None, range_k=Kelvin | None, gaps=Count | None, reason=Text | None),
+    'trend_or_walk': _know(),
+    'power_law': _know(
+        exponent=Number | None, exponent_low=Number | None, exponent_high=Number | None,
+        recordings=tuple[Text, ...] | None, exponents=tuple[Number | None, ...] | None,
+        density_is_mean=Flag | None),
+    'band_limited': _know(edge_hz=Hertz | None, window_s=Seconds | None),
+    'gauss_markov': _know(sigma=InUnit, unit=Text, correlation_time_s=Seconds),
+    'temperature': _know(
+        per_kelvin=PerKelvin, per_kelvin_low=PerKelvin, per_kelvin_high=PerKelvin, unit=Text,
+        lowest_c=Celsius, highest_c=Celsius, curved=Flag, lag_s=Seconds | None),
+    'slow_cycle': _know(period_s=Seconds),
+    'coarse_resolution': _know(step=InUnit, unit=Text, ratio=Number),
+    'tones': _know(count=Count, frequency_hz=Hertz, amplitude=InUnit, unit=Text),
+    'turn_on_bias': _know(sigma=InUnit, sigma_low=InUnit, sigma_high=InUnit, unit=Text),
+    # what was done about it
+    'start_auto': _know(warm_up_s=Seconds, left_out=Flag, longest_s=Seconds | None),
+    'motion': _know(count=Count, excluded_s=Seconds),
+    'rest_within_motion': _know(
+        share=Share, rest_s=Seconds, rests=Count, starts_s=tuple[Seconds, ...],
+        durations_s=tuple[Seconds, ...]),
+    'motion_kept': _know(count=Count, seen_s=Seconds, first_s=Seconds),
+    'motion_not_listed': _know(listed=Count),
+    'receive_clock': _know(flaw=Text | None),
+    'counted_samples': _know(rate_hz=Hertz),
+    'uneven_stamps': _know(
+        clock=Text, numbered=Flag, hidden_share=Share | None, density_high_share=Share | None,
+        rate_error_share=Share | None),
+    'uneven_rate': _know(lowest_hz=Hertz, highest_hz=Hertz, mean_hz=Hertz, tau_error_share=Share),
+    'clock_jumps': _know(clock=Text, count=Count),
+    'gaps_not_listed': _know(gaps=Count, gaps_s=Seconds, listed=Count),
+    'held_values': _know(share=Share),
+    'late_start': _know(messages=Count),
+    'axis_late_start': _know(late=Count, messages=Count),
+    'unit_g': _know(),
+    'two_rates': _know(
+        sensors=tuple[Text, ...], topics=tuple[Text, ...], rates_hz=tuple[Hertz | None, ...]),
+    'repeated_half': _know(topic=Text, half=Text | None),
+    'chosen_topic': _know(
+        topics=Count, chosen=tuple[Text, ...], reason=Text, others=tuple[Text, ...]),
+    'short_part': _know(recorded_s=Seconds, asked_s=Seconds),
+    'ignored_columns': _know(perhaps_axes=Flag, count=Count, columns=tuple[Text, ...]),
+    'merged_messages': _know(count=Count),
+    'many_topics': _know(what=Text, listed=Count),
+    'many_definitions': _know(),
+    'no_metadata': _know(reason=Text | None),
+    'unfinished_recording': _know(
+        fault=Literal['killed', 'unusable', 'not_regular'], file=Text, reason=Text | None),
+    'unpacked_in_memory': _know(bytes=Count, folder=Text),
+}
+"""Of every code, in the order in which findings of one severity are shown."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +186,9 @@ class Finding:
     axes : tuple of str
         Which axes it is about; empty where it is about the recording.
     values : mapping of str to number, text, bool, list or None
-        Figures by name, in SI units; documented by code in docs/findings.md. Of several axes a
-        value is a list, one for each, where it is not the same for all.
+        Figures by name, as `CODES` has them, and `recording` where it is about one of several. Of
+        several axes a value is a list, one for each, where it is not the same for all. `more`
+        alone counts findings of the code that are left out.
     message : str
         Made of the rest where a result is handed out. Nothing reads it.
 
@@ -60,6 +210,46 @@ class Finding:
 
 
 def finding(code: str, axes: Sequence[str] = (), *, severity: Severity | None = None,
-            **values: Any) -> Finding:
-    """Return a finding; what its code says about the severity holds unless one is given."""
-    return Finding(code, severity or ('act' if code in ACT else 'know'), tuple(axes), values)
+            recording: str | None = None, **values: Any) -> Finding:
+    """
+    Return a finding; what its code says about the severity holds unless one is given.
+
+    Raises
+    ------
+    TypeError
+        If a value is not as `CODES` has it: a bug.
+
+    """
+    kinds = CODES[code].values
+    wrong = [name for name in {**kinds, **values}
+             if name not in kinds or not _is(values.get(name), kinds[name])]
+    if wrong:
+        raise TypeError(f'{code}: {", ".join(f"{name}={values.get(name)!r}" for name in wrong)}')
+    if recording is not None:
+        values = {'recording': recording, **values}
+    return Finding(code, severity or CODES[code].severity, tuple(axes), values)
+
+
+def is_optional(kind: Any) -> bool:
+    """Say whether a value of a type of `CODES` may be None."""
+    return type(None) in get_args(kind)
+
+
+def known(kind: Any) -> Any:
+    """Return the type of `CODES` of a value that is not None."""
+    return get_args(kind)[0] if is_optional(kind) else kind
+
+
+def _is(value: object, kind: Any) -> bool:
+    """Say whether a value is of a type of `CODES`."""
+    if value is None:
+        return is_optional(kind)
+    origin, args = get_origin(known(kind)), get_args(known(kind))
+    if origin is Literal:
+        return value in args
+    if origin is tuple:
+        return isinstance(value, (list, tuple)) and all(_is(item, args[0]) for item in value)
+    plain = args[0]
+    if isinstance(value, bool) or plain not in (int, float):
+        return isinstance(value, plain)
+    return isinstance(value, (int, plain)) and isfinite(value)

@@ -7,7 +7,8 @@ from pathlib import Path
 import re
 
 from imu_allan.finding import Finding
-from imu_allan.writers.words import explained, title_of, WORDS
+from imu_allan.writers.sentences import WORDS
+from imu_allan.writers.words import explained, title_of
 import pytest
 
 ROOT = Path(__file__).parents[1]

@@ -254,7 +254,7 @@ def _mean_remarks(fitted: AxisReport, quantity: Quantity) -> list[Finding]:
             'warm_up', amplitude=first.amplitude, unit=quantity.unit,
             time_constant_s=first.time_constant_s,
             time_constant_factor=first.time_constant_ci95[1] / first.time_constant_s
-            if first.time_constant_ci95 else inf,
+            if first.time_constant_ci95 else None,
             exponentials=1 if trend.second_warm_up is None else 2,
             steady_after_s=steady_after_s(trend, known if isfinite(known) else 0.0)))
     if trend.cycle_s is not None:

@@ -26,7 +26,8 @@ def run(args: argparse.Namespace) -> int:
     import sys
     from textwrap import fill
 
-    from imu_allan.writers.words import explained, WORDS
+    from imu_allan.writers.sentences import WORDS
+    from imu_allan.writers.words import explained
 
     if args.code is None:
         width = max(map(len, WORDS))

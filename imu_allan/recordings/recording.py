@@ -172,7 +172,8 @@ class Recording(ABC):
             return
         withheld = self._withheld.setdefault(remark.code, set())
         withheld.add(repr(remark))
-        rest = finding(remark.code, recording=printable(self.path), more=len(withheld))
+        rest = replace(remark, axes=(), values={'recording': printable(self.path),
+                                                'more': len(withheld)})
         if same == _MOST_REMARKS:
             self.remarks.append(rest)
         else:

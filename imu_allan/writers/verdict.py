@@ -9,7 +9,8 @@ from imu_allan.characterization.verdict import concerns, FAULTS, SHORTEST_GOOD_S
 from imu_allan.result import AxisResult, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import about, counted, duration, listed, measured, SENSORS
-from imu_allan.writers.words import presented, title_of, WORDS
+from imu_allan.writers.sentences import WORDS
+from imu_allan.writers.words import presented, title_of
 
 Units = Literal['datasheet', 'si']
 

@@ -1,191 +1,24 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The words of every finding, which stand in words.ini, filled with its figures.
+What is said of findings, by the words of `imu_allan.writers.sentences` and with their figures.
 
 No other module makes a sentence of a finding.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
-from importlib.resources import files
-import re
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, get_args, get_origin, Literal
 
 from imu_allan.characterization.verdict import verdicts
 from imu_allan.errors import printable
-from imu_allan.finding import ACT, Finding
-from imu_allan.noise.terms import TERMS
+from imu_allan.finding import CODES, Finding, is_optional, known
 from imu_allan.result import Result
-from imu_allan.sensor.units import engineering
-from imu_allan.wording import about, counted, duration, listed, named, number, SENSORS
+from imu_allan.wording import named
+from imu_allan.writers.sentences import Span, Text, WORDS
 
-
-@dataclass(frozen=True)
-class Words:
-    """
-    What is said of one code.
-
-    Attributes
-    ----------
-    title : str
-        In two or three words.
-    means, found : str
-        What it means for the numbers, and how it is found; for docs/findings.md.
-    says : str
-        One sentence with the figures, as words.ini explains.
-    do, live : str
-        One sentence of what to do with a recording, and at a running node; empty where nothing
-        is to be done. `live` None: the same.
-
-    """
-
-    title: str
-    means: str
-    found: str
-    says: str
-    do: str = ''
-    live: str | None = None
-
-
-def _read() -> dict[str, Words]:
-    # configparser reads the same, in ten times the time.
-    text = (files(__package__) / 'words.ini').read_text(encoding='utf-8')
-    sections = re.findall(r'^\[(\w+)\]\n((?:\w+ = .*\n(?: .*\n)*)+)', text, re.MULTILINE)
-    return {code: Words(**{key: ' '.join(value.split()) for key, value in re.findall(
-        r'^(\w+) = (.*(?:\n .*)*)', section, re.MULTILINE)}) for code, section in sections}
-
-
-WORDS: Mapping[str, Words] = _read()
-"""Words by code, in the order in which findings of one severity are shown."""
-
-_RANK = {code: rank for rank, code in enumerate(WORDS)}
-
-
-class _UnknownError(Exception):
-    """A figure is not known, or a condition does not hold."""
-
-
-_Alternatives = list[list[Any]]
-
-
-@cache
-def _parsed(text: str) -> _Alternatives:
-    """Return alternatives of text, fields in a tuple of one, and groups with what repeats them."""
-    stack: list[tuple[str, _Alternatives]] = [('', [[]])]
-    for piece in re.split(r'(\[\[(?:\*[^*]*\*)?|\]\]|\||\{[^}]*\})', text):
-        if piece.startswith('[['):
-            stack.append((piece[2:], [[]]))
-        elif piece == ']]':
-            group = stack.pop()
-            stack[-1][1][-1].append(group)
-        elif piece == '|':
-            stack[-1][1].append([])
-        else:
-            stack[-1][1][-1].append((piece[1:-1],) if piece.startswith('{') else piece)
-    return stack[0][1]
-
-
-def _filled(alternatives: _Alternatives, values: Mapping[str, Any]) -> str | None:
-    """Return the first alternative whose figures are known and whose conditions hold."""
-    for parts in alternatives:
-        try:
-            return ''.join(_part(part, values) for part in parts)
-        except _UnknownError:
-            continue
-    return None
-
-
-def _part(part: Any, values: Mapping[str, Any]) -> str:
-    if isinstance(part, str):
-        return part
-    if len(part) == 1:
-        return _field(part[0], values)
-    repeated, alternatives = part
-    if not repeated:
-        return _filled(alternatives, values) or ''
-    # What is said of each item of the lists that its fields name.
-    named_in = re.findall(r'[a-z]\w+', repr(alternatives))
-    lists = [values[key] for key in named_in if isinstance(values.get(key), (list, tuple))]
-    if not lists:
-        raise _UnknownError
-    count = len(lists[0])
-    items = ({key: value[i] if isinstance(value, (list, tuple)) and len(value) == count else value
-              for key, value in values.items()} for i in range(count))
-    said = [_filled(alternatives, item) for item in items]
-    if None in said:
-        raise _UnknownError
-    return str(repeated[1:-1]).join(map(str, said))
-
-
-def _field(field: str, values: Mapping[str, Any]) -> str:
-    """Return a figure as it is said, nothing for a condition that holds."""
-    condition = re.fullmatch(r'([?!]?)(\w+)(?:([=<>])([^:]+))?', field)
-    if condition is not None and (condition[1] or condition[3]):
-        if not _holds(values.get(condition[2]), condition[1] or condition[3], condition[4]):
-            raise _UnknownError
-        return ''
-    key, _, spec = field.partition(':')
-    value = values.get(key.removesuffix('!r'))
-    if value is None:
-        raise _UnknownError
-    first, _, rest = spec.partition(' ')
-    if first in ('min', 'max', 'first'):
-        if isinstance(value, (list, tuple)):
-            value = value[0] if first == 'first' else (min if first == 'min' else max)(value)
-        spec = rest
-    if first == 'count':
-        one, _, many = rest.partition('/')
-        return counted(value, one, many or None)
-    if first == 'beyond':
-        if value <= len(values[rest]):
-            raise _UnknownError
-        return f'{value - len(values[rest]):,}'
-    if first == 'all':
-        each = value if isinstance(value, (list, tuple)) else [value]
-        return listed(list(dict.fromkeys(f'{one:g}' for one in each)))
-    if key.endswith('!r'):
-        return repr(value)
-    unit = (' %' if spec.endswith('%') else
-            f' {engineering(1.0, values["unit"])[1]}' if spec.endswith('unit') else '')
-    if not isinstance(value, (list, tuple)):
-        return _said(value, spec, values) + unit
-    low, high = (_said(end, spec, values) for end in (min(value), max(value)))
-    return low + unit if low == high else f'{low} to {high}{unit}'
-
-
-def _holds(value: Any, sign: str, bound: str) -> bool:
-    if sign in '?!':
-        return bool(value) == (sign == '?')
-    if isinstance(value, (list, tuple)):
-        value = len(value) if isinstance(value[0], str) else max(value)
-    return value is not None and (str(value) == bound if sign == '=' else
-                                  value > float(bound) if sign == '>' else value < float(bound))
-
-
-_HOW: dict[str, Callable[[Any], str]] = {
-    'time': duration,
-    'about': about,
-    'abs time': lambda seconds: duration(abs(seconds)),
-    'times': lambda count: 'once' if count == 1 else f'{count} times',
-    # From a factor of two on an error is no percentage.
-    'within': lambda factor: (f'within {max(100 * (factor - 1), 1):.0f} %' if factor < 2
-                              else f'within a factor of {factor:.0f}'),
-    'symbol': lambda key: TERMS[key].symbol,
-    'sensor': lambda sensor: SENSORS[sensor].lower()}
-
-
-def _said(value: Any, spec: str, values: Mapping[str, Any]) -> str:
-    """Return a figure without its unit."""
-    if spec in _HOW:
-        return _HOW[spec](value)
-    if spec.endswith('unit'):
-        return number(engineering(value, values['unit'])[0], int(spec.partition(' ')[0])
-                      if ' ' in spec else 3)
-    if spec.endswith('%'):
-        return format(100 * value, f'{spec[:-1] or ".0"}f')
-    return format(value, spec)
+_RANK = {code: rank for rank, code in enumerate(CODES)}
 
 
 def title_of(found: Finding) -> str:
@@ -212,12 +45,30 @@ def advice(found: Finding, *, live: bool = False) -> str:
     return _made(words.live if live and words.live is not None else words.do, found)
 
 
-def _made(text: str, found: Finding) -> str:
+def _made(text: Text, found: Finding) -> str:
     """Return a sentence of the table; empty where a file of another version lacks its figures."""
     try:
-        return printable((_filled(_parsed(text), found.values) or '').strip())
+        return printable(text if isinstance(text, str) else text(_figures(found)))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
         return ''
+
+
+def _figures(found: Finding) -> SimpleNamespace:
+    """Return the figures of a finding by name; one that must be known and is not, is missing."""
+    kinds = CODES[found.code].values
+    figures = SimpleNamespace(**{name: None for name in kinds if is_optional(kinds[name])})
+    vars(figures).update({
+        name: Span(value) if is_of_axes(found, name) else value
+        for name, value in found.values.items() if value is not None})
+    return figures
+
+
+def is_of_axes(found: Finding, name: str) -> bool:
+    """Say whether a value of a finding is a list of one for each of its axes."""
+    kind = CODES[found.code].values.get(name) if found.code in CODES else None
+    return (isinstance(found.values[name], (list, tuple))
+            and len(found.values[name]) == len(found.axes) > 1
+            and get_origin(known(kind)) is not tuple)
 
 
 def message_of(found: Finding, *, live: bool = False) -> str:
@@ -229,26 +80,36 @@ def explained(code: str) -> list[str]:
     """Return what a code means in lines: title, severity, meaning, how it is found, advice."""
     words = WORDS[code]
     lines = [f'{code}: {words.title} '
-             f'({"act upon it" if code in ACT else "good to know"})',
+             f'({"act upon it" if CODES[code].severity == "act" else "good to know"})',
              f'What it means: {words.means}', f'How it is found: {words.found}']
     for name, do in (('With a recording', words.do), ('At a running node', words.live)):
         if do:
-            lines.append(f'{name}: {do}.' if is_plain(do) else
+            lines.append(f'{name}: {do}.' if isinstance(do, str) else
                          f'{name}: the message says what fits the figures.')
+    if values := values_of(code):
+        lines.append(f'Values: {values}')
     return lines
 
 
-def is_plain(text: str) -> bool:
-    """Say whether a sentence of the table is the same whatever the figures are."""
-    return not re.search(r'[{|]', text)
+def values_of(code: str) -> str:
+    """Name the values of a code with unit or type; "?" stands behind what may be absent."""
+    return ', '.join(f'{name}{"?" if is_optional(kind) else ""} ({_said(known(kind))})'
+                     for name, kind in CODES[code].values.items())
+
+
+def _said(kind: Any) -> str:
+    if get_origin(kind) is tuple:
+        return f'list: {_said(known(get_args(kind)[0]))}'
+    return ' or '.join(get_args(kind)) if get_origin(kind) is Literal else str(
+        kind.__metadata__[0])
 
 
 def of_axis(found: Finding, axis: str) -> Finding:
     """Return what a finding about several axes says about one of them, which is not named."""
-    place, many = found.axes.index(axis), len(found.axes)
+    place = found.axes.index(axis)
     return replace(found, axes=(), values={
-        name: value[place] if many > 1 and isinstance(value, (list, tuple)) and len(value) == many
-        else value for name, value in found.values.items()})
+        name: value[place] if is_of_axes(found, name) else value
+        for name, value in found.values.items()})
 
 
 def presented(findings: Sequence[Finding]) -> tuple[Finding, ...]:

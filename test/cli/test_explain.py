@@ -3,7 +3,7 @@
 """The verb that says what a finding means."""
 
 from imu_allan.cli.main import main
-from imu_allan.writers.words import WORDS
+from imu_allan.writers.sentences import WORDS
 import pytest
 
 

@@ -145,11 +145,11 @@ def test_remarks_of_the_fit_stand_with_their_axis() -> None:
 
 
 def test_the_estimation_tells_every_finding_in_the_order_of_the_result() -> None:
-    found = [finding('gaps_not_listed', listed=1000, gaps=2000),
+    found = [finding('gaps_not_listed', listed=1000, gaps=2000, gaps_s=200.0),
              *(finding('deadband', (f'gyro_{letter}',), share=0.5, width=0.01, unit='rad/s')
                for letter in 'xy'),
              finding('deadband', ('accel_x',), share=0.5, width=0.01, unit='m/s^2'),
-             finding('frozen', messages=20, at_s=3.0)]
+             finding('frozen', messages=20, since_s=3.0)]
     result = with_words(replace(
         result_of({name: axis_result(name, ALL) for name in AXES}), warnings=tuple(found)))
 

@@ -7,7 +7,7 @@ import re
 
 from imu_allan.characterization.axis import axis_results
 from imu_allan.characterization.findings import with_start
-from imu_allan.finding import finding
+from imu_allan.finding import Finding
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
@@ -73,7 +73,7 @@ def test_the_advice_fits_the_length_of_the_record():
 
     def start(*axes, length_s=3600.0, several=False):
         named = dict(zip(('gyro_x', 'gyro_y'), axes, strict=False))
-        [found] = with_start([finding('warm_up', ('gyro_x',))], named, length_s, several=several)
+        [found] = with_start([Finding('warm_up')], named, length_s, several=several)
         return found.values['start']
 
     assert start(short) == 'auto'

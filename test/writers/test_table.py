@@ -261,13 +261,14 @@ def test_print_of_a_result_is_the_table_and_its_repr_one_line(result):
 
 
 def test_what_has_no_room_in_full_is_named_so_that_the_screen_holds(filtered):
-    steps = [finding('bias_step', (name,), step=1e-3, unit='rad/s', at_s=600.0 + place)
+    steps = [finding('bias_step', (name,), size=1e-3, unit='rad/s', after_s=600.0 + place)
              for place, name in enumerate(filtered.axes)]
     told = replace(filtered, sensors={}, warnings=(
         *steps, finding('poor_fit', ('gyro_x',), misfit_share=0.12),
         finding('gravity', mean=1.0), finding('not_steady', ('gyro_y',), spread_share=0.3,
                                               segment_s=600.0),
-        finding('slow_motion', ('accel_x',))))
+        finding('slow_motion', ('accel_x',), size=0.01, unit='m/s^2', start_s=60.0,
+                duration_s=28.0, count=1)))
     screen, in_full = (printed(told, 80, verbose=verbose) for verbose in (False, True))
     assert len(screen.splitlines()) <= 23
     for title in ('bias step', 'poor fit', 'gravity', 'not steady'):

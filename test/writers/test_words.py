@@ -11,12 +11,14 @@ import subprocess
 import sys
 
 import imu_allan
-from imu_allan.finding import ACT, Finding, finding
-from imu_allan.writers.words import advice, message_of, of_axis, presented, says, WORDS
+from imu_allan.finding import CODES, Finding, finding, is_optional
+from imu_allan.writers.sentences import WORDS
+from imu_allan.writers.words import advice, message_of, of_axis, presented, says
 import pytest
 
 PACKAGE = Path(imu_allan.__file__).parent
-MODULES = sorted(path for path in PACKAGE.rglob('*.py') if path.name != 'words.py')
+MODULES = sorted(path for path in PACKAGE.rglob('*.py')
+                 if path.name not in ('words.py', 'sentences.py'))
 LONGEST = 25
 """Words of a sentence."""
 # A figure or a path stands for a word.
@@ -32,12 +34,36 @@ def calls_of(tree: ast.AST) -> Iterator[ast.Call]:
                 yield node
 
 
-def test_every_code_that_is_found_has_words() -> None:
-    codes = {call.args[0].value for path in MODULES  # type: ignore[attr-defined]
-             for call in calls_of(ast.parse(path.read_text()))}
-    assert len(codes) > 40
-    assert {code for code in codes if isinstance(code, str)} <= set(WORDS)
-    assert set(WORDS) >= ACT
+def test_every_code_that_is_found_has_words_and_every_value_a_type() -> None:
+    calls = [call for path in MODULES for call in calls_of(ast.parse(path.read_text()))]
+    assert len({ast.unparse(call.args[0]) for call in calls}) > 40
+    for call in calls:
+        code = ast.literal_eval(call.args[0])
+        # Those of `**values` are checked where the finding is made.
+        names = {keyword.arg for keyword in call.keywords} - {'severity', 'recording'}
+        assert names - {None} <= set(CODES[code].values), ast.unparse(call)
+        if None not in names:
+            assert {name for name, kind in CODES[code].values.items()
+                    if not is_optional(kind)} <= names, ast.unparse(call)
+    assert list(WORDS) == list(CODES)
+
+
+@pytest.mark.parametrize('values', [
+    {}, {'ratio': None}, {'ratio': 'ten'}, {'ratio': float('nan')}, {'ratio': True},
+    {'ratio': 10.0, 'speed': 1.0}, {'ratio': [10.0]}])
+def test_a_value_that_is_not_as_the_table_has_it_is_a_bug(values: dict[str, object]) -> None:
+    with pytest.raises(TypeError, match='clock_speed'):
+        finding('clock_speed', (), severity=None, recording=None, **values)
+
+
+@pytest.mark.parametrize(('code', 'values'), [
+    ('saturated', {'share': 0.5, 'value': 1.0, 'unit': 'rad/s', 'end': 'last'}),
+    ('motion', {'count': 2.0, 'excluded_s': 1.0}),
+    ('noise_level_changed', {'at_s': 300.0, 'ratios': [2.0]}),
+    ('noise_level_changed', {'at_s': ['300'], 'ratios': [2.0]})])
+def test_counts_choices_and_lists_are_looked_at(code: str, values: dict[str, object]) -> None:
+    with pytest.raises(TypeError, match=code):
+        finding(code, (), severity=None, recording=None, **values)
 
 
 def test_no_module_makes_or_reads_a_sentence_of_a_finding() -> None:
@@ -60,37 +86,16 @@ def makes_and_reads_none(path: Path) -> None:
                 owner == 'finding' and path.parent.name == 'node'), ast.unparse(node)
 
 
-def texts_of(code: str) -> Iterator[str]:
-    """Give every text about a code, each alternative with the longest of what is said within."""
-    words = WORDS[code]
-    for text in (words.title, words.means, words.found, words.says, words.do, words.live or ''):
-        made = re.sub(r'\{[^}]*[?!=<>][^}]*\}', '', text)
-        made = re.sub(r'\{[^}]*\}', '0', made)
-        while group := re.search(r'\[\[(?:\*[^*]*\*)?((?:(?!\[\[).)*?)\]\]', made):
-            longest = max(group[1].split('|'), key=len)
-            made = made[:group.start()] + longest + made[group.end():]
-        yield from made.split('|')
-
-
 PRIVATE = re.compile(r'\b(told|doubt|borne out|sticks? out|stands? (in for|out)|bridged?|stretch|'
                      r'coast|course of|claim|wild|bent|wander|(?<!random )walk)\b', re.IGNORECASE)
-
-
-@pytest.mark.parametrize('code', WORDS)
-def test_sentences_of_the_table_are_short_and_plain(code: str) -> None:
-    for text in texts_of(code):
-        assert not set('{}[]|') & set(text.replace('covariance[0]', '')), text
-        for sentence in SENTENCES.split(text):
-            assert len(sentence.split()) <= LONGEST, sentence
-        assert not PRIVATE.search(text), text
 
 
 def test_axes_of_one_kind_are_one_finding_with_a_figure_each() -> None:
     found = [finding('band_limited', (f'gyro_{letter}',), window_s=window)
              for letter, window in zip('xyz', (0.0148, 0.02, 0.0152), strict=True)]
     [one] = presented(found)
-    assert one == finding('band_limited', ('gyro_x', 'gyro_y', 'gyro_z'),
-                          window_s=[0.0148, 0.02, 0.0152])
+    assert one == Finding('band_limited', 'know', ('gyro_x', 'gyro_y', 'gyro_z'),
+                          {'window_s': [0.0148, 0.02, 0.0152]})
     assert one.message.endswith('its effective window is 0.0148 to 0.02 s')
     assert says(of_axis(one, 'gyro_y')).endswith('its effective window is 0.02 s')
     assert presented([one]) == (one,)
@@ -115,7 +120,7 @@ def test_lengths_of_time_are_said_from_the_shortest_to_the_longest(
 
 def test_what_is_to_be_acted_upon_comes_first() -> None:
     found = [finding('motion', count=1, excluded_s=3.0), finding('gravity', mean=1.0),
-             finding('unknown_rate'), finding('future_code')]
+             finding('unknown_rate'), Finding('future_code')]
     assert [one.code for one in presented(found)] == [
         'unknown_rate', 'gravity', 'motion', 'future_code']
 
@@ -126,8 +131,7 @@ def test_at_a_running_node_the_advice_is_what_one_can_do_there() -> None:
                                   'still')
     assert message_of(moving, live=True) == ('80 % of the samples are motion; let the IMU rest, '
                                              'or set motion to keep')
-    assert '--' not in ''.join(advice(finding(code), live=True) for code in WORDS
-                               if WORDS[code].live is not None)
+    assert '--' not in ''.join(words.live or '' for words in WORDS.values())
 
 
 def test_a_finding_of_another_version_keeps_its_message() -> None:
@@ -145,12 +149,20 @@ def test_the_page_of_findings_is_made_from_the_table() -> None:
     assert (docs / 'findings.md').read_text() == shown
 
 
+def of_all(code: str, name: str, figures: list[float], **values: object) -> Finding:
+    """Return a finding about three axes, of which one figure differs."""
+    [one] = presented([finding(code, (axis,), severity=None, recording=None,
+                               **{name: figure}, **values)
+                       for axis, figure in zip(ALL, figures, strict=True)])
+    return one
+
+
 GYRO, ALL = ('gyro_x',), ('gyro_x', 'gyro_y', 'gyro_z')
 IMU, RECORDING = '/imu', {'recording': 'a.mcap'}
 LOST = {'lost': 30, 'of': 1000, 'topic': IMU}
 SAID = [
     finding('stood_still', GYRO, start_s=120.0, duration_s=80.0),
-    finding('constant_axis', ALL, value=[0.0, 0.0, 0.25], unit='rad/s'),
+    of_all('constant_axis', 'value', [0.0, 0.0, 0.25], unit='rad/s'),
     finding('saturated', GYRO, share=0.5, value=9.81, unit='m/s^2', end='highest'),
     finding('deadband', GYRO, share=0.93, width=1e-4, unit='rad/s'),
     finding('copied_axis', ALL[:2], opposite=True),
@@ -197,7 +209,8 @@ SAID = [
     finding('damaged_recording', fault='database', places=1, read=4980, topic=IMU, reason='bad'),
     finding('damaged_recording', fault='bytes', bytes=7000),
     finding('damaged_recording', fault='file', reason='b.mcap: empty'),
-    finding('damaged_recording', fault='unread', **LOST), finding('damaged_recording', more=2989),
+    finding('damaged_recording', fault='unread', **LOST),
+    Finding('damaged_recording', values={'more': 2989}),
     finding('truncated_recording', fault='ends', end='the rest is missing', whole_chunks=4),
     finding('truncated_recording', fault='compressed', reason='9 of 10 bytes are missing'),
     finding('truncated_recording', fault='database', missing_bytes=9, bytes=10),
@@ -218,7 +231,7 @@ SAID = [
     finding('power_law', GYRO, exponent=0.7, exponent_low=0.68, exponent_high=0.72),
     finding('power_law', GYRO, recordings=['a', 'b'], exponents=[1.4, None],
             density_is_mean=True),
-    finding('band_limited', ALL, window_s=[0.0148, 0.02, 0.0152]),
+    of_all('band_limited', 'window_s', [0.0148, 0.02, 0.0152]),
     finding('band_limited', GYRO, edge_hz=20.0),
     finding('gauss_markov', GYRO, sigma=1e-3, unit='rad/s', correlation_time_s=9.0),
     finding('temperature', GYRO, per_kelvin=2e-3, per_kelvin_low=1.9e-3, per_kelvin_high=2.1e-3,
@@ -245,7 +258,7 @@ SAID = [
     finding('clock_jumps', clock='header', count=3),
     finding('gaps_not_listed', gaps=1999, gaps_s=199.9, listed=1000),
     finding('held_values', share=0.5), finding('late_start', messages=4500),
-    finding('axis_late_start', ALL, late=[10, 20, 20], messages=15_000), finding('unit_g'),
+    of_all('axis_late_start', 'late', [10, 20, 20], messages=15_000), finding('unit_g'),
     finding('two_rates', sensors=['gyro', 'accel'], topics=['/g', '/a'], rates_hz=[400.0, 250.0]),
     finding('repeated_half', topic=IMU, half=None), finding('repeated_half', topic=IMU,
                                                             half='accel'),
@@ -261,6 +274,18 @@ SAID = [
     finding('unfinished_recording', fault='not_regular', file='a.db3-wal'),
     finding('unpacked_in_memory', bytes=7000, folder='/dev/shm')]
 """Findings of every code, with each figure that changes the sentence."""
+
+
+@pytest.mark.parametrize('code', WORDS)
+def test_sentences_are_short_and_plain(code: str) -> None:
+    words = WORDS[code]
+    texts = [words.title, words.means, words.found, words.live or '']
+    texts += [text for found in SAID if found.code == code
+              for text in (says(found), advice(found))]
+    for text in texts:
+        for sentence in SENTENCES.split(text):
+            assert len(sentence.split()) <= LONGEST, sentence
+        assert not PRIVATE.search(text), text
 
 
 def test_every_finding_is_said_as_it_was() -> None:
