@@ -140,10 +140,10 @@ def parts_of(result: Result, path: Path) -> None:
         low, high = (engineering(v, density.unit)[0] for v in density.ci95)
         panel.axhspan(low, high, color=COLOURS['light']['soft'], alpha=0.2, linewidth=0)
         panel.set_xlabel('time [h]')
-        panel.set_ylabel(f'N of each part [{typeset(engineering(1.0, density.unit)[1])}]')
+        panel.set_ylabel(f'N of each segment [{typeset(engineering(1.0, density.unit)[1])}]')
         panel.set_ylim(0, 0.9)
         panel.grid(True)
-        panel.set_title('bars: 95 % of each part; band: 95 % of the whole', loc='left',
+        panel.set_title('bars: 95 % of each segment; band: 95 % of the whole', loc='left',
                         fontsize=9, fontweight='normal')
         path.write_bytes(render(figure, 'png', dpi=110))
 

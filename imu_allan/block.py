@@ -80,7 +80,7 @@ class EvenBlock:
         Place of the first row on the grid. It equals the end of the block before, or lies beyond
         it: then the samples between are missing and no difference is taken across them.
     bridged : ndarray of int64, shape (b,)
-        Rows that stand in for missing samples, rising.
+        Rows interpolated for missing samples, rising.
     new_run : bool
         The length of the gap before this block is unknown (clock jump, restart, resume): nothing
         relates its place on the grid to the block before.

@@ -17,7 +17,7 @@ def quiet_interrupt() -> Iterator[None]:
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    # An exception would be told with a traceback, and forgotten in a callback of an import.
+    # An exception would be reported with a traceback, and forgotten in a callback of an import.
     signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
     try:
         yield

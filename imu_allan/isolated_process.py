@@ -6,7 +6,7 @@ Python processes that import nothing from the current folder.
 People analyze recordings that somebody else made, from inside their folder. An interpreter started
 with ``-c`` imports from there first, so that a ``pickle.py`` among the files would run. Processes
 are therefore started isolated (``-I``: neither the current folder nor the environment counts) and
-are then told where this process imports from, without the current folder.
+are then reported where this process imports from, without the current folder.
 """
 
 from __future__ import annotations

@@ -284,7 +284,7 @@ class Stationarity:
 @dataclass(frozen=True)
 class Innovations:
     """
-    Mean normalised innovation squared of means over `interval_s`: 1 is right, more is doubt.
+    Mean normalised innovation squared of means over `interval_s`: above 1 is overconfident.
 
     `of_halves` is that of the first half of a record, under the model of the second, and that of
     the second under the model of the first.
@@ -407,7 +407,7 @@ class AxisResult:
     the others by octave. `coarse_step` is that of an output which steps by more than the noise of
     one sample, `copy_of` the axis whose every sample it repeats, with a minus where the sign is
     the other. Of several recordings the one with the fault gives no coefficients; those of the
-    others are told.
+    others are reported.
     """
 
     quantity: str
@@ -500,7 +500,7 @@ class Source:
     """
     Where the samples came from; `options` is what the user chose otherwise than by default.
 
-    Of a datasheet there are none: its numbers stand in for a result, for a configuration.
+    Of a datasheet there are none: its numbers take the place of a result, for a configuration.
 
     Of a recording these are `imu_allan.analysis.said`, such as ``{'motion': 'keep'}``, and
     `files` tells its files from others of the same name (`files_digest`).

@@ -60,7 +60,7 @@ def bounded(bound: float, symbol: str = '') -> str:
     Parameters
     ----------
     bound : float
-        In any unit; three significant digits of it are told, zeros as well.
+        In any unit; three significant digits of it are reported, zeros as well.
     symbol : str, optional
         Of the coefficient: the ramp R has a sign, and the bound is one of its size.
 
@@ -194,8 +194,8 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 
     Examples
     --------
-    >>> counted(1, 'gap'), counted(1200, 'gap'), counted(2, 'stretch', 'stretches')
-    ('1 gap', '1,200 gaps', '2 stretches')
+    >>> counted(1, 'gap'), counted(1200, 'gap'), counted(2, 'axis', 'axes')
+    ('1 gap', '1,200 gaps', '2 axes')
 
     """
     return f'{count:,} {one if count == 1 else many or one + "s"}'
@@ -291,7 +291,7 @@ def faults_of(timeline: Timeline) -> list[str]:
               'out of order': timeline.out_of_order, 'rejected': timeline.rejected}
     faults = [f'{count:,} {name}' for name, count in counts.items() if count]
     for spans, one, many in ((timeline.gaps, 'gap', 'gaps'),
-                             (timeline.motion, 'stretch of motion', 'stretches of motion')):
+                             (timeline.motion, 'segment of motion', 'segments of motion')):
         if spans:
             total = sum(span.duration_s for span in spans)
             # No more are listed: a remark has the number of all.

@@ -61,7 +61,7 @@ def test_a_recording_is_summed_up_in_one_line():
                         gaps=(Span(1.0, 4.0), Span(9.0, 2.0)), motion=(Span(5.0, 300.0),))
     assert amount_of(timeline) == '2,160,000 samples at 200 Hz, 3 h, 2 h 55 min at rest'
     assert faults_of(timeline) == ['1,200 missing', '1 duplicate', '2 gaps (6 s)',
-                                   '1 stretch of motion (5 min)']
+                                   '1 segment of motion (5 min)']
     assert amount_of(Timeline(None, 1, 0.0)) == '1 sample, 0 s'
 
 
@@ -70,6 +70,6 @@ def test_where_not_all_gaps_are_listed_the_line_does_not_say_how_many_there_are(
     listed = tuple(Span(float(number), 0.2) for number in range(LISTED_GAPS))
     assert LISTED_GAPS == LISTED_SPANS
     assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed, motion=listed)) == [
-        'the first 1,000 gaps (3 min 20 s)', 'the first 1,000 stretches of motion (3 min 20 s)']
+        'the first 1,000 gaps (3 min 20 s)', 'the first 1,000 segments of motion (3 min 20 s)']
     assert faults_of(Timeline(100.0, 640_000, 8400.0, gaps=listed[1:])) == [
         '999 gaps (3 min 20 s)']

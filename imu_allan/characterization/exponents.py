@@ -29,7 +29,7 @@ OF_THE_COMMON_FIT = ('power_law', 'gauss_markov', 'band_limited')
 
 def exponents_differ(joint: AxisResult, singles: Sequence[AxisResult]) -> bool:
     """
-    Whether the slow noise of an axis is not told to have one exponent in all recordings.
+    Whether the slow noise of an axis does not show one exponent in all recordings.
 
     Parameters
     ----------

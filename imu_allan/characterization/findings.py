@@ -35,7 +35,7 @@ _AGREES = 2.0
 _LEAST_CHANGE = log(1.3)
 """Of a variance: 14 % in deviation, of which no user of a filter needs to know."""
 _STEP_SHARE = 0.7
-"""Share of the spread between segments from which it is told as one step."""
+"""Share of the spread between segments from which it is reported as one step."""
 
 
 def constant_remark(value: float, quantity: Quantity) -> Finding:
@@ -142,20 +142,20 @@ def halves_remarks(axes: Mapping[str, AxisResult]) -> dict[str, Finding]:
     """
     changes = {name: change for name, axis in axes.items()
                if (change := _change_of_halves(axis)) is not None}
-    told = {}
+    reported = {}
     for name, change in changes.items():
-        claims = [change]
+        candidates = [change]
         # Only what was asked over the same time tells of one another.
         sensor = [other for beside, other in changes.items()
                   if beside.split('_')[0] == name.split('_')[0] and other[2] == change[2]]
         ratio, steps, interval = np.mean(sensor, axis=0)
         if abs(change[0] - ratio) <= _AGREES * 2 / change[1]**0.5:
-            claims.append((ratio, steps * len(sensor), interval))
-        for log_ratio, known, over in claims:
+            candidates.append((ratio, steps * len(sensor), interval))
+        for log_ratio, known, over in candidates:
             if abs(log_ratio) > max(_by_chance(known), _LEAST_CHANGE):
-                told[name] = _halves_remark(log_ratio, over, axes[name])
+                reported[name] = _halves_remark(log_ratio, over, axes[name])
                 break
-    return told
+    return reported
 
 
 def _halves_remark(log_ratio: float, interval_s: float, axis: AxisResult) -> Finding:

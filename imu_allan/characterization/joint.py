@@ -6,7 +6,7 @@ Several recordings of one IMU as one result, in one module because every step co
 The coefficients are those of the joint likelihood. Beside them stands what one recording cannot
 show: how much the mean differs from one power-on to the next, and the coefficients between
 recordings beyond their errors. What cannot be one series of measurements (another rate, frame,
-axes or filter) is refused; recordings that contradict each other are told.
+axes or filter) is refused; recordings that contradict each other are reported.
 """
 
 from collections.abc import Mapping, Sequence

@@ -259,7 +259,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
 
 
 def _written(task: Task) -> str:
-    """Name the files of the only recording; of several the fleet's page is told."""
+    """Name the files of the only recording; of several the fleet's page is reported."""
     from imu_allan.writers.filters import CONSUMERS
 
     own = ('result.json', 'curve.csv', 'report.html', 'allan_deviation.png')

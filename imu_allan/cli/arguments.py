@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Types of command line arguments: what is out of range is wrong usage, told before any work."""
+"""Types of command line arguments: one out of range is wrong usage, reported before any work."""
 
 import argparse
 from dataclasses import replace

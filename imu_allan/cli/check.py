@@ -95,10 +95,10 @@ def run(args: argparse.Namespace) -> int:
         print(f'imu_allan: {printable(complaint)}', file=sys.stderr)
     if complaints and not failed:
         raise complaints[-1]
-    doubt = not args.allow_undecided and 'cannot tell' in outcomes
+    unclear = not args.allow_undecided and 'cannot tell' in outcomes
     # Beside 0, 1 and 2 of every verb, so that a script tells a bad sensor from a bad command; a
     # longer recording may turn 4 into 0 or 3.
-    return 3 if failed else 4 if doubt else 0
+    return 3 if failed else 4 if unclear else 0
 
 
 def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:

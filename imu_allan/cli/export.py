@@ -59,7 +59,7 @@ def register(verbs: Any) -> None:
                         help='time between two corrections of the filter (default: what is '
                              'usual for it)')
     parser.add_argument('--coast', metavar='TIME', type=duration,
-                        help='the longest time without any (default: 60s; 10min for simulators)')
+                        help='the longest unaided time (default: 60s; 10min for simulators)')
     parser.add_argument('--conservative', action='store_true',
                         help='not overconfident more than 5 %% of the time, on a sensor like in '
                              'this recording')

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 _INDENT = 14
 """Columns of the names before what is said."""
 _LISTED = 5
-"""Gaps and motions told one by one."""
+"""Gaps and motions reported one by one."""
 _MOST_READ = 20
 """Imu topics that are read, each of which goes through the whole recording."""
 _MOST_NAMED = 200
-"""Other topics told by name; a robot has fewer."""
+"""Other topics reported by name; a robot has fewer."""
 
 _SHORT = ('--rate', '--columns')
 _EXAMPLES = """\
@@ -186,7 +186,7 @@ def _report(recording: 'Recording', topic: str, rate_hz: float | None,
     messages = recording.imu(topic).messages
     rows = [('messages', f'{count:,}')]
     if messages.fields is not None:
-        rows.insert(0, ('read as', messages.told()))
+        rows.insert(0, ('read as', messages.reported()))
     if failure:
         rows.append(('unusable', failure))
     else:
@@ -255,7 +255,7 @@ def _timeline_rows(summary: 'TimelineSummary', topic: str) -> list[tuple[str, st
                               for span in spans[:_LISTED])
             more = f' and {count - _LISTED} more' if count > _LISTED else ''
             rows.append((name, f'{count}, {duration(total)} in all: {where}{more}'))
-    # Nothing is cut out here, and where it moves was told.
+    # Nothing is cut out here, and where it moves was reported.
     rows.extend(('warning', message_of(remark)) for remark in summary.remarks
                 if remark.code != 'motion')
     return rows

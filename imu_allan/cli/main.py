@@ -58,8 +58,8 @@ class _Parser(argparse.ArgumentParser):
     """
     Shows first what most need, and tells what is wrong in two lines.
 
-    A word that is none of the choices is told with what it was perhaps meant to be, by names that
-    argparse does not publish: what it has for that begins with Python 3.14.
+    A word that is none of the choices is reported with what it was perhaps meant to be, by names
+    that argparse does not publish: what it has for that begins with Python 3.14.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class _HelpAll(argparse.Action):
 
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read the arguments; one too many is told with the usage of its verb."""
+    """Read the arguments; one too many is reported with the usage of its verb."""
     parser = command_parser()
     args, unknown = parser.parse_known_args(argv)
     if unknown:

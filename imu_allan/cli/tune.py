@@ -32,14 +32,14 @@ def register(verbs: Any) -> None:
         'tune', short=_SHORT, examples=_EXAMPLES,
         help='what a filter needs, and how far it can trust that',
         description='Choose the numbers for a filter by how often something corrects it and how '
-                    'long it must do without. Beside them: what the measured coefficients, ten '
+                    'long it is unaided. Beside them: what the measured coefficients, ten '
                     'times K and the drift model reach, and the unaided drift.')
     parser.add_argument('result', metavar='RESULT',
                         help='result file of analyze --json RESULT, or the folder of --output')
     parser.add_argument('--aiding', metavar='TIME', type=duration, default=0.1,
                         help='time between two corrections of the filter (default: 0.1s)')
     parser.add_argument('--coast', metavar='TIME', type=duration, default=60.0,
-                        help='the longest time without any (default: 60s)')
+                        help='the longest unaided time (default: 60s)')
     parser.add_argument('--bias', choices=('random_walk', 'gauss_markov'), default='random_walk',
                         help='what the filter takes its bias for (default: random_walk)')
     parser.add_argument('--calibration', metavar='TIME', type=duration, default=60.0,
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.coast < args.aiding:
         raise ImuAllanError(f'--coast {args.coast:g} s is shorter than --aiding {args.aiding:g} '
-                            's: a filter coasts for at least one interval')
+                            's: a filter is unaided for at least one interval')
     if args.plot is not None:
         if args.verify is None:
             raise ImuAllanError('--plot shows what --verify OTHER_RECORDING finds: name one')

@@ -349,7 +349,7 @@ def _opened_once(tasks: Sequence[Task]) -> 'Iterator[Opening | None]':
         opening = None
         if len(tasks) > 1:
             first = tasks[0].arguments()
-            # What is wrong with it meanwhile is told of each task.
+            # What is wrong with it meanwhile is reported with each task.
             with suppress(ImuAllanError):
                 opening = stack.enter_context(open_recording(
                     tasks[0].path, rate_hz=first['options'].rate_hz,

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Units of one model as a population: every coefficient's spread, and the units that stick out."""
+"""Units of one model as a population: every coefficient's spread, and its outliers."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -105,7 +105,7 @@ class Oddity:
 @dataclass(frozen=True)
 class Population:
     """
-    Units in natural order of their names, what they have in common, and who sticks out.
+    Units in natural order of their names, what they have in common, and its outliers.
 
     `unseen` holds axis and key of the coefficients that a filter takes and too few units show.
     """
@@ -117,7 +117,7 @@ class Population:
 
     @property
     def odd_units(self) -> list[str]:
-        """Names of the units that stick out, each once."""
+        """Names of the outliers, each once."""
         named = {oddity.unit for oddity in self.oddities}
         return [unit for unit in self.units if unit in named]
 

@@ -12,7 +12,7 @@ from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
 from imu_allan.wording import counted, duration, listed, measured, spoken
-from imu_allan.writers.words import message_of
+from imu_allan.writers.words import message_of, presented
 
 PAUSE_S = 1.0
 """Longer than a hiccup of Wi-Fi, and shorter than a driver takes to start. A judgment."""
@@ -47,7 +47,7 @@ class Announcements:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the first samples of the run have been told."""
+        """Whether the first samples of the run have been reported."""
         return self._began is not None
 
     def begin_run(self) -> None:
@@ -127,7 +127,7 @@ class Announcements:
             rate = f'{timeline.sample_rate_hz:.4g} Hz, ' if timeline.sample_rate_hz else ''
             self._log.info(f'first samples on {self._topic}: {frame}{rate}'
                            f'{summary.clock or "no"} stamps')
-        for remark in summary.remarks:
+        for remark in presented(summary.remarks):
             self._say_once(remark.code, message_of(remark, live=True))
         self._turn('moving', summary.moving,
                    'the IMU moves: what it measures meanwhile is left out',

@@ -42,7 +42,7 @@ from imu_allan.node.storage import Storage
 from imu_allan.node.temperature_topic import TemperatureTopic, ThermometerBeside
 from imu_allan.node.worker import Worker
 from imu_allan.timeline import TimelineOptions
-from imu_allan.writers.verdict import verdict_lines
+from imu_allan.writers.verdict import findings_line, verdict_lines
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock
@@ -404,8 +404,9 @@ class CharacterizationNode(Node):
             lambda: all(self._storage.save_files_at_end(run)
                         for run in (self._run, self._runs.unproven) if run is not None),
             self._end_worker)]
-        for line in verdict_lines(self._results.latest) if self._results.latest else ():
-            self._log.info(line)
+        if (result := self._results.latest) is not None:
+            for line in filter(None, (*verdict_lines(result), findings_line(result))):
+                self._log.info(line)
         if all(done):
             self._storage.finish_run()
         self._storage.close()
@@ -429,7 +430,7 @@ class CharacterizationNode(Node):
         return True
 
     def _end_worker(self) -> bool:
-        # Nobody listens any more; but what became of files is told.
+        # Nobody listens any more; but what became of files is reported.
         self._worker.finish({'save', 'checkpoint', 'aside'})
         return True
 

@@ -34,7 +34,7 @@ class Batch:
 
     messages: list[bytes]  # serialized, encapsulation header included
     receive_ns: NDArray[np.int64]  # by the middleware, since 1970, shape (n,)
-    numbers: NDArray[np.int64] | None = None  # that the publisher gave them, if it is told
+    numbers: NDArray[np.int64] | None = None  # that the publisher gave them, if it is known
     full: bool = False  # the next would have pushed the first out
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop; save and return the exit status."""
+    """Run the node until it is asked to stop; save and return the exit status."""
     # Until the node handles signals itself.
     with quiet_interrupt():
         from imu_allan.node.interface import CHARACTERIZATION

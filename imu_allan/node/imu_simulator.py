@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until its duration is over or it is told to stop; return the exit status."""
+    """Run the node until its duration is over or it is asked to stop; return the exit status."""
     # Until the node handles signals itself.
     with quiet_interrupt():
         from imu_allan.node.interface import SIMULATOR

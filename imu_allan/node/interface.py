@@ -81,7 +81,7 @@ SETTINGS = (
             'none', choices=tuple(CONSUMERS)),
     Setting('aiding_interval', 0.1, 'Seconds from one correction of the filter to the next, for '
             '~/gyro/filter_random_walk and ~/accel/filter_random_walk', 0.001, 3600.0),
-    Setting('coast', 60.0, 'The longest that the filter must do without, in seconds', 0.01,
+    Setting('coast', 60.0, 'The longest unaided time of the filter, in seconds', 0.01,
             86_400.0),
     Setting('temperature_topic', '', 'Topic (sensor_msgs/Temperature) of the thermometer '
             "beside the IMU; empty finds the only one in the IMU's namespace", read_only=True),
@@ -170,7 +170,7 @@ CHARACTERIZATION = Interface(
 
 SIMULATOR = Interface(
     'imu_simulator',
-    'Stands in for an IMU driver: publishes an IMU at rest with the noise of a model.',
+    'In place of an IMU driver: publishes an IMU at rest with the noise of a model.',
     (),
     (('imu/data_raw', 'sensor_msgs/Imu', 'the samples'),
      ('~/truth', 'diagnostic_msgs/DiagnosticArray', 'the true coefficients')),

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the processes of both nodes share: starting, being told to stop, ending with a status."""
+"""What the processes of both nodes share: starting, being asked to stop, ending with a status."""
 
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
@@ -37,7 +37,7 @@ class StopRequest:
         self.signal: signal.Signals | None = None
 
     def __bool__(self) -> bool:
-        """Whether the process has been told to stop."""
+        """Whether the process has been asked to stop."""
         return self.signal is not None
 
     def receive(self, number: int, _: FrameType | None) -> None:
@@ -84,7 +84,7 @@ def _do_without_shared_memory(program: str) -> None:
     Keep the middleware from a full /dev/shm, which would end the process with SIGBUS.
 
     Fast DDS can use the network alone. LTTng, which the libraries of ROS are linked with for
-    tracing, needs a page of it as soon as it is loaded, and cannot be told otherwise.
+    tracing, needs a page of it as soon as it is loaded, and cannot be recognized otherwise.
     """
     try:
         shared = os.statvfs('/dev/shm')

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 MIXED = -1
-"""Stands for two publishers whose numbers are too close to be told apart."""
+"""Stands for two publishers whose numbers are too close to be distinguished."""
 _NEAR = 64
 """Numbers so close may be those of another publisher that started in the same second."""
 _MIXED_NS = 5_000_000_000
@@ -61,7 +61,7 @@ class Publishers:
                    if one.last_ns >= newest)
 
     def of(self, numbers: Ints | None, receive_ns: Ints) -> tuple[Ints, int]:
-        """Tell whose messages are, `MIXED` where two cannot be told apart, and how many lost."""
+        """Tell whose messages are, `MIXED` where two cannot be separated, and how many lost."""
         if not len(receive_ns):
             return np.empty(0, np.int64), 0
         if numbers is None:

@@ -34,7 +34,7 @@ OCTAVES = 25
 
 @dataclass(frozen=True)
 class Filter:
-    """How often something else corrects a filter, and the longest it must do without, in s."""
+    """How often something else corrects a filter, and the longest that it is unaided, in s."""
 
     aiding_interval_s: float = 0.1
     coast_s: float = 60.0
@@ -101,7 +101,7 @@ def vector_message(result: Result, sensor: str, term: str, stamp: Time) -> Vecto
 
 def tuned_message(result: Result, sensor: str, filter_of: Filter, stamp: Time
                   ) -> Vector3Stamped:
-    """Random walk that makes a filter consistent; NaN for axes nothing can be told of yet."""
+    """Random walk that makes a filter consistent; NaN for axes of which nothing is known yet."""
     def walk(axis: AxisResult) -> float | None:
         if not axis.coefficients['noise_density'].observable:
             return None

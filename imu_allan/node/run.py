@@ -116,7 +116,7 @@ class Lane:
             self.error = str(error)
 
     def update(self, blocks: Sequence[ImuBlock]) -> None:
-        """Take in messages; those that the timeline cannot use are told of in `error`."""
+        """Take in messages; those that the timeline cannot use are reported in `error`."""
         self.known.see(blocks)
         blocks = self.seen.unseen(blocks)
         if blocks:
@@ -175,7 +175,7 @@ class Run:
         return Snapshot(tuple(lane.snapshot() for lane in self.lanes))
 
     def learn(self, results: Sequence[Result], tested_at: int | None) -> None:
-        """Remember what a fit has told."""
+        """Remember what a fit has shown."""
         self.duration_s = max(result.timeline.duration_s for result in results)
         for lane, result in zip(self.lanes, results, strict=True):
             lane.known.learn(result.source)

@@ -30,7 +30,7 @@ LONGEST_LOOK_S = 10.0
 FEWEST_MESSAGES = 16
 """A jitter of half an interval moves the rate of 16 messages by 5 %."""
 _MOST_MESSAGES = 20_000
-"""10 s at 2 kHz, 1.3 MB; a faster sensor is told by as many messages sooner."""
+"""10 s at 2 kHz, 1.3 MB; a faster sensor is recognized by as many messages sooner."""
 _SAME_LEVEL = 0.1
 """Relative difference of the noise of one sensor from one day to another. A judgment."""
 _SURE, _SUSPECT = 5.0, 2.0

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node that stands in for an IMU driver: Imu messages with known noise."""
+"""A node in place of an IMU driver: Imu messages with known noise."""
 
 import time
 
@@ -104,11 +104,11 @@ class SimulatorNode(Node):
 
     def _wait_for_subscriptions(self, executor: SingleThreadedExecutor,
                                 stop: StopRequest) -> None:
-        told = time.monotonic()
+        reported = time.monotonic()
         while not stop and self._publisher.get_subscription_count() < self._wanted:
             executor.spin_once(timeout_sec=_SERVICE_PERIOD_S)
-            if time.monotonic() - told > 5:
-                told = time.monotonic()
+            if time.monotonic() - reported > 5:
+                reported = time.monotonic()
                 self.get_logger().info(f'waiting for {self._wanted} subscriptions to '
                                        f'{self._publisher.topic_name}')
 

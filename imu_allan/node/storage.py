@@ -199,7 +199,7 @@ class Storage:
         self.try_output()
 
     def try_output(self) -> None:
-        """Have it told now whether the output folder can be written to, not at the end."""
+        """Have it reported early whether the output folder can be written to, not at the end."""
         folder = self._output_dir
 
         def note(future: 'Future[None]') -> None:
@@ -268,7 +268,7 @@ class Storage:
         """
         Write the files, to another folder if the one asked for takes none; tell if all is well.
 
-        What fails is told by the worker, as of any save.
+        What fails is reported by the worker, as of any save.
         """
         if not run.fed and not (self._unasked and self.has_resumed):
             return True

@@ -229,7 +229,7 @@ def _come_in_turn(samples: NDArray[np.float64]) -> bool:
 
 
 def _beginning(recording: Recording, topic: str) -> Iterator[ImuBlock]:
-    """Read the first messages of a topic; what is wrong there is told by the reading itself."""
+    """Read the first messages of a topic; the reading itself reports what is wrong there."""
     seen = 0
     with recording.again() as apart, suppress(ImuAllanError, OSError):
         for block, _ in apart.decoded(topic):

@@ -106,7 +106,7 @@ def recordings_in(path: Path | str) -> list[Path]:
         found = [item for item in folder.iterdir() if not item.name.startswith('.') and (
             _is_bag(item) if item.is_dir() else item.suffix.lower() in _WHOLE)]
     except (OSError, ValueError):
-        # What is wrong with it is told when it is opened.
+        # What is wrong with it is reported when it is opened.
         return [folder]
     return sorted(found, key=lambda item: natural(item.name)) or [folder]
 

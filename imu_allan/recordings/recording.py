@@ -101,7 +101,7 @@ class Recording(ABC):
         """Lend it, open, for one topic of several, with remarks of its own; nothing is closed."""
         lent = copy(self)
         lent.remarks = [*self.remarks]
-        lent._withheld = {code: set(told) for code, told in self._withheld.items()}
+        lent._withheld = {code: set(reported) for code, reported in self._withheld.items()}
         return nullcontext(lent)
 
     @property
@@ -144,7 +144,7 @@ class Recording(ABC):
         return bool(found)
 
     def keeps(self, size: int) -> bool:
-        """Whether a description of so many bytes is kept; where not, that is told."""
+        """Whether a description of so many bytes is kept; where not, that is reported."""
         kept = self._descriptions.keep(size)
         if not kept:
             self.remark('many_definitions')

@@ -114,7 +114,7 @@ def temperatures(recording: Recording, topic: str, clock: Literal['header', 'rec
     if heat is None or clock is None:
         return
     try:
-        # What is wrong with the file was told when the IMU was read.
+        # What is wrong with the file was reported when the IMU was read.
         with recording.again() as apart:
             for block, _ in apart.decoded(heat.name):
                 usable = clock == 'header' and (block.header_ns > 0).all()

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers from a caller: one that makes no sense is told in one line, before any work."""
+"""Numbers from a caller: one that makes no sense is reported in one line, before any work."""
 
 from numbers import Real
 from typing import Any

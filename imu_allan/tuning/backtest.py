@@ -56,8 +56,8 @@ class Met:
     innovations : dict of float to (ndarray, int)
         By interval: sum of the normalised innovations squared, shape (filters,), and steps.
     coasts : dict of float to (ndarray, ndarray, int)
-        By horizon: sums of what was claimed for the squared error of the mean and of what it was,
-        shape (filters,), and outages.
+        By horizon: sums of the squared error of the mean as predicted and as it was, shape
+        (filters,), and outages.
 
     """
 
@@ -72,9 +72,9 @@ class Met:
                        for step_s, (z, steps) in self.innovations.items()
                        if steps >= _FEWEST_STEPS - 1)
         # In each half: of fewer the observed deviation says little of the predicted one.
-        coasts = tuple(Coast(horizon_s, float(np.sqrt(claimed[filters].sum() / (lanes * outages))),
-                             float(np.sqrt(squared[filters].sum() / (lanes * outages))))
-                       for horizon_s, (claimed, squared, outages) in self.coasts.items()
+        coasts = tuple(Coast(horizon_s, *(float(np.sqrt(sums[filters].sum() / (lanes * outages)))
+                                          for sums in (predicted, squared)))
+                       for horizon_s, (predicted, squared, outages) in self.coasts.items()
                        if outages >= 3)
         return scores, coasts
 
@@ -189,7 +189,7 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
         starts = np.arange(size, means.shape[1] - size + 1, size)
         total = np.concatenate((np.zeros((len(fed), 1)), np.cumsum(means, axis=1)), axis=1)
         actual = (total[:, starts + size] - total[:, starts]) / size
-        claimed, squared, outages = met.coasts.get(size * step_s, (0.0, 0.0, 0))
+        predicted, squared, outages = met.coasts.get(size * step_s, (0.0, 0.0, 0))
         more = np.zeros((2, len(fed)))
         for lane, (model, tones) in enumerate(fed):
             weight, rest = coasting_weights(model, tones, size * step_s)
@@ -198,7 +198,7 @@ def _coast(met: Met, fed: Sequence[tuple[DriftModel, tuple[Tone, ...]]], filters
             variance = np.einsum('i,kij,j->k', weight,
                                  filters.covariance[lane, starts, :n, :n], weight) + rest
             more[:, lane] = variance.sum(), np.square(error).sum()
-        met.coasts[size * step_s] = claimed + more[0], squared + more[1], outages + len(starts)
+        met.coasts[size * step_s] = predicted + more[0], squared + more[1], outages + len(starts)
 
 
 def stretches(series: Cells, cell: int) -> list[Array]:

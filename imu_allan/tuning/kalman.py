@@ -91,14 +91,14 @@ def run_filters(spaces: Sequence[StateSpace], means: ArrayLike) -> Filtered:
     for k in range(steps):
         found.state[:, k], found.covariance[:, k] = x, p
         ph = (p * h[:, None, :]).sum(axis=2)
-        claimed = (h * ph).sum(axis=1) + r
+        predicted = (h * ph).sum(axis=1) + r
         innovation = series[:, k] - (h * x).sum(axis=1)
-        gain = (decay * ph + cross) / claimed[:, None]
+        gain = (decay * ph + cross) / predicted[:, None]
         if not there[:, k].all():
             gain[~there[:, k]] = 0
-        found.innovation[:, k], found.variance[:, k] = innovation, claimed
+        found.innovation[:, k], found.variance[:, k] = innovation, predicted
         x = decay * x + gain * np.where(there[:, k], innovation, 0)[:, None]
-        p = both * p + process - claimed[:, None, None] * gain[:, :, None] * gain[:, None, :]
+        p = both * p + process - predicted[:, None, None] * gain[:, :, None] * gain[:, None, :]
     return found
 
 

@@ -4,10 +4,10 @@
 Two or three numbers for a filter, in one module with the closed forms that choose them.
 
 Most filters know white noise and a random walk, some white noise and a first-order Gauss-Markov
-process. The truth is the drift model; what such a filter claims for the mean over the next h
+process. The truth is the drift model; what such a filter predicts for the mean over the next h
 seconds, V(h), and what then happens, E(h), both have closed forms in its steady state. The numbers
 are those with the best mean logarithmic score, the smallest mean of ln V + E/V, over horizons from
-the time between two corrections to the longest time without one.
+the time between two corrections to the longest unaided time.
 
 References
 ----------
@@ -38,7 +38,7 @@ Bias = Literal['random_walk', 'gauss_markov']
 _STEP = 9 / 160
 """Decades of density squared: 7 % of a random walk, finer than it is known."""
 _EXCESS = 10 ** np.linspace(0, 1, 41)
-"""Factors of squared noise density for a filter that is to claim enough: 3 % of N apart."""
+"""Factors of squared noise density for a filter that is to predict enough: 3 % of N apart."""
 _CLEARLY = 8.0
 """
 Times as long as a walk takes to reach the white noise: over so long a process is known by what it
@@ -57,14 +57,14 @@ class FilterTuning:
     Attributes
     ----------
     aiding_interval_s, coast_s : float
-        How often something else corrects the filter, and the longest it must do without.
+        How often something else corrects the filter, and the longest that it is unaided.
     noise_density : float
     random_walk : float or None
         Driving density of the bias for a filter with a random walk.
     sigma, correlation_time_s : float or None
         Standard deviation and correlation time for a filter with a Gauss-Markov process.
     consistency : tuple of (float, float, float)
-        Horizon in seconds, standard deviation expected and claimed of the mean over it.
+        Horizon in seconds, standard deviation expected and predicted of the mean over it.
     known_from_s, known_to_s : float
         Horizons that the recording speaks of. Below them the noise density is that of the band it
         knows, or more where the curve stands above; beyond them what is expected was widened by
@@ -90,14 +90,14 @@ class FilterTuning:
         1 is right, above 1 overconfident.
 
         """
-        _, expected, claimed = self.consistency[0]
-        return (expected / claimed) ** 2
+        _, expected, predicted = self.consistency[0]
+        return (expected / predicted) ** 2
 
     @property
     def coast_ratio(self) -> float:
-        """Return expected over claimed variance of the mean over the longest time uncorrected."""
-        _, expected, claimed = self.consistency[-1]
-        return (expected / claimed) ** 2
+        """Return expected over predicted variance of the mean over the longest unaided time."""
+        _, expected, predicted = self.consistency[-1]
+        return (expected / predicted) ** 2
 
 
 def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0,
@@ -113,7 +113,7 @@ def tune(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
     aiding_interval_s : float, optional
         Time between two corrections by camera, lidar, satellites.
     coast_s : float, optional
-        The longest time without any.
+        The longest unaided time.
     bias : {'random_walk', 'gauss_markov'}, optional
         What the filter takes its bias for.
     conservative : bool, optional
@@ -165,16 +165,16 @@ def _tune(drift: Drift, aiding_interval_s: float, coast_s: float, bias: Bias,
     excess = _EXCESS if conservative else _EXCESS[:1]
     filters = (_walks(s2, aiding_interval_s, coast_s, excess) if bias == 'random_walk'
                else _markovs(s2, aiding_interval_s, coast_s, excess[::3], correlation_time_s))
-    claimed = filters.claimed(horizons)
+    predicted = filters.predicted(horizons)
     expected = truth.expected(filters, horizons)
     wanted = truth.upper(filters, horizons) if conservative else expected
-    cost = np.mean(np.log(claimed) + wanted / claimed, axis=0)
+    cost = np.mean(np.log(predicted) + wanted / predicted, axis=0)
     if conservative:
-        doubt = np.max(wanted / claimed, axis=0)
+        worst = np.max(wanted / predicted, axis=0)
         # Where none is safe at every horizon the least unsafe one is taken.
-        cost = np.where(doubt <= max(1.0, 1.001 * float(doubt.min())), cost, np.inf)
+        cost = np.where(worst <= max(1.0, 1.001 * float(worst.min())), cost, np.inf)
     best = int(np.argmin(cost))
-    return _tuning(filters, best, truth, horizons, expected[:, best], claimed[:, best], coast_s)
+    return _tuning(filters, best, truth, horizons, expected[:, best], predicted[:, best], coast_s)
 
 
 def assess(axis: AxisResult, noise_density: float, random_walk: float,
@@ -235,14 +235,14 @@ def _assess(drift: Drift, noise_density: float, random_walk: float, aiding_inter
     if correlation_time_s is not None:
         filters = Filters.markov(white, np.sqrt(walk * correlation_time_s / 2),
                                  np.array([correlation_time_s]), aiding_interval_s)
-    expected, claimed = truth.expected(filters, horizons), filters.claimed(horizons)
-    return _tuning(filters, 0, truth, horizons, expected[:, 0], claimed[:, 0], coast_s)
+    expected, predicted = truth.expected(filters, horizons), filters.predicted(horizons)
+    return _tuning(filters, 0, truth, horizons, expected[:, 0], predicted[:, 0], coast_s)
 
 
 def optimum(axis: AxisResult, aiding_interval_s: float = 0.1, coast_s: float = 60.0
             ) -> tuple[tuple[float, float, float], ...]:
     """
-    Consistency of a filter that holds the whole drift model: what is expected it claims.
+    Consistency of a filter that holds the whole drift model: what is expected it predicts.
 
     Parameters
     ----------
@@ -326,8 +326,8 @@ class Filters:
         """Weight of the state in the mean over each horizon, shape (horizons, n)."""
         return on_mean(self.time, horizons[:, None])
 
-    def claimed(self, horizons: Array) -> Array:
-        """V(h): variance that the filters claim for the mean over each horizon."""
+    def predicted(self, horizons: Array) -> Array:
+        """V(h): variance that the filters predict for the mean over each horizon."""
         h, weight = horizons[:, None], self.weight(horizons)
         process = self.sigma**2 * rest_of_mean(self.time, h) + self.walk * h / 3
         return np.asarray(weight**2 * self.covariance + process + self.white / h)
@@ -423,9 +423,9 @@ class Truth:
 
 
 def _tuning(filters: Filters, at: int, truth: Truth, horizons: Array, expected: Array,
-            claimed: Array, coast_s: float) -> FilterTuning:
+            predicted: Array, coast_s: float) -> FilterTuning:
     rows = tuple((float(h), float(np.sqrt(e)), float(np.sqrt(v)))
-                 for h, e, v in zip(horizons, expected, claimed, strict=True))
+                 for h, e, v in zip(horizons, expected, predicted, strict=True))
     base = FilterTuning(filters.aiding_s, coast_s, float(np.sqrt(filters.white[at])), None, None,
                         None, rows, truth.model.from_s, truth.model.to_s)
     if np.isfinite(filters.time[at]):
@@ -477,5 +477,5 @@ def _times(aiding_s: float, coast_s: float) -> tuple[float, float]:
     coast_s = positive_time('coast_s', coast_s)
     if coast_s < aiding_s:
         raise ImuAllanError(f'coast_s {coast_s:g} s is shorter than aiding_interval_s '
-                            f'{aiding_s:g} s: a filter coasts for at least one interval')
+                            f'{aiding_s:g} s: a filter is unaided for at least one interval')
     return aiding_s, coast_s

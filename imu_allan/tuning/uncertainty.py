@@ -163,7 +163,7 @@ def widened(factor: float, ends: Interval, axis: AxisResult, coast_s: float) -> 
     axis : AxisResult
         Of the first recording.
     coast_s : float
-        The longest time without correction.
+        The longest unaided time.
 
     Returns
     -------

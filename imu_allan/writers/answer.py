@@ -96,7 +96,7 @@ class Answer:
     tuned : Tuned or None
         For a filter that is corrected every `AIDING_S` and alone for `COAST_S` at most.
     forecast : str
-        How far off it is after `COAST_S` without correction, its bias averaged over
+        How far off it is after `COAST_S` unaided, its bias averaged over
         `CALIBRATION_S` before; a standard deviation, empty where the data cannot tell.
     forecast_interval : str
         Of an accelerometer that of the position; empty where `UNCERTAIN` is all that is known.

@@ -68,7 +68,7 @@ def require_replaceable(path: str | os.PathLike[str], kind: str) -> None:
     """
     if _is_stream(path):
         return
-    # What cannot be looked at is told by the attempt to write.
+    # What cannot be looked at is reported by the attempt to write.
     with contextlib.suppress(OSError):
         _require_kind(str(path), str(followed(path)), kind)
 

@@ -21,7 +21,7 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.wording import counted, duration, listed, SENSORS
 from imu_allan.writers import figure_style
-from imu_allan.writers.curves import told
+from imu_allan.writers.curves import reported
 from imu_allan.writers.panels import draw_curve
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     Parameters
     ----------
     paths : sequence of Path
-        Result files; files of one name are told apart by their folders.
+        Result files; files of one name are distinguished by their folders.
 
     """
     for parts in range(1, 1 + max(len(path.parts) for path in paths)):
@@ -222,7 +222,7 @@ def difference_table(differences: Sequence[Difference]) -> 'Table':
 
 def shown(coefficient: Coefficient) -> str:
     """Return the coefficient in its engineering unit, or its bound."""
-    return (told(coefficient) or ('not observable',))[0]
+    return (reported(coefficient) or ('not observable',))[0]
 
 
 def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme = 'light'
@@ -272,7 +272,7 @@ def comparison_figure(results: Mapping[str, Result], theme: figure_style.Theme =
 
 def result_colours(count: int, theme: figure_style.Theme = 'light') -> list[str]:
     """
-    Return a colour for each of `count` results, told apart in colour-blind vision.
+    Return a colour for each of `count` results, distinguishable in colour-blind vision.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class Aiding(NamedTuple):
         None for one without a bias state, which gets the measured noise density.
     reason : str
     coast_s : float
-        The longest it must do without; by default an outage in a tunnel.
+        The longest unaided time; by default an outage in a tunnel.
 
     """
 
@@ -39,7 +39,7 @@ AUTOPILOT = Aiding(0.2, 'satellite fixes of an autopilot at 5 Hz')
 SIMULATION = Aiding(1.0, 'a simulation shall drift like the sensor from a second on', 600.0)
 ESTIMATOR = Aiding(0.1, 'an estimator at 10 Hz')
 NO_BIAS = Aiding(None, 'the consumer has no bias state')
-MATLAB = Aiding(None, 'imuSensor models white noise, flicker and walk itself')
+MATLAB = Aiding(None, 'imuSensor models white noise, flicker and random walk itself')
 
 
 class Consumer(NamedTuple):

@@ -224,7 +224,7 @@ def written(coefficient: Coefficient, value: float) -> str:
     return f'{measured(shown, *bounds)[0]} {typeset(unit)}'
 
 
-def told(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
+def reported(coefficient: Coefficient, *, si: bool = False) -> tuple[str, ...]:
     """
     Return a coefficient as text: value and both ends of its interval, its bound alone, or nothing.
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 LAST_WRITTEN = 'allan_deviation.png'
 """The file that `save_folder` writes last: where it is missing, the others may be, too."""
 MOST_COMPARED = 7
-"""Results that are drawn in a colour each; there are no more that can be told apart."""
+"""Results that are drawn in a colour each; there are no more that can be distinguished."""
 
 
 class IncompleteSave(ImuAllanError):
@@ -206,7 +206,7 @@ def save_comparison(results: Mapping[str, Result], folder: str | os.PathLike[str
     Write ``comparison.html`` and ``comparison.FORMAT`` of several results.
 
     More than seven, which is how many colours there are, are shown as a population: grey curves,
-    median and band, and in colour what sticks out.
+    median and band, and in colour the outliers.
 
     Parameters
     ----------

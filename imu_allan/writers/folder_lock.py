@@ -41,7 +41,7 @@ def turn_in(folder: str | os.PathLike[str]) -> Iterator[None]:
         return
     with contextlib.ExitStack() as stack:
         handle = None
-        # What is wrong with the folder is told by whoever writes to it.
+        # What is wrong with the folder is reported by whoever writes to it.
         with contextlib.suppress(OSError, ImuAllanError):
             handle = open_to_lock(folder)
             stack.callback(os.close, handle)

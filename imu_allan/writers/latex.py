@@ -7,7 +7,7 @@ from imu_allan.result import Coefficient, Result
 from imu_allan.sensor.units import engineering
 from imu_allan.version import __version__
 from imu_allan.wording import duration, listed, SENSORS
-from imu_allan.writers.curves import axes_of, sensors_of, told
+from imu_allan.writers.curves import axes_of, reported, sensors_of
 from imu_allan.writers.pages import text_of
 
 _SPECIAL = {'\\': r'\textbackslash{}', '&': r'\&', '%': r'\%', '$': r'\$', '#': r'\#',
@@ -77,7 +77,7 @@ def noise_table(result: Result) -> str:
 
 
 def _cell(coefficient: Coefficient) -> str:
-    value, *ends = told(coefficient) or ('--',)
+    value, *ends = reported(coefficient) or ('--',)
     if ends:
         return f'{value} [{", ".join(ends)}]'
     return value if coefficient.upper95 is None else f'${value}$'

@@ -283,7 +283,7 @@ def _draw_table(panel: 'Axes', sensor: str, axes: Mapping[str, AxisResult], them
                 if not column:
                     panel.text(0.08, height, 'constant: every sample is the same', fontsize=7,
                                va='center', color=soft)
-            elif len(said := curves.told(coefficient)) == 3:
+            elif len(said := curves.reported(coefficient)) == 3:
                 panel.text(right - 0.178, height, said[0], ha='right', va='center', fontsize=9.5,
                            color=ink)
                 panel.text(right, height, ' – '.join(said[1:]), ha='right', va='center',

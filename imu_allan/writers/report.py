@@ -39,7 +39,7 @@ from imu_allan.writers.charts.drift import drift_chart
 from imu_allan.writers.charts.over_time import segment_chart, signal_chart
 from imu_allan.writers.charts.spectrum import density_chart
 from imu_allan.writers.comparison import compare, shown, verdicts
-from imu_allan.writers.curves import axes_of, sensors_of, told
+from imu_allan.writers.curves import axes_of, reported, sensors_of
 from imu_allan.writers.filters import CONSUMERS, export
 from imu_allan.writers.pages import filled, text_of
 from imu_allan.writers.verdict import findings_line, verdict_lines
@@ -158,7 +158,7 @@ def _cell(coefficient: Coefficient) -> dict[str, str]:
     """Return a coefficient in both units: value and interval, or its bound."""
     cell = {}
     for unit, si in (('', False), ('si_', True)):
-        value, *ends = told(coefficient, si=si) or ('not observable',)
+        value, *ends = reported(coefficient, si=si) or ('not observable',)
         cell[f'{unit}value'], cell[f'{unit}interval'] = value, ' – '.join(ends)
     return {**cell, 'exact': '' if coefficient.value is None else repr(coefficient.value)}
 

@@ -30,7 +30,7 @@ from imu_allan.writers.answer import (
     UNCERTAIN,
     written_mean,
 )
-from imu_allan.writers.curves import told
+from imu_allan.writers.curves import reported
 from imu_allan.writers.terminal import console_of
 from imu_allan.writers.verdict import Units, verdict_lines
 from imu_allan.writers.words import advice, presented, says, title_of
@@ -114,7 +114,9 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     from rich.text import Text
 
     found = answers(result)
-    acts, known = _to_show(result, verbose=verbose)
+    findings = presented(result.warnings)
+    full = [one for one in findings if verbose or one.severity == 'act']
+    known = [one for one in findings if one not in full]
     blocks = [list(_filled(verdict_lines(result, units), width, 'bold')), _heading(result, width)]
     rows = [list(_rows({name: result.axes[name] for name in AXES
                         if name.startswith(answer.sensor) and name in result.axes},
@@ -122,13 +124,12 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     blocks += _tables(found, rows, width, tuned=units != 'si', named=verbose)
     blocks += [_for_a_filter(result, found, width),
                list(_filled(_notes(result), width, 'dim')) if verbose else []]
-    last = list(_filled(known, width, 'dim'))
+    last = list(_filled(_good_to_know(known), width, 'dim'))
     room = SCREEN - sum(map(len, blocks)) - len(last)
-    full = _in_full(acts, width, None if verbose else room)
-    if len(last) > 1 and not verbose and len(full) > room:
-        last = list(_filled([f'Good to know: {known[0].count(",")} findings (--verbose).'], width,
-                            'dim'))
-    blocks.append([*full, *last])
+    shown = _in_full(full, width, None if verbose else room)
+    if len(last) > 1 and len(shown) > room:
+        last = list(_filled([f'Good to know: {len(known)} findings (--verbose).'], width, 'dim'))
+    blocks.append([*shown, *last])
     blocks = [block for block in blocks if block]
     spare = len(blocks) if verbose else SCREEN - sum(map(len, blocks))
     return Group(*(line for place, block in enumerate(blocks) for line in (
@@ -205,7 +206,7 @@ def _rows(axes: Mapping[str, AxisResult], units: Units, recorded: float, *, verb
 
 
 def _cell(coefficient: Coefficient, *, si: bool, in_full: bool) -> _Cell:
-    value, *ends = told(coefficient, si=si) or ('-',)
+    value, *ends = reported(coefficient, si=si) or ('-',)
     if not ends or coefficient.ci95 is None:
         return _Cell(value)
     half = (coefficient.ci95[1] - coefficient.ci95[0]) / 2 / abs(coefficient.value or 1.0)
@@ -290,7 +291,7 @@ def _stacked(title: str, rows: Sequence[_Row], width: int) -> 'list[Text]':
 
 
 def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[Text]':
-    """Say what to give a filter, in SI, and how far off the sensor is without corrections."""
+    """Say what to give a filter, in SI, and how far off the sensor is unaided."""
     lines = []
     if any(answer.tuned is not None for answer in found):
         lines.append(f'For a filter corrected every {AIDING_S:g} s, up to '
@@ -304,7 +305,7 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
             lines += [beside] if len(beside) <= width else [pair[0], f'{"":9}{pair[1]}']
         elif answer.word != CONSTANT and answer.noise is not None:
             lines += [f'  {answer.sensor:<5}  worst axis {figure.axis}: '
-                      f'{found.symbol} {told(found, si=True)[0]} {found.unit}'
+                      f'{found.symbol} {reported(found, si=True)[0]} {found.unit}'
                       for figure in (answer.noise, answer.drift) if figure is not None
                       for found in [figure.coefficient]]
     drifts = {answer.sensor: _unaided(answer, result.timeline.rest_s) for answer in found
@@ -338,17 +339,12 @@ def _notes(result: Result) -> list[str]:
     return [' '.join(words)]
 
 
-def _to_show(result: Result, *, verbose: bool) -> tuple[list[Finding], list[str]]:
-    """Return what is said in full, and the names of what is good to know in a sentence."""
-    found = presented(result.warnings)
-    if verbose:
-        return list(found), []
-    # The segments of motion stand in the heading.
-    names = dict.fromkeys(title_of(one) for one in found if one.severity == 'know' and
-                          not (one.code == 'motion' and result.timeline.motion))
-    return ([one for one in found if one.severity == 'act'],
-            [f'Good to know: {", ".join(names)} (imu_allan explain NAME, or --verbose).']
-            if names else [])
+def _good_to_know(found: Sequence[Finding]) -> list[str]:
+    """Count and name in a sentence what is not said in full."""
+    if not found:
+        return []
+    names = ', '.join(dict.fromkeys(map(title_of, found)))
+    return [f'Good to know ({len(found)}): {names} (imu_allan explain NAME, or --verbose).']
 
 
 def _in_full(found: Sequence[Finding], width: int, room: int | None) -> 'list[Text]':

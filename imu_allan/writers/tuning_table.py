@@ -45,7 +45,7 @@ class Choice:
     nis, coast_ratio : float
         Expected.
     coast_sigma : float
-        What the filter claims for the mean over the longest time without correction.
+        What the filter predicts for the mean over the longest unaided time.
 
     """
 
@@ -112,8 +112,8 @@ def tuning_table(result: Result, aiding_s: float, coast_s: float, bias: Bias = '
 
     """
     parts: list[RenderableType] = [Text(
-        f'Numbers for a filter that is corrected every {duration(aiding_s)} and must do without '
-        f'for {duration(coast_s)}:')]
+        f'Numbers for a filter that is corrected every {duration(aiding_s)} and unaided for '
+        f'{duration(coast_s)}:')]
     for title, axes in _by_sensor(known_axes(result)).items():
         axis = next(iter(axes.values()))
         noise, walk = (axis.coefficients[key].unit for key in ('noise_density',
@@ -143,16 +143,16 @@ def _by_sensor(axes: Mapping[str, AxisResult]) -> dict[str, dict[str, AxisResult
 
 def _cells(choice: Choice, bias: Bias) -> list[str]:
     tuning = choice.tuning
-    claimed = number(choice.coast_sigma, 3)
+    predicted = number(choice.coast_sigma, 3)
     if tuning is None:
-        return ['full model', '', '', '1', '1', claimed]
+        return ['full model', '', '', '1', '1', predicted]
     if tuning.random_walk is not None:
         second = (('K ' if bias == 'gauss_markov' else '') + ('< ' if choice.bound else '')
                   + number(tuning.random_walk, 3))
     else:
         second = f'{number(tuning.sigma or 0.0, 3)}, {duration(tuning.correlation_time_s or 0.0)}'
     return [choice.name, number(tuning.noise_density, 3), second, f'{choice.nis:.3g}',
-            f'{choice.coast_ratio:.3g}', claimed]
+            f'{choice.coast_ratio:.3g}', predicted]
 
 
 def known_axes(result: Result) -> dict[str, AxisResult]:
@@ -173,7 +173,7 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
     result : Result
         With a drift model.
     coast_s : float
-        The longest time without correction.
+        The longest unaided time.
     calibration_s : float
         How long the bias is averaged before a drift.
 
@@ -181,7 +181,7 @@ def sentences(result: Result, coast_s: float, calibration_s: float) -> list[str]
     said = [*_left_out(result), *_forecast(result, calibration_s), *(
         f'{sentence} The rows "{MEASURED}" and "{TENFOLD}" are without it.'
         for sentence in included(result.axes)), *_steadiness(result, coast_s)]
-    for time_s, what in ((coast_s, 'without correction'),
+    for time_s, what in ((coast_s, 'unaided'),
                          (calibration_s, 'of averaging the bias')):
         if (known := known_less_than(result.axes, time_s)) is not None:
             said.append(f'{duration(time_s)} {what} is beyond what this recording knows '
@@ -218,7 +218,7 @@ def _steadiness(result: Result, coast_s: float) -> list[str]:
 
 
 def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
-    """Return the predicted drift of every axis without correction."""
+    """Return the predicted unaided drift of every axis."""
     table = bare_table('axis', 'off by', *map(duration, FORECAST_S))
     for name, axis in known_axes(result).items():
         forecast = predicted_drift(axis, FORECAST_S, calibration_s)
@@ -232,7 +232,7 @@ def forecast_table(result: Result, calibration_s: float = 60.0) -> Group:
                 _known_or_more(forecast, horizon, value * factor)
                 for horizon, value in zip(FORECAST_S, values, strict=True)))
     return Group(
-        Text('Drift after a time without correction, one standard deviation, the bias averaged '
+        Text('Unaided drift, one standard deviation, the bias averaged '
              f'over {duration(calibration_s)} before:'), table)
 
 
@@ -259,11 +259,11 @@ def _forecast(result: Result, calibration_s: float) -> list[str]:
         if known:
             value, low, high, name = max(known, key=lambda one: one[0])
             which = '' if len(known) == len(forecasts) else ' that is known'
-            said.append(f'One minute without correction costs about {number(value * factor, 2)}'
+            said.append(f'One unaided minute costs about {number(value * factor, 2)}'
                         f'{unit} of {what} ({number(low * factor, 2)} to '
                         f'{number(high * factor, 2)}{unit}; {name}, the worst axis{which}).')
         elif forecasts:
-            said.append('This recording is too short to tell what one minute without correction '
+            said.append('This recording is too short to know what one unaided minute '
                         f'costs of {what} (bias averaged over {duration(calibration_s)} before).')
     if any(axis.drift_model is not None
            and axis.drift_model.to_s < max(FORECAST_S[-1], calibration_s)

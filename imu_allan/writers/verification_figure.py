@@ -26,7 +26,7 @@ _ROOM = 1.5
 def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme = 'light'
                         ) -> 'Figure':
     """
-    Draw how far the mean was off after a time without correction, beside what was predicted.
+    Draw how far the mean was off after an unaided time, beside what was predicted.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def verification_figure(found: Mapping[str, FieldTest], other: str, theme: Theme
     Raises
     ------
     ImuAllanError
-        If nothing was at rest for long enough to be left without correction.
+        If nothing was at rest for long enough to be left unaided.
 
     """
     sensors = [sensor for sensor in SENSORS
@@ -83,7 +83,7 @@ def _draw(panel: 'Axes', sensor: str, found: Mapping[str, FieldTest], theme: The
                    markersize=9, color=colour)
         panel.plot(h, [row.observed_rms * factor for row in outcome.coasts], MARKERS[name[-1]],
                    color=colour, markersize=6, label=f'{name[-1]} axis')
-    panel.set(xscale='log', yscale='log', xlabel='time without correction',
+    panel.set(xscale='log', yscale='log', xlabel='unaided time',
               xlim=(horizons[0] / _ROOM, horizons[-1] * _ROOM),
               ylabel=f'error of the mean {SAMPLES[sensor]} over it [{typeset(shown)}]')
     panel.set_xticks(horizons, [duration(h) for h in horizons])

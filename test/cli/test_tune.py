@@ -20,12 +20,12 @@ def test_the_four_ways_stand_side_by_side(result_file, capsys):
     assert main(['tune', str(result_file), '--aiding', '1s', '--coast', '20s']) == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[0] == (
-        'Numbers for a filter that is corrected every 1 s and must do without for 20 s:')
+        'Numbers for a filter that is corrected every 1 s and unaided for 20 s:')
     for row in ('Gyroscope: N rad/s/sqrt(Hz), K rad/s^2/sqrt(Hz), predicted rad/s',
                 'Accelerometer: N m/s^2/sqrt(Hz), K m/s^3/sqrt(Hz), predicted m/s^2',
                 'x tuned ', 'conservative', 'as measured', 'ten times K', 'full model'):
         assert row in out
-    said = Varying('One minute without correction costs about <number>° of heading (<number> to '
+    said = Varying('One unaided minute costs about <number>° of heading (<number> to '
                    '<number>°; gyro_z, the worst axis).')
     assert said in out.splitlines()
     assert err == ''
@@ -53,9 +53,9 @@ def test_nothing_is_broken_or_cut_on_a_terminal(result_file, capsys, monkeypatch
 def test_a_sentence_says_no_number_that_the_recording_does_not_know(result_file, capsys):
     assert main(['tune', str(result_file), '--calibration', '3h']) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert ('This recording is too short to tell what one minute without correction costs of '
+    assert ('This recording is too short to know what one unaided minute costs of '
             'heading (bias averaged over 3 h before).') in lines
-    assert not any(line.startswith('One minute without correction') for line in lines)
+    assert not any(line.startswith('One unaided minute') for line in lines)
 
 
 def test_an_axis_that_knows_too_little_hides_no_sentence_of_the_others(result_file, tmp_path,
@@ -68,7 +68,7 @@ def test_an_axis_that_knows_too_little_hides_no_sentence_of_the_others(result_fi
     assert main(['tune', str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     [said] = [line for line in lines if ' of heading ' in line]
-    assert said == Varying('One minute without correction costs about <number>° of heading '
+    assert said == Varying('One unaided minute costs about <number>° of heading '
                            '(<number> to <number>°; gyro_y, the worst axis that is known).')
 
 
@@ -127,15 +127,14 @@ def test_what_changed_within_the_recording_is_said(result_file, capsys, tmp_path
 
 def test_an_outage_beyond_the_recording_is_said(result_file, capsys):
     assert main(['tune', str(result_file), '--coast', '3h']) == 0
-    assert ('3 h without correction is beyond what this recording knows (100 s): the numbers are '
+    assert ('3 h unaided is beyond what this recording knows (100 s): the numbers are '
             'widened; record for 9 h to know.') in capsys.readouterr().out.splitlines()
 
 
 def test_a_bias_averaged_for_longer_than_the_recording_knows_is_said(result_file, capsys):
     assert main(['tune', str(result_file), '--aiding', '50ms', '--calibration', '3h']) == 0
     out = capsys.readouterr().out.splitlines()
-    assert out[0] == ('Numbers for a filter that is corrected every 50 ms and must do without for '
-                      '60 s:')
+    assert out[0] == ('Numbers for a filter that is corrected every 50 ms and unaided for 60 s:')
     assert ('3 h of averaging the bias is beyond what this recording knows (100 s): the numbers '
             'are widened; record for 9 h to know.') in out
     # Every number of the table is in brackets.
@@ -197,7 +196,7 @@ def test_a_filter_with_a_process_stays_one_when_it_is_verified(
     out = ' '.join(capsys.readouterr().out.split())
     assert 'sigma times' in out
     assert 'K times' not in out
-    assert out.index('One minute without correction') < out.index('Filters with these numbers')
+    assert out.index('One unaided minute') < out.index('Filters with these numbers')
     for axis in json.loads(path.read_text())['verification']['axes'].values():
         assert axis['sigma_factor'] > 0
         assert 'walk_factor' not in axis
@@ -227,8 +226,8 @@ def test_a_picture_of_models_alone_is_told(result_file, tmp_path, capsys):
 def test_times_out_of_order_are_told(result_file, capsys):
     assert main(['tune', str(result_file), '--aiding', '10s', '--coast', '1s']) == 1
     assert capsys.readouterr().err == (
-        'imu_allan: --coast 1 s is shorter than --aiding 10 s: a filter coasts for at least one '
-        'interval\n')
+        'imu_allan: --coast 1 s is shorter than --aiding 10 s: a filter is unaided for at least '
+        'one interval\n')
 
 
 @pytest.mark.parametrize('bad', ['0', '-1s', 'nan', 'inf', 'text', '', '1e-30', '1e308',

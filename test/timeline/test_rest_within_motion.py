@@ -74,7 +74,7 @@ def test_less_than_a_minute_of_rest_is_never_called_good():
     print_result(characterized(driven('take-off after 10 s', 20)[0]), to=out)
     lines = out.getvalue().splitlines()
     assert ('40,000 samples at 100 Hz, 6 min 40 s, 8.5 s at rest; '
-            '1 stretch of motion (6 min 32 s)') in lines
+            '1 segment of motion (6 min 32 s)') in lines
     assert lines[:2] == [
         'Gyroscope: not usable: 8.5 s at rest.', 'Accelerometer: not usable: 8.5 s at rest.']
 

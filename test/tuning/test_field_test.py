@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Filters with stated numbers over simulated recordings: as claimed, noisier, in stop and go."""
+"""Filters with stated numbers over simulated recordings: as predicted, noisier, in stop and go."""
 
 from drifting_axes import axis_of
 from imu_allan.block import EvenBlock
@@ -79,9 +79,9 @@ def test_a_filter_with_a_process_is_run_as_one():
     [walk] = field_test(axes, means, 1.0).values()
     assert process.full == walk.full
     for bias, one in (('gauss_markov', process), ('random_walk', walk)):
-        horizon, _, claimed = tune(axes['gyro_y'], 1.0, 60.0, bias).consistency[-1]
+        horizon, _, predicted = tune(axes['gyro_y'], 1.0, 60.0, bias).consistency[-1]
         [coast] = [coast for coast in one.tuned.coasts if coast.horizon_s == horizon]
-        assert coast.predicted_sigma == pytest.approx(claimed, rel=0.01)
+        assert coast.predicted_sigma == pytest.approx(predicted, rel=0.01)
     own = tune(axes['gyro_y'], 1.0, bias='gauss_markov')
     there = tune(axis_of(N, 3 * K, processes=((9e-4, 100.0),)), 1.0, bias='gauss_markov',
                  correlation_time_s=own.correlation_time_s)

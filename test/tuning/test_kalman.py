@@ -77,9 +77,9 @@ def test_the_steady_state_is_where_the_filter_arrives():
 def test_the_steady_covariance_solves_the_riccati_equation(noise, walk):
     s = state_space(axis_of(noise, walk, ((5e-4, 40.0),)), 1.0)
     p = steady_covariance(s)
-    claimed = s.observation @ p @ s.observation.T + s.measurement
-    gain = (s.transition @ p @ s.observation.T + s.cross) / claimed
-    after = s.transition @ p @ s.transition.T + s.process - gain @ claimed @ gain.T
+    predicted = s.observation @ p @ s.observation.T + s.measurement
+    gain = (s.transition @ p @ s.observation.T + s.cross) / predicted
+    after = s.transition @ p @ s.transition.T + s.process - gain @ predicted @ gain.T
     np.testing.assert_allclose(after, p, rtol=1e-9, atol=1e-12 * np.trace(p))
 
 

@@ -26,22 +26,22 @@ def one(value):
 def test_a_filter_with_a_walk_claims_what_the_kalman_filter_of_its_model_claims():
     filters = Filters.walking(one(4e-6), one(9e-10), 1.0)
     optimal = coasting_variance(axis_of(2e-3, 3e-5), 1.0, HORIZONS)
-    np.testing.assert_allclose(filters.claimed(HORIZONS)[:, 0], optimal, rtol=1e-9)
+    np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0], optimal, rtol=1e-9)
 
 
 def test_a_filter_with_a_process_claims_what_the_kalman_filter_of_its_model_claims():
     filters = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
     optimal = coasting_variance(axis_of(2e-3, 0.0, ((5e-4, 40.0),)), 1.0, HORIZONS)
-    np.testing.assert_allclose(filters.claimed(HORIZONS)[:, 0], optimal, rtol=1e-9)
+    np.testing.assert_allclose(filters.predicted(HORIZONS)[:, 0], optimal, rtol=1e-9)
 
 
 def test_where_the_filter_is_right_what_happens_is_what_it_claims():
     walking = Filters.walking(one(4e-6), one(9e-10), 1.0)
     np.testing.assert_allclose(Truth(drift_of(axis_of(2e-3, 3e-5))).expected(walking, HORIZONS),
-                               walking.claimed(HORIZONS), rtol=1e-9)
+                               walking.predicted(HORIZONS), rtol=1e-9)
     markov = Filters.markov(one(4e-6), one(5e-4), one(40.0), 1.0)
     truth = Truth(drift_of(axis_of(2e-3, 0.0, ((5e-4, 40.0),))))
-    np.testing.assert_allclose(truth.expected(markov, HORIZONS), markov.claimed(HORIZONS),
+    np.testing.assert_allclose(truth.expected(markov, HORIZONS), markov.predicted(HORIZONS),
                                rtol=1e-9)
 
 
@@ -91,8 +91,8 @@ def test_a_sensor_that_is_noise_and_a_process_keeps_its_triple():
     assert tuning.noise_density == pytest.approx(1e-3, rel=0.01)
     assert tuning.sigma == pytest.approx(5e-4, rel=0.1)
     assert tuning.correlation_time_s == pytest.approx(40.0, rel=0.2)
-    assert [expected / claimed for _, expected, claimed in tuning.consistency] == pytest.approx(
-        [1.0] * 7, abs=0.02)
+    ratios = [expected / predicted for _, expected, predicted in tuning.consistency]
+    assert ratios == pytest.approx([1.0] * 7, abs=0.02)
 
 
 def test_a_drift_that_no_walk_describes_is_not_claimed_to_be_known():
@@ -146,9 +146,9 @@ def test_above_the_band_the_curve_counts_where_it_stands_higher():
 def test_the_full_model_coasts_better_than_any_pair():
     axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
     tuning = tune(axis, 1.0, 60.0)
-    for (_, best, claimed), (_, expected, _) in zip(optimum(axis, 1.0, 60.0), tuning.consistency,
+    for (_, best, predicted), (_, expected, _) in zip(optimum(axis, 1.0, 60.0), tuning.consistency,
                                                     strict=True):
-        assert best == claimed
+        assert best == predicted
         assert best <= expected * (1 + 1e-9)
 
 
@@ -165,7 +165,7 @@ def test_the_conservative_set_covers_the_unsteadiness_of_the_recording():
     careful, careless = (tune(axis, 1.0, 60.0, conservative=True) for axis in (wild, calm))
     assert careful.coast_ratio < careless.coast_ratio < 1
     assert careful.random_walk > careless.random_walk
-    assert all(claimed > expected for _, expected, claimed in careful.consistency)
+    assert all(predicted > expected for _, expected, predicted in careful.consistency)
     assert plain.coast_ratio > careful.coast_ratio
 
 
@@ -255,7 +255,7 @@ def test_a_segment_without_any_drift_says_nothing_of_how_it_changes():
     ((1.0, 0.0), 'coast_s must be a positive time, not 0 s'),
     ((1.0, float('inf')), 'coast_s must be a positive time, not inf s'),
     ((1.0, 0.5), 'coast_s 0.5 s is shorter than aiding_interval_s 1 s: '
-                 'a filter coasts for at least one interval')])
+                 'a filter is unaided for at least one interval')])
 def test_times_that_make_no_sense_are_refused(times, message):
     for function in (tune, optimum, lambda axis, *t: assess(axis, 1e-3, 1e-5, *t)):
         with refused(message):
@@ -303,7 +303,7 @@ def test_half_of_what_a_conservative_filter_adds_would_not_do(minutes):
                 (plain.random_walk, careful.random_walk)))
             filters = Filters.walking(one(n**2), one(k**2), 1.0)
             ratios[name].append(truth.expected(filters, horizons)[:, 0]
-                                / filters.claimed(horizons)[:, 0])
+                                / filters.predicted(horizons)[:, 0])
     print(f'\n{minutes} min, 100 records: overconfident at any horizon from 1 to 60 s, at 60 s; '
           'bound over error after 60 s (median)')
     print(f'conservative K over the tuned one: {np.median(wider):.1f}, at most {max(wider):.1f}')
@@ -338,7 +338,7 @@ def test_a_conservative_filter_is_overconfident_in_one_record_of_twenty(minutes)
             tuning = tune(characterize(samples, 50.0), 1.0, 60.0, conservative=True)
             filters = Filters.walking(one(tuning.noise_density**2),
                                       one(tuning.random_walk**2), 1.0)
-            ratio = truth.expected(filters, horizons)[:, 0] / filters.claimed(horizons)[:, 0]
+            ratio = truth.expected(filters, horizons)[:, 0] / filters.predicted(horizons)[:, 0]
             over.append(ratio > 1)
             bound.append(ratio[-1]**-0.5)
         print(f'{name:7} {np.mean(over, axis=0).round(3)} {np.median(bound):.2f} '

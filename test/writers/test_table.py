@@ -169,7 +169,8 @@ def test_what_to_act_upon_is_in_full_and_the_rest_is_named(result):
     assert ' '.join(printed(told, 80).split()).endswith(
         'poor fit: gyro x: no sum of noise terms describes this spectrum: its worst half-octave '
         'is off by 12 %. -> the intervals are widened; look for vibration, or a filter in the '
-        'sensor or driver Good to know: correlated noise (imu_allan explain NAME, or --verbose).')
+        'sensor or driver Good to know (1): correlated noise (imu_allan explain NAME, or '
+        '--verbose).')
     assert 'with a correlation time of 9 s' in ' '.join(
         printed(told, 80, verbose=True).split())
 
@@ -195,8 +196,8 @@ def test_findings_of_one_kind_are_one_sentence(result):
     assert text.splitlines()[-2:] == [
         'gravity: the mean acceleration is 1.001 m/s^2, not about 9.81; is it in units of g? -> '
         'check the unit and the topic; --accel :g converts',
-        'Good to know: low-pass (imu_allan explain NAME, or --verbose).']
-    assert '1,200 missing, 2 gaps (6 s), 2 stretches of motion (5 min 45 s)' in text
+        'Good to know (1): low-pass (imu_allan explain NAME, or --verbose).']
+    assert '1,200 missing, 2 gaps (6 s), 2 segments of motion (5 min 45 s)' in text
 
 
 def test_text_from_a_recording_is_neither_markup_nor_control_sequence(result):

@@ -4,8 +4,8 @@
 rosbag2 directories: metadata.yaml and the files it lists.
 
 The fields used here are the same in all versions of metadata.yaml, 1 to 9. How messages and files
-are compressed is told by their own first bytes, so the metadata is not asked; a directory whose
-metadata is missing, because its recorder was killed, is read all the same.
+are compressed is recognized by their own first bytes, so the metadata is not asked; a directory
+whose metadata is missing, because its recorder was killed, is read all the same.
 """
 
 from collections.abc import Callable, Iterator
@@ -83,10 +83,10 @@ class BagDirectory(Recording):
         if remark := self._loss(self.imu(topic), messages, self.remarks):
             self.keep_remark(remark)
 
-    def _loss(self, imu: ImuTopic, messages: int, told: list[Finding]) -> Finding | None:
-        """Say of how many messages nothing is known; None where it was told, or of none."""
+    def _loss(self, imu: ImuTopic, messages: int, reported: list[Finding]) -> Finding | None:
+        """Say of how many messages nothing is known; None where it was reported, or of none."""
         if messages >= (imu.count or 0) or not _TOLD_LOSSES.isdisjoint(
-                remark.code for remark in told):
+                remark.code for remark in reported):
             return None
         return finding('lost_messages', recording=printable(self.path), found=messages,
                        counted=imu.count, topic=printable(imu.name))

@@ -102,7 +102,7 @@ class ChunkedRecording(FileRecording):
         """
         Decode the messages of the channels `wanted`; raises DamagedData after those before.
 
-        `enter` is told the number of each channel that was not known, and may add to `wanted`.
+        `enter` is given the number of each channel that was not known, and may add to `wanted`.
         """
 
     def decoded(self, topic: str) -> Iterator[tuple[ImuBlock, int]]:

@@ -24,7 +24,7 @@ _PIECE = 1 << 22
 _LONGEST_FRAME_HEAD = 18
 """Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
 _TOLD_BYTES = 1 << 26
-"""Bytes in memory of which the user is told; less does not matter beside the analysis."""
+"""Bytes in memory from which on the user is warned; less does not matter beside the analysis."""
 _IN_MEMORY = frozenset({'tmpfs', 'ramfs'})
 _MOUNTS = Path('/proc/self/mountinfo')
 

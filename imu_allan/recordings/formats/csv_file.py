@@ -360,7 +360,7 @@ def _refuse_more_fields_than_names(names: Sequence[str], rows: Sequence[str], co
                   if fields < 2 * named else
                   'where that comes of decimal commas, write semicolons between the cells')
         raise ImuAllanError(f'the rows have {fields} fields, the header names {named}, so that '
-                            f'none can be told by its name; {advice}')
+                            f'none can be recognized by its name; {advice}')
 
 
 def _filled(cells: Sequence[str]) -> int:

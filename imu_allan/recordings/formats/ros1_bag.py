@@ -48,7 +48,7 @@ _LARGEST_DEFINITION = 1 << 22
 _MOST_CONNECTIONS = 1 << 16
 """One to each publisher of each topic; a hostile bag may have one to each 50 bytes."""
 _LARGEST_CHUNK = 1 << 28
-"""rosbag writes 768 kB unless told otherwise; one number shall not fill the memory."""
+"""rosbag writes 768 kB unless asked otherwise; one number shall not fill the memory."""
 _REMEMBERED_HEADS = 16
 """Connections whose messages are known by a comparison; they are tried in turn."""
 _STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4

@@ -20,7 +20,7 @@ from imu_allan.wording import duration, SENSORS
 _MOST_TABLES = 64
 """Files that are looked into; a phone has some thirty sensors."""
 _TOLD = 2
-"""Files by which it is told why none is read."""
+"""Files of which it is reported why none is read."""
 _CALLED = {'gyro': re.compile('gyr', re.IGNORECASE), 'accel': re.compile('acc', re.IGNORECASE)}
 _LIKELY = re.compile('gyr|acc|imu', re.IGNORECASE)
 """In the name of a file that somebody expects to be read."""

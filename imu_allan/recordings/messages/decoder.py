@@ -33,7 +33,7 @@ class Decoder(Protocol):
 
     def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
-        """Decode messages in their order; malformed ones raise MalformedImu, or are told."""
+        """Decode messages in their order; malformed ones raise MalformedImu, or are reported."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class ImuMessages:
             return None
         return 'gyro' if self.fields.gyro else 'accel'
 
-    def told(self) -> str:
+    def reported(self) -> str:
         """Say in words how they are read."""
         if self.fields is None:
             return self.type_name
@@ -121,7 +121,7 @@ class FieldsDecoder:
 
     def __call__(self, pieces: Iterable[Piece], on_malformed: OnMalformed | None = None,
                  ) -> list[ImuBlock]:
-        """Decode messages in their order; malformed ones raise MalformedImu, or are told."""
+        """Decode messages in their order; malformed ones raise MalformedImu, or are reported."""
         held = [piece for piece in pieces if len(piece.rows)]
         self._frames = {'': 0}
         if not held:

@@ -23,7 +23,7 @@ Spans = tuple[tuple[int, int], ...]
 _REMEMBERED = 64
 """Layouts of each of as many sizes that are kept."""
 _FORMS = 16
-"""So many forms of messages at a time are told apart by comparing all with one after the other."""
+"""So many forms of messages at a time are separated by comparing all with one after the other."""
 _WINDOW = 256
 """Messages that are compared at a time where there are more forms than that."""
 

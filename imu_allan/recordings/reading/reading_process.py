@@ -106,15 +106,15 @@ class ReadingProcess:
         assert self._process.stdout is not None
         ready = False
         try:
-            with open(self._process.stdout.fileno(), 'rb', closefd=False) as told:
-                ready = pickle.load(told)
-                while (item := pickle.load(told)) is not None:
+            with open(self._process.stdout.fileno(), 'rb', closefd=False) as reported:
+                ready = pickle.load(reported)
+                while (item := pickle.load(reported)) is not None:
                     slot, messages, frame_id, position = item
                     block = self._slots.take(slot, messages, frame_id)
                     with suppress(BrokenPipeError):
                         self._stdin.write(bytes([slot]))
                     yield block, position
-                failure, remarks = pickle.load(told)
+                failure, remarks = pickle.load(reported)
         except (EOFError, pickle.UnpicklingError):
             if ready:
                 raise ImuAllanError(
@@ -134,7 +134,7 @@ class ReadingProcess:
                               else RuntimeError(f'in the reading process:\n{where}'))
 
     def _end(self) -> None:
-        # The pipes stay open until it has tidied up: told twice to end, it would not finish that.
+        # The pipes stay open until it has tidied up: asked twice to end, it would not finish that.
         self._process.terminate()
         try:
             self._process.wait(_PATIENCE_S)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Chart of what the sensor does on its own: drift predicted, claimed and observed."""
+"""Chart of unaided drift: of the model, predicted by the filter, and observed."""
 
 from collections.abc import Mapping
 
@@ -18,7 +18,7 @@ import numpy as np
 def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
                 tunings: Mapping[str, FilterTuning]) -> Chart | None:
     """
-    Draw how far the mean is off after a time without correction: predicted, claimed and observed.
+    Draw unaided drift over time: of the model, predicted by the filter, and observed.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     axes : mapping of name to AxisResult
         Of the sensor.
     tunings : mapping of name to FilterTuning
-        What a filter expects and claims.
+        What is expected of a filter, and what it predicts.
 
     Returns
     -------
@@ -58,15 +58,15 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     def draw(drawing: Drawing, narrow: bool) -> None:
         panel = drawing.panel(box_of(drawing, narrow), (*ends, True),
                               (min(values) * factor / 1.7, max(values) * factor * 1.7, True))
-        panel.frame('time without correction [s]', f'error of the mean {SAMPLES[sensor]} over it '
+        panel.frame('unaided time [s]', f'error of the mean {SAMPLES[sensor]} over it '
                     f'[{typeset(shown)}]', None if narrow else (1 / factor, f'[{typeset(unit)}]'))
         inside = []
         for name, axis in known.items():
             parts = []
             if name in tunings:
-                h, expected, claimed = np.array(tunings[name].consistency).T
+                h, expected, by_filter = np.array(tunings[name].consistency).T
                 parts += [panel.line(h, expected * factor, 'curve'),
-                          panel.line(h, claimed * factor, 'claimed')]
+                          panel.line(h, by_filter * factor, 'by-filter')]
             if axis.backtest is not None:
                 coast = axis.backtest.coast
                 if coast:
@@ -89,7 +89,7 @@ def drift_chart(sensor: str, axes: Mapping[str, AxisResult],
     return sensor_chart(
         sensor, 'drift', 'unaided drift', 'predicted and observed drift',
         'Line: what a filter with the tuned numbers gets wrong, as the drift model has it. '
-        'Dashed: what that filter claims.' + (
+        'Dashed: what that filter predicts.' + (
             ' Points: what happened in the part of the recording that the model was not fitted '
             'to; dotted: what it predicted for them; shade: where 95 % of the points should lie.'
             if tested else ''), (340, 300), draw, known)

@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""Charts over the time of the recording: the signal, and the noise density part by part."""
+"""Charts over the time of the recording: the signal, and the noise density by segment."""
 
 from collections.abc import Mapping
 
@@ -168,7 +168,7 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
     def draw(drawing: Drawing, narrow: bool) -> None:
         panel = drawing.panel(box_of(drawing, narrow), (0, ends, False),
                               padded(min(values), max(values)))
-        panel.frame(f'time [{units}]', f'N of each part [{typeset(shown)}]',
+        panel.frame(f'time [{units}]', f'N of each segment [{typeset(shown)}]',
                     None if narrow else (1 / factor, f'[{typeset(unit)}]'), most_y=6)
         inside = []
         for place, (name, points) in enumerate(rows.items()):
@@ -177,11 +177,11 @@ def segment_chart(sensor: str, axes: Mapping[str, AxisResult]) -> Chart | None:
                      for at, _, low, high in points]
             parts.append(panel.points(
                 [p[0] / scale + apart for p in points], [p[1] for p in points], shape_of(name[-1]),
-                [f'{name[-1]} axis, part {number_}: N {measured(*p[1:])[0]} {typeset(shown)}'
+                [f'{name[-1]} axis, segment {number_}: N {measured(*p[1:])[0]} {typeset(shown)}'
                  for number_, p in enumerate(points, 1)], [False] * len(points)))
             inside.append(group(name[-1], f'axis-{name[-1]}', parts))
         drawing.add(panel, inside)
 
-    return sensor_chart(sensor, 'segments', 'part by part', 'noise density of each part',
-                        'The noise density of equal parts of the recording, each by itself, with '
-                        'its 95 % interval.', (260, 260), draw, known)
+    return sensor_chart(sensor, 'segments', 'by segment', 'noise density of each segment',
+                        'The noise density of equal segments of the recording, each by itself, '
+                        'with its 95 % interval.', (260, 260), draw, known)

@@ -16,7 +16,7 @@ from imu_allan.writers.pages import filled
 from imu_allan.writers.verdict import findings_line
 
 _MARKS: dict[Outcome, tuple[str, str]] = {
-    'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'doubt')}
+    'pass': ('✓', 'pass'), 'fail': ('✗', 'fail'), 'cannot tell': ('?', 'undecided')}
 _MOST_SENTENCES = 8
 """More would push the signature off the sheet; the table holds every verdict anyway."""
 _LONGEST = 110

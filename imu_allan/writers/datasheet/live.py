@@ -34,7 +34,7 @@ class Standing:
     decided : bool
         Whether more data would change nothing.
     verdicts : tuple of Verdict
-        As of now; while nothing is decided what is open cannot be told.
+        As of now; while nothing is decided what is open is not known.
     recorded_s : float
         How long the record is.
 

@@ -38,7 +38,7 @@ class Measured:
         Of the magnitude.
     upper95 : float or None
         Where there is no value.
-    doubt : str or None
+    undecided : str or None
         Why neither is to be believed, or why there is none.
 
     """
@@ -46,7 +46,7 @@ class Measured:
     value: float | None = None
     ci95: Interval | None = None
     upper95: float | None = None
-    doubt: str | None = None
+    undecided: str | None = None
 
 
 def fault_of(axis: AxisResult | None, density_limit: float | None) -> str | None:
@@ -115,24 +115,24 @@ def coefficient(axis: AxisResult, key: str) -> Measured:
     """Return the coefficient, of a ramp its magnitude."""
     found: Coefficient = axis.coefficients[key]
     if axis.high_passed_hz is not None:
-        doubt: str | None = _FILTERED
+        undecided: str | None = _FILTERED
     elif not axis.goodness_of_fit.acceptable and axis.goodness_of_fit.p_value is not None:
-        doubt = 'the noise model does not fit this axis'
+        undecided = 'the noise model does not fit this axis'
     elif not found.observable and found.upper95 is None:
-        doubt = 'not observable in this recording; record for longer'
+        undecided = 'not observable in this recording; record for longer'
     else:
-        doubt = None
+        undecided = None
     value = None if found.value is None else abs(found.value)
     interval = None if not found.observable or found.ci95 is None else _magnitude(found.ci95)
-    return Measured(value, interval, found.upper95, doubt)
+    return Measured(value, interval, found.upper95, undecided)
 
 
 def zero_bias(result: Result, axis: str, expected: float) -> Measured:
     """Return how far the mean is from what it should be; of several recordings the farthest."""
     if result.axes[axis].mean is None:
-        return Measured(doubt='there is no mean')
-    if (doubt := _doubt_of_mean(result.axes[axis])) is not None:
-        return Measured(doubt=doubt)
+        return Measured(undecided='there is no mean')
+    if (undecided := _undecided_mean(result.axes[axis])) is not None:
+        return Measured(undecided=undecided)
     return _largest([(means[0] - expected, errors[0])
                      for means, errors in _starts(result, [axis])])
 
@@ -145,8 +145,8 @@ def gravity_error(result: Result) -> Measured:
     """
     names = [axis for axis in AXES if axis.startswith('accel')]
     for name in names:
-        if (doubt := _doubt_of_mean(result.axes[name])) is not None:
-            return Measured(doubt=f'{name}: {doubt}')
+        if (undecided := _undecided_mean(result.axes[name])) is not None:
+            return Measured(undecided=f'{name}: {undecided}')
     found = []
     for means, errors in _starts(result, names):
         length = hypot(*means)
@@ -179,27 +179,28 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     """
     if key in TERMS:
         hidden = hidden_by_steps(result.axes[axis], key, abs(specification.axes[axis][key]))
-        return coefficient(result.axes[axis], key) if hidden is None else Measured(doubt=hidden)
+        return (coefficient(result.axes[axis], key) if hidden is None
+                else Measured(undecided=hidden))
     found = result.axes[axis]
     if key == 'zero_bias':
         return zero_bias(result, axis, specification.mean.get(axis, 0.0))
     if key == 'gravity_error':
         return gravity_error(result)
     if found.high_passed_hz is not None:
-        return Measured(doubt=_FILTERED)
+        return Measured(undecided=_FILTERED)
     if key == 'turn_on_bias':
         # The spread of the mean from one power-on to the next.
         spread = result.turn_on_bias.get(axis)
         return (Measured(spread.sigma, spread.ci95) if spread is not None else
-                Measured(doubt='one power-on does not show it; analyze several recordings '
+                Measured(undecided='one power-on does not show it; analyze several recordings '
                                'with --together'))
     if key == 'temperature_drift':
         trend = found.trend.temperature if found.trend is not None else None
         return (Measured(abs(trend.per_kelvin), _magnitude(trend.ci95)) if trend is not None else
-                Measured(doubt='the result knows no dependence on temperature; record the '
+                Measured(undecided='the result knows no dependence on temperature; record the '
                                'temperature while it changes'))
     if found.goodness_of_fit.p_value is None:
-        return Measured(doubt='too few samples')
+        return Measured(undecided='too few samples')
     # Zero where the noise is flat to the end, or no spectral line was found.
     return Measured(found.band_limit_s or 0.0 if key == 'band_limit' else
                     max((tone.amplitude for tone in found.tones), default=0.0))
@@ -233,7 +234,7 @@ def _largest(found: Sequence[tuple[float, float]]) -> Measured:
     return Measured(abs(distance), _magnitude((distance - half, distance + half)))
 
 
-def _doubt_of_mean(axis: AxisResult) -> str | None:
+def _undecided_mean(axis: AxisResult) -> str | None:
     if mean_is_known(axis):
         return None
     if axis.high_passed_hz is not None:

@@ -239,8 +239,8 @@ def _decide(measured: Measured, limit: float, written: str, faults: Sequence[str
     shown = printable(written)
     if faults:
         return 'fail', faults[0]
-    if measured.doubt is not None:
-        return 'cannot tell', measured.doubt
+    if measured.undecided is not None:
+        return 'cannot tell', measured.undecided
     if measured.ci95 is None and measured.upper95 is not None:
         if measured.upper95 <= limit:
             return 'pass', f'not observable, and with 95 % confidence below {shown}'

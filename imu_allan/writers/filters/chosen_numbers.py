@@ -363,7 +363,7 @@ class Numbers:
         return [f'INFLATED on request: {factors}.'] if factors else []
 
     def _beyond(self, what: str) -> list[str]:
-        """Say that the longest time without correction is beyond what the recording knows."""
+        """Say that the longest unaided time is beyond what the recording knows."""
         known = known_less_than(self.result.axes, self.coast_s)
         return [] if known is None else [
             f'WARNING: this recording knows {duration(known)} at most; beyond it {what} widened, '
@@ -373,12 +373,12 @@ class Numbers:
     def _left_out(self) -> list[str]:
         """Say which axes have noise that the coefficients leave out."""
         # Where recordings together have no common exponent, there is a warning alone.
-        told = {axis for found in self.result.warnings if found.code == 'power_law'
+        reported = {axis for found in self.result.warnings if found.code == 'power_law'
                 for axis in found.axes}
         laws = {name: 'not the same in all recordings' if axis.power_law is None else
                 f'1/f to the power of {axis.power_law.exponent:.2f}'
                 for name, axis in self.result.axes.items()
-                if (axis.power_law is not None or name in told) and name not in self.tunings}
+                if (axis.power_law is not None or name in reported) and name not in self.tunings}
         if not laws or self.consumer.share == 'model':
             return []
         each = ', '.join(f'{name} {law}' for name, law in laws.items())

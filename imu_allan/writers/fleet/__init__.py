@@ -3,7 +3,7 @@
 """
 A fleet on paper: one page, one table, one document about many units.
 
-`findings` says what sticks out, `figure` draws, `page` is the HTML, `table` the terminal's
+`findings` says which are outliers, `figure` draws, `page` is the HTML, `table` the terminal's
 summary, `folder` writes the page, JSON and CSV.
 """
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Many units in one picture: the population in grey, what sticks out in colour with its name.
+Many units in one picture: the population in grey, outliers in colour with their names.
 
 Allan deviations, with the median and the band that nine in ten units keep; and every unit's
 coefficients side by side.
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 _MOST_CURVES = 200
 """Grey curves that are drawn: of more nobody sees the single one, and a vector file grows."""
 _MOST_NAMED = 7
-"""Colours there are; what sticks out beyond them is named in the table alone."""
+"""Colours there are; outliers beyond them are named in the table alone."""
 _MOST_TICKS = 12
 """Units that are named below a panel; more are counted."""
 _WIDTH = 11.0
@@ -182,7 +182,7 @@ def _draw_units(panel: 'Axes', fleet: Fleet, name: str, key: str, colours: Mappi
         panel.axhspan(low, high, color=COLOURS[theme]['z'], alpha=0.13, linewidth=0)
         panel.axhline(middle, color=COLOURS[theme]['ink'], linewidth=0.9)
     many = len(axes) > _MOST_CURVES
-    # By name where it sticks out in this; elsewhere the name would stand on the dots of others.
+    # By name where it is an outlier in this; elsewhere the name would stand on the dots of others.
     odd = {oddity.unit for oddity in fleet.population.oddities
            if (oddity.axis, oddity.key) == (name, key)}
     for place, member in enumerate(fleet.population.units, 1):

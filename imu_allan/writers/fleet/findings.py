@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A fleet with everything that is told about it, and its findings in sentences."""
+"""A fleet with everything that is reported about it, and its findings in sentences."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -46,7 +46,7 @@ class Fleet:
         return population(self.results)
 
     def reasons(self, unit: str) -> list[str]:
-        """Return why a unit sticks out, a sentence for each oddity."""
+        """Return why a unit is an outlier, a sentence for each oddity."""
         return [sentence(oddity) for oddity in self.population.oddities if oddity.unit == unit]
 
     def grouped_reasons(self, unit: str) -> list[str]:

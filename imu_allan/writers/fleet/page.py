@@ -117,8 +117,8 @@ def _worst(result: Result, sensor: str, key: str) -> str:
     if worst is None:
         return ''
     found = axes[worst].coefficients[key]
-    told = rounded if found.value is not None else bounded
-    return told(engineering(found.value or found.upper95 or 0.0, found.unit)[0])
+    reported = rounded if found.value is not None else bounded
+    return reported(engineering(found.value or found.upper95 or 0.0, found.unit)[0])
 
 
 def _link(fleet: Fleet, unit: str) -> str | None:

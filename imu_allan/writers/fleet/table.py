@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A fleet on the terminal: the population, and who sticks out."""
+"""A fleet on the terminal: the population, and its outliers."""
 
 from typing import TYPE_CHECKING
 
