@@ -91,7 +91,7 @@ def result_text(result: Result, width: int = 80) -> str:
 def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
                  verbose: bool = False) -> 'RenderableType':
     """
-    Lay the result out for a terminal: verdict, table, numbers for a filter, findings.
+    Lay the result out for a terminal: verdict, numbers for a filter, table, findings.
 
     Parameters
     ----------
@@ -117,13 +117,13 @@ def result_table(result: Result, width: int = 80, units: Units = 'datasheet', *,
     findings = presented(result.warnings)
     full = [one for one in findings if verbose or one.severity == 'act']
     known = [one for one in findings if one not in full]
-    blocks = [list(_filled(verdict_lines(result, units), width, 'bold')), _heading(result, width)]
+    blocks = [list(_filled(verdict_lines(result, units), width, 'bold')),
+              _for_a_filter(result, found, width), _heading(result, width)]
     rows = [list(_rows({name: result.axes[name] for name in AXES
                         if name.startswith(answer.sensor) and name in result.axes},
                        units, result.timeline.rest_s, verbose=verbose)) for answer in found]
     blocks += _tables(found, rows, width, tuned=units != 'si', named=verbose)
-    blocks += [_for_a_filter(result, found, width),
-               list(_filled(_notes(result), width, 'dim')) if verbose else []]
+    blocks.append(list(_filled(_notes(result), width, 'dim')) if verbose else [])
     last = list(_filled(_good_to_know(known), width, 'dim'))
     room = SCREEN - sum(map(len, blocks)) - len(last)
     shown = _in_full(full, width, None if verbose else room)
@@ -296,7 +296,7 @@ def _for_a_filter(result: Result, found: Sequence[Answer], width: int) -> 'list[
     if any(answer.tuned is not None for answer in found):
         lines.append(f'For a filter corrected every {AIDING_S:g} s, up to '
                      f'{wording.duration(COAST_S)} '
-                     'unaided (else: imu_allan tune)')
+                     'unaided (imu_allan export, tune)')
     for answer in found:
         if (tuned := answer.tuned) is not None:
             pair = (f'  {answer.sensor:<5}  filter N {tuned.noise_density} {tuned.units[0]}',

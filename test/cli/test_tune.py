@@ -258,7 +258,7 @@ def test_export_writes_what_was_wished(result_file, capsys):
     assert main(['export', str(result_file), '--for', 'kalibr', '--aiding', '1s', '--coast',
                  '2min', '--conservative', '--inflate', 'N=2,K=5']) == 0
     out = capsys.readouterr().out.splitlines()
-    assert '# Conservatively tuned for a correction every 1 s and 2 min without one.' in out
+    assert '# Conservatively tuned for a correction every 1 s and 2 min unaided.' in out
     assert '# INFLATED on request: K times 5, N times 2.' in out
     assert main(['export', str(result_file), '--for', 'kalibr', '--as-measured']) == 0
     assert ('# Coefficients as measured (IEEE Std 952), not tuned.'

@@ -760,7 +760,7 @@ def test_numbers_are_tuned_unless_the_measured_ones_are_asked_for(drifting):
 
 def test_the_comment_says_what_was_tuned_for_and_what_is_expected(drifting):
     lines = export_as_wished(drifting, 'kalibr').text.splitlines()
-    assert ('# Tuned for a correction every 50 ms (camera frames at 20 Hz) and 60 s without one.'
+    assert ('# Tuned for a correction every 50 ms (camera frames at 20 Hz) and 60 s unaided.'
             in lines)
     assert Varying('# gyro: expected NIS <number> to <number>; squared error after 60 s '
                    'unaided <number> to <number> times what the filter predicts (1 is right, '
@@ -830,7 +830,7 @@ def test_slow_noise_that_differs_between_recordings_is_named_as_left_out(driftin
 def test_wishes_are_followed_and_written_down(drifting):
     wishes = Wishes(aiding_s=1.0, coast_s=300.0, conservative=True, inflate={'N': 2.0, 'K': 5.0})
     text = export_as_wished(drifting, 'kalibr', None, wishes).text
-    for line in ('# Conservatively tuned for a correction every 1 s and 5 min without one.',
+    for line in ('# Conservatively tuned for a correction every 1 s and 5 min unaided.',
                  '# INFLATED on request: K times 5, N times 2.'):
         assert line in text.splitlines()
     plain = yaml.safe_load(export_as_wished(drifting, 'kalibr', None,

@@ -3,13 +3,18 @@
 """Simulated faults: every front end shows the same findings in the same order, on one screen."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import cache
 import io
 import json
+import os
+from pathlib import Path
 import re
 
+from imu_allan import analyze
+from imu_allan.block import ImuBlock
 from imu_allan.characterization.stream import Characterization
+from imu_allan.node.result_messages import remark_values
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -30,78 +35,173 @@ SPEC = parse_model('gyro: {noise_density: 0.03 deg/s/sqrt(Hz)}\n'
                    'accel: {noise_density: 200 ug/sqrt(Hz)}\n')
 
 
-def constant(x: np.ndarray) -> None:
-    x[:, 2] = 0.5
+@dataclass
+class Messages:
+    """What a fault changes: samples, both stamps, and which messages arrive."""
+
+    x: np.ndarray
+    header_ns: np.ndarray
+    receive_ns: np.ndarray
+    kept: np.ndarray
 
 
-def saturated(x: np.ndarray) -> None:
-    x[:, 0] = np.clip(x[:, 0], -1e-4, 1e-4)
-
-
-def in_g(x: np.ndarray) -> None:
-    x[:, 3:] /= 9.80665
-
-
-def moved(x: np.ndarray) -> None:
-    x[3000:4000] += np.sin(np.arange(1000) / 7)[:, None]
-
-
-def stepped(x: np.ndarray) -> None:
-    x[6000:, 1] += 5e-3
-
-
-def louder(x: np.ndarray) -> None:
-    x[7000:, :3] *= 2.0
-
-
-def warming(x: np.ndarray) -> None:
-    x[:, :3] += 2e-2 * np.exp(-np.arange(len(x))[:, None] / 3000)
-
-
-def with_tone(x: np.ndarray) -> None:
-    x[:, 4] += 0.02 * np.sin(2 * np.pi * 17.3 / RATE_HZ * np.arange(len(x)))
-
-
-def copied(x: np.ndarray) -> None:
-    x[:, 1] = x[:, 0]
-
-
-def stood_still(x: np.ndarray) -> None:
-    x[5000:9000, 3] = x[5000, 3]
-
-
-def coarse(x: np.ndarray) -> None:
-    x[:, 3:] = np.round(x[:, 3:] / 0.05) * 0.05
-
-
-def several(x: np.ndarray) -> None:
-    for fault in (stepped, louder, in_g, coarse, with_tone):
-        fault(x)
-
-
-def none(x: np.ndarray) -> None:
+def none(m: Messages) -> None:
     pass
 
 
-FAULTS: tuple[Callable[[np.ndarray], None], ...] = (
-    none, constant, saturated, in_g, moved, stepped, louder, warming, with_tone, copied,
-    stood_still, coarse, several)
+def constant(m: Messages) -> None:
+    m.x[:, 2] = 0.5
+
+
+def saturated(m: Messages) -> None:
+    m.x[:, 0] = np.clip(m.x[:, 0], -1e-4, 1e-4)
+
+
+def deadband(m: Messages) -> None:
+    m.x[:, 1][np.abs(m.x[:, 1]) < 1e-3] = 0.0
+
+
+def in_g(m: Messages) -> None:
+    m.x[:, 3:] /= 9.80665
+
+
+def without_gravity(m: Messages) -> None:
+    m.x[:, 5] -= 9.80665
+
+
+def raw_counts(m: Messages) -> None:
+    m.x[:, :3] *= 1e5
+
+
+def moved(m: Messages) -> None:
+    m.x[3000:4000] += np.sin(np.arange(1000) / 7)[:, None]
+
+
+def driven(m: Messages) -> None:
+    m.x[2000:10_000] += np.random.default_rng(1).standard_normal((8000, 6))
+
+
+def turned_slowly(m: Messages) -> None:
+    m.x[4000:6000, 1] += 0.02 * np.hanning(2000)
+
+
+def stepped(m: Messages) -> None:
+    m.x[6000:, 1] += 5e-3
+
+
+def louder(m: Messages) -> None:
+    m.x[7000:, :3] *= 2.0
+
+
+def warming(m: Messages) -> None:
+    m.x[:, :3] += 2e-2 * np.exp(-np.arange(len(m.x))[:, None] / 3000)
+
+
+def cycling(m: Messages) -> None:
+    m.x[:, 3:] += 0.05 * np.sin(2 * np.pi * np.arange(len(m.x))[:, None] / 1500)
+
+
+def with_tone(m: Messages) -> None:
+    m.x[:, 4] += 0.02 * np.sin(2 * np.pi * 17.3 / RATE_HZ * np.arange(len(m.x)))
+
+
+def copied(m: Messages) -> None:
+    m.x[:, 1] = m.x[:, 0]
+
+
+def stood_still(m: Messages) -> None:
+    m.x[5000:9000, 3] = m.x[5000, 3]
+
+
+def froze(m: Messages) -> None:
+    m.x[5000:7000] = m.x[5000]
+
+
+def began_late(m: Messages) -> None:
+    m.x[:2000] = 0.0
+
+
+def polled_fast(m: Messages) -> None:
+    m.x[1::2] = m.x[::2]
+
+
+def coarse(m: Messages) -> None:
+    m.x[:, 3:] = np.round(m.x[:, 3:] / 0.05) * 0.05
+
+
+def smoothed(m: Messages) -> None:
+    m.x[3:] = (m.x[3:] + m.x[2:-1] + m.x[1:-2] + m.x[:-3]) / 4
+
+
+def bias_subtracted(m: Messages) -> None:
+    for i in range(3):
+        m.x[:, i] -= np.convolve(m.x[:, i], np.full(200, 1 / 200), 'same')
+
+
+def in_turn(m: Messages) -> None:
+    m.x[::2, :3] += 5e-3
+
+
+def with_outliers(m: Messages) -> None:
+    m.x[[1000, 4000, 9000], 0] += 1.0
+
+
+def never_a_number(m: Messages) -> None:
+    m.x[:, 4] = np.nan
+
+
+def absent_for_a_while(m: Messages) -> None:
+    m.x[8000:, 2] = np.nan
+
+
+def lossy(m: Messages) -> None:
+    m.kept &= np.random.default_rng(2).random(len(m.x)) > 0.2
+
+
+def slower_later(m: Messages) -> None:
+    for stamps in (m.header_ns, m.receive_ns):
+        stamps[6000:] = stamps[6000] + 2 * (stamps[6000:] - stamps[6000])
+
+
+def jumped(m: Messages) -> None:
+    m.header_ns[6000:] -= int(3600e9)
+
+
+def without_header_stamps(m: Messages) -> None:
+    m.header_ns[:] = 0
+
+
+def replayed(m: Messages) -> None:
+    m.receive_ns[:] = m.receive_ns[0] + (m.receive_ns - m.receive_ns[0]) // 10
+
+
+def several(m: Messages) -> None:
+    for fault in (stepped, louder, in_g, coarse, with_tone):
+        fault(m)
+
+
+FAULTS: tuple[Callable[[Messages], None], ...] = (
+    none, constant, saturated, deadband, in_g, without_gravity, raw_counts, moved, driven,
+    turned_slowly, stepped, louder, warming, cycling, with_tone, copied, stood_still, froze,
+    began_late, polled_fast, coarse, smoothed, bias_subtracted, in_turn, with_outliers,
+    never_a_number, absent_for_a_while, lossy, slower_later, jumped, without_header_stamps,
+    replayed, several)
 
 
 @cache
-def recorded(fault: Callable[[np.ndarray], None]) -> Result:
-    """Two minutes of a simulated IMU at rest with a fault in its samples."""
+def recorded(fault: Callable[[Messages], None]) -> Result:
+    """Two minutes of a simulated IMU at rest with a fault."""
     blocks = list(simulated_blocks(parse_model(
         'gyro: {noise_density: 0.3 deg/sqrt(h)}\naccel: {noise_density: 150 ug/sqrt(Hz)}'),
         RATE_HZ, 12_000, start_ns=10**18))
-    samples = np.concatenate([block.samples for block in blocks])
-    samples[:, 5] += 9.80665 - samples[:, 5].mean()
-    fault(samples)
-    ends = np.cumsum([len(block) for block in blocks])
-    parts = np.split(samples, ends[:-1])
+    m = Messages(*(np.concatenate([getattr(block, name) for block in blocks])
+                   for name in ('samples', 'header_ns', 'receive_ns')), np.ones(12_000, bool))
+    m.x[:, 5] += 9.80665 - m.x[:, 5].mean()
+    fault(m)
     imu = Characterization(kind='recording', path='rec', topic='/imu')
-    for block, part in zip(blocks, parts, strict=True):
-        imu.update(replace(block, samples=part))
+    for rows in np.array_split(np.flatnonzero(m.kept), len(blocks)):
+        imu.update(ImuBlock(m.header_ns[rows], m.receive_ns[rows], m.x[rows],
+                            np.zeros((len(rows), 2), bool), blocks[0].frame_id))
     imu.finish()
     return with_words(imu.result())
 
@@ -112,9 +212,7 @@ def on_the_terminal(result: Result, *, verbose: bool = False) -> str:
     return out.getvalue()
 
 
-@pytest.mark.parametrize('fault', FAULTS)
-def test_every_front_end_shows_the_same_findings_in_the_same_order(fault):
-    result = recorded(fault)
+def assert_the_same_everywhere(result: Result) -> None:
     codes = [found.code for found in result.warnings]
     titles = [title_of(found) for found in result.warnings]
     assert [found['code'] for found in json.loads(result.to_json())['warnings']] == codes
@@ -130,13 +228,39 @@ def test_every_front_end_shows_the_same_findings_in_the_same_order(fault):
     assert json.loads(fleet_json(fleet))['units'][0]['findings'] == codes
     for document in (page, fleet_html(fleet), certificate_html(check(result, SPEC), result, SPEC)):
         assert line in document
+    # /diagnostics and the log of the node.
+    assert [key.split('/')[1] for key in remark_values(result.warnings)] == codes
+    good_to_know = sum(found.severity == 'know' for found in result.warnings)
+    said = re.search(r'Good to know(?: \((\d+)\)|: (\d+) findings)', on_the_terminal(result))
+    assert (int(said[1] or said[2]) if said else 0) == good_to_know
+
+
+@pytest.mark.parametrize('fault', FAULTS)
+def test_every_front_end_shows_the_same_findings_in_the_same_order(fault):
+    assert_the_same_everywhere(recorded(fault))
+
+
+@pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
+@pytest.mark.parametrize('name', ['adis16405_imu2', 'adis16405_imu5', 'nested_imu_mcap'])
+def test_every_front_end_shows_the_same_findings_of_a_real_recording(name):
+    assert_the_same_everywhere(analyze(Path(os.environ['IMU_ALLAN_DATA'], name)))
 
 
 def test_the_faults_are_found():
     found = {fault.__name__: {one.code for one in recorded(fault).warnings} for fault in FAULTS}
     for fault, code in (('constant', 'constant_axis'), ('saturated', 'saturated'),
                         ('in_g', 'gravity'), ('copied', 'copied_axis'),
-                        ('stood_still', 'stood_still'), ('coarse', 'coarse_resolution')):
+                        ('stood_still', 'stood_still'), ('coarse', 'coarse_resolution'),
+                        ('deadband', 'deadband'), ('without_gravity', 'gravity'),
+                        ('raw_counts', 'implausible'), ('froze', 'frozen'),
+                        ('began_late', 'late_start'), ('polled_fast', 'held_values'),
+                        ('smoothed', 'band_limited'), ('in_turn', 'alternating'),
+                        ('with_outliers', 'spikes'), ('never_a_number', 'axis_not_finite'),
+                        ('absent_for_a_while', 'axis_absent_in_part'), ('lossy', 'many_missing'),
+                        ('slower_later', 'rate_changed'), ('jumped', 'clock_jumps'),
+                        ('without_header_stamps', 'receive_clock'), ('replayed', 'clock_speed'),
+                        ('warming', 'warm_up'), ('with_tone', 'tones'), ('moved', 'motion'),
+                        ('driven', 'rest_within_motion')):
         assert code in found[fault], (fault, found[fault])
     assert len(found['several']) > 3
 
@@ -150,5 +274,5 @@ def test_the_first_screen_has_at_most_24_lines_with_the_one_how_to_save(fault):
     assert lines[0].startswith('Gyroscope: ')
     shown = ' '.join(' '.join(lines).split())
     for found in result.warnings:
-        if found.code != 'motion':
+        if found.severity == 'act' or f'({len(result.warnings)})' in shown:
             assert title_of(found) in shown

@@ -77,7 +77,7 @@ def test_what_is_not_observable_shows_its_bound(result):
 def test_the_numbers_for_a_filter_are_a_block_of_their_own(filtered):
     lines = printed(filtered).splitlines()
     place = lines.index('For a filter corrected every 0.1 s, up to 60 s unaided '
-                        '(else: imu_allan tune)')
+                        '(imu_allan export, tune)')
     for line, sensor, unit in zip(lines[place + 1:], ('gyro', 'accel'), ('rad/s', 'm/s^2'),
                                   strict=False):
         assert Varying(f'  {sensor:<5}  filter N <number> {unit}/sqrt(Hz)  filter K <number> '

@@ -351,7 +351,7 @@ class Numbers:
             why = f' ({self.consumer.aiding.reason})' if self.wishes.aiding_s is None else ''
             kind = 'Conservatively tuned' if self.wishes.conservative else 'Tuned'
             lines.append(f'{kind} for a correction every {duration(self.aiding_s)}{why} and '
-                         f'{duration(self.coast_s)} without one.')
+                         f'{duration(self.coast_s)} unaided.')
             lines += self._beyond('the numbers are')
             lines += included({name: self.result.axes[name] for name in self.tunings})
         return lines + self._left_out() + self._inflated()

@@ -85,4 +85,4 @@ def test_of_thousands_of_damaged_files_ten_are_told_and_the_others_counted(tmp_p
     assert len(after) == 300
     left_out = [remark for remark in remarks if remark.code == 'damaged_recording']
     assert len(left_out) == 11
-    assert left_out[-1] == told(tmp_path, 'damaged_recording', more=2989)
+    assert left_out[-1].values == {'recording': str(tmp_path), 'more': 2989}

@@ -1,0 +1,53 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""The first screens of eight typical recordings, whose results `screens/` holds, line by line."""
+
+import io
+import os
+from pathlib import Path
+
+from imu_allan.result import Result
+from imu_allan.writers.result_file import load_result
+from imu_allan.writers.table import print_result
+import pytest
+from rich.console import Console
+
+SCREENS = sorted(Path(__file__).with_name('screens').glob('*.json'))
+
+
+def screen_of(result: Result) -> list[str]:
+    text = io.StringIO()
+    print_result(result, Console(file=text, width=80))
+    return [line.rstrip() for line in text.getvalue().splitlines()]
+
+
+def test_there_are_eight() -> None:
+    assert len(SCREENS) == 8
+
+
+@pytest.mark.parametrize('stored', SCREENS, ids=lambda path: path.stem)
+def test_a_screen_is_as_it_was_and_holds_24_lines_of_80_columns(stored: Path) -> None:
+    """After a wanted change: IMU_ALLAN_SNAPSHOTS=write pytest test/writers/test_screens.py."""
+    lines = screen_of(load_result(stored))
+    # The last of 24 says how to save.
+    assert len(lines) <= 23
+    assert max(map(len, lines)) <= 80
+    snapshot = stored.with_suffix('.txt')
+    if os.environ.get('IMU_ALLAN_SNAPSHOTS') == 'write':
+        snapshot.write_text('\n'.join([*lines, '']))
+    assert lines == snapshot.read_text().splitlines()
+
+
+@pytest.mark.parametrize('stored', SCREENS, ids=lambda path: path.stem)
+def test_a_newcomer_reads_in_the_first_lines_whether_it_is_good_and_which_numbers_to_take(
+        stored: Path) -> None:
+    lines = screen_of(load_result(stored))
+    # A line that is broken at 80 columns is set in; it is one still.
+    whole = [line for line in lines if line and (line[0] != ' ' or ' filter N ' in line)]
+    for line, sensor in zip(whole, ('Gyroscope', 'Accelerometer'), strict=False):
+        assert line.startswith((f'{sensor}: N is good (+-', f'{sensor}: use with care: ',
+                                f'{sensor}: not usable: '))
+    assert whole[2].startswith('For a filter corrected every ')
+    assert whole[2].endswith('(imu_allan export, tune)')
+    assert [line.split()[:3] for line in whole[3:5]] == [
+        ['gyro', 'filter', 'N'], ['accel', 'filter', 'N']]
