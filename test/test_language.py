@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages are in plain English: short sentences, the field's terms, and a glossary of them."""
 
+import ast
 from collections.abc import Iterator
 from pathlib import Path
 import re
@@ -73,6 +74,25 @@ def test_a_page_has_no_english_of_its_own(page: Path) -> None:
     prose += [re.sub(r'`[^`]*`', '', line) for line in page.read_text().splitlines()
               if line.startswith('|')]
     assert not [text for text in prose if PRIVATE.search(text)]
+
+
+def shown_strings(path: Path) -> Iterator[str]:
+    """Yield the text of a module that a user may read: constants of several words."""
+    tree = ast.parse(path.read_text())
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (
+                id(node) not in docstrings and ' ' in node.value.strip()):
+            yield node.value
+
+
+def test_no_string_of_the_program_has_english_of_its_own() -> None:
+    texts = [text for path in (ROOT / 'imu_allan').rglob('*.py') for text in shown_strings(path)]
+    texts += (ROOT / 'config' / 'imu_allan.yaml').read_text().splitlines()
+    assert len(texts) > 1000
+    # What an option or an argument is called.
+    assert not [text for text in texts
+                if PRIVATE.search(re.sub(r'\b(coast|bridged)\b', '', text))]
 
 
 def test_a_long_sentence_is_found_wherever_it_stands() -> None:
