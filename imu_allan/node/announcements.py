@@ -8,6 +8,7 @@ Each `see_` method is given what is true now and compares it with what was true 
 
 from imu_allan.node.diagnostics import cause_of_loss, Facts, off_rate, waiting_for
 from imu_allan.node.log import Log
+from imu_allan.node.sequential import rest_s
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
 from imu_allan.timeline import TimelineSummary
@@ -207,10 +208,7 @@ def progress_line(result: Result, moved_s: float = 0.0, *, comes: bool = True) -
     """Say how much has come, what is observable and, while more comes, what is next."""
     timeline = result.timeline
     rate = f' at {timeline.sample_rate_hz:.4g} Hz' if timeline.sample_rate_hz else ''
-    used = ''
-    if moved_s and timeline.sample_rate_hz:
-        rest = max(timeline.samples / timeline.sample_rate_hz - moved_s, 0.0)
-        used = f', {duration(rest)} of it at rest'
+    used = f', {duration(rest_s(timeline, moved_s))} of it at rest' if moved_s else ''
     counts = {key: sum(axis.coefficients[key].observable for axis in result.axes.values())
               for key in TERMS}
     shown = [f'{key.replace("_", " ")} of {count}' for key, count in counts.items() if count]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from imu_allan.node.result_messages import as_text, remark_values
+from imu_allan.node.sequential import rest_s
 from imu_allan.node.standards import Finding
 from imu_allan.noise.terms import TERMS
 from imu_allan.result import Result
@@ -255,16 +256,11 @@ def _timeline_values(facts: Facts, summary: TimelineSummary) -> Mapping[str, obj
             'longest_gap_s': summary.longest_gap_s,
             'duplicates': timeline.duplicates, 'out_of_order': timeline.out_of_order,
             'rejected': timeline.rejected, 'clock_jumps': summary.clock_jumps,
-            'header_repeats': summary.header_repeats,
-            'header_backward': summary.header_backward, 'moving': summary.moving,
-            'motion_excluded_s': summary.excluded_s, 'rest_s': rest_s(summary),
+            'header_repeats': summary.header_repeats, 'moving': summary.moving,
+            'header_backward': summary.header_backward,
+            'motion_excluded_s': summary.excluded_s,
+            'rest_s': rest_s(timeline, summary.excluded_s),
             'expected_rate_hz': facts.expected_rate or None}
-
-
-def rest_s(summary: TimelineSummary) -> float | None:
-    """Time of samples that were used: neither in a gap nor in motion."""
-    rate = summary.timeline.sample_rate_hz
-    return max(summary.timeline.samples / rate - summary.excluded_s, 0.0) if rate else None
 
 
 def _estimation_verdict(facts: Facts, result: Result | None) -> Verdict:

@@ -7,12 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-from imu_allan.node.result_messages import (
-    ENDS,
-    ResultMessages,
-    SENSORS,
-    TUNED_TERM,
-)
+from imu_allan.node.result_messages import ENDS, SENSORS, TUNED_TERM
 from imu_allan.noise.terms import LASTING_TERMS
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -48,9 +43,8 @@ class Publications:
                                                  event_callbacks=_no_events())
         self._node = node
 
-    def publish(self, messages: ResultMessages) -> None:
+    def publish(self, by_topic: Mapping[str, Any]) -> None:
         """Publish a result on every topic that has a part of it, unless it says the same."""
-        by_topic = messages.by_topic()
         # As text: a NaN is no other than the one before.
         if str(by_topic) == str(self._published):
             return

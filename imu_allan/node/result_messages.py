@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Result as the messages that ROS tools can read."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import json
 import math
@@ -40,24 +40,9 @@ class Filter:
     coast_s: float = 60.0
 
 
-@dataclass(frozen=True)
-class ResultMessages:
-    """What is published of one result; `vectors` and `curves` by topic below ``~/``."""
-
-    result: String
-    coefficients: DiagnosticArray
-    vectors: Mapping[str, Vector3Stamped]
-    curves: Mapping[str, Float64MultiArray]
-
-    def by_topic(self) -> dict[str, Any]:
-        """Give every message with its topic below ``~/``."""
-        return {'result': self.result, 'coefficients': self.coefficients, **self.vectors,
-                **self.curves}
-
-
 def result_messages(result: Result, node_name: str, stamp: Time,
-                    filter_of: Filter = Filter()) -> ResultMessages:
-    """Every message of a result."""
+                    filter_of: Filter = Filter()) -> dict[str, Any]:
+    """Every message of a result, by its topic below ``~/``."""
     vectors = {f'{sensor}/{term}': vector_message(result, sensor, term, stamp)
                for sensor in SENSORS for term in LASTING_TERMS}
     vectors |= {f'{sensor}/{TUNED_TERM}': tuned_message(result, sensor, filter_of, stamp)
@@ -67,8 +52,8 @@ def result_messages(result: Result, node_name: str, stamp: Time,
                 for sensor in SENSORS for term in LASTING_TERMS for end in ENDS}
     curves = {f'{sensor}/allan_deviation': curve_message(result, sensor) for sensor in SENSORS}
     document = json.dumps(result.to_dict(), separators=(',', ':'), allow_nan=False)
-    return ResultMessages(String(data=document),
-                          coefficients_message(result, node_name, stamp), vectors, curves)
+    return {'result': String(data=document),
+            'coefficients': coefficients_message(result, node_name, stamp), **vectors, **curves}
 
 
 def coefficients_message(result: Result, node_name: str, stamp: Time) -> DiagnosticArray:

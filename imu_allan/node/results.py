@@ -13,7 +13,7 @@ from imu_allan.node.announcements import Announcements
 from imu_allan.node.diagnostics import Facts
 from imu_allan.node.process import give_back_memory
 from imu_allan.node.publications import Publications
-from imu_allan.node.result_messages import Filter, result_messages, ResultMessages
+from imu_allan.node.result_messages import Filter, result_messages
 from imu_allan.node.run import Run
 from imu_allan.node.standards import Finding, Standards
 from imu_allan.node.worker import Worker
@@ -34,7 +34,7 @@ class _Fitted:
 
     result: Result
     of_lanes: list[Result]
-    messages: ResultMessages
+    messages: Mapping[str, Any]
     findings: list[Finding]
     took_s: float
 

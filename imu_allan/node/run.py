@@ -16,7 +16,7 @@ from imu_allan.finding import Finding
 from imu_allan.node.checkpoint import State, UnusableState
 from imu_allan.node.imu_type import IMU
 from imu_allan.node.same_imu import Known, Seen
-from imu_allan.node.sequential import SequentialLooks
+from imu_allan.node.sequential import rest_s, SequentialLooks
 from imu_allan.node.standards import Looks
 from imu_allan.noise.axis_fit import AxisFit
 from imu_allan.result import Backtest, Result
@@ -97,8 +97,7 @@ class Lane:
     @property
     def span_s(self) -> float:
         """Time that it holds samples of; 0 where their rate is not known."""
-        timeline = self.characterization.summary().timeline
-        return timeline.samples / timeline.sample_rate_hz if timeline.sample_rate_hz else 0.0
+        return rest_s(self.characterization.summary().timeline, 0.0)
 
     def snapshot(self) -> LaneSnapshot:
         """Return an independent copy, with the messages that wait for their unit."""

@@ -38,6 +38,7 @@ _SURE, _SUSPECT = 5.0, 2.0
 _GROUP, _CHANCE = 64, 0.1
 """Samples whose level is one number, and by how much of it chance moves that."""
 _FEWEST_GROUPS = 4
+"""Fewer do not tell how much they scatter. A judgment."""
 LEVEL_MESSAGES = _FEWEST_GROUPS * _GROUP + 1
 """Fewer tell no level."""
 _GROUPS = 64

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from imu_allan.result import Coefficient, Result
+from imu_allan.result import Coefficient, Result, Timeline
 
 GROWTH = 3.0
 """The record grows by this while every fit has to show a term, which costs as much time. Without
@@ -77,7 +77,8 @@ class SequentialLooks:
         timeline = result.timeline
         messages = (timeline.samples + timeline.duplicates + timeline.out_of_order
                     + timeline.rejected)
-        rate, record_s = timeline.sample_rate_hz, used_s(result)
+        rate = timeline.sample_rate_hz
+        record_s = rest_s(timeline, sum(span.duration_s for span in timeline.motion))
         if rate and messages > self._messages:
             added = (record_s - self._record_s) * rate
             self._growing = added > _LEAST_USED * (messages - self._messages)
@@ -114,10 +115,7 @@ class SequentialLooks:
         return wait_s if self._growing and known and steady else None
 
 
-def used_s(result: Result) -> float:
-    """Time of the samples that a result was made of: neither in a gap nor in motion."""
-    timeline = result.timeline
-    if not timeline.sample_rate_hz:
-        return 0.0
-    moved_s = sum(span.duration_s for span in timeline.motion)
-    return max(timeline.samples / timeline.sample_rate_hz - moved_s, 0.0)
+def rest_s(timeline: Timeline, moved_s: float) -> float:
+    """Time of samples that are used, neither in a gap nor in motion; 0 without a rate."""
+    rate = timeline.sample_rate_hz
+    return max(timeline.samples / rate - moved_s, 0.0) if rate else 0.0
