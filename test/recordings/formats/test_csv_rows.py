@@ -11,7 +11,7 @@ import pytest
 HEADER = 'time_s,gyro_x,gyro_y,gyro_z'
 ROWS = np.random.default_rng(4).normal(0, 0.01, (30, 3)).round(6)
 FIVE_FIELDS = (
-    'the rows have 5 fields, the header names 4, so that none can be told by its name; name '
+    'the rows have 5 fields, the header names 4, so that none can be recognized by its name; name '
     'every column, the number of the row, too, as R does with col.names=NA')
 
 
@@ -49,8 +49,8 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
     text = table(HEADER, lambda place, values: [
         value.replace('.', ',') for value in (str(place / 100), *values)])
     assert refusal(tmp_path, text) == (
-        'the rows have 8 fields, the header names 4, so that none can be told by its name; where '
-        'that comes of decimal commas, write semicolons between the cells')
+        'the rows have 8 fields, the header names 4, so that none can be recognized by its '
+        'name; where that comes of decimal commas, write semicolons between the cells')
 
 
 def test_decimal_commas_in_quotes_are_read(tmp_path):
