@@ -19,13 +19,16 @@ _MANY = 0.01
 """Share of zeros in a chunk from which on magnitudes are looked at, which takes its time."""
 _REACH = BINS_PER_OCTAVE + 2
 """Bins from the end of the hole on that are looked at, an octave, and one more for rounding."""
+_STEPS = 10_000
+"""Samples next to zero, and none within the octave beyond: an output of steps, without a hole."""
 
 
 def count_near_zero(rows: Array, reference: Array, zeros: Counts, sizes: Counts) -> None:
     """
     Count the samples that are zero, and where these are many the magnitudes of the others.
 
-    The hole can only become narrower: what lies far beyond it is not counted any more.
+    The hole can only become narrower: what lies far beyond it is not counted any more, and
+    nothing once the output is seen to step, as most do: the step is no hole.
 
     Parameters
     ----------
@@ -46,11 +49,19 @@ def count_near_zero(rows: Array, reference: Array, zeros: Counts, sizes: Counts)
         if here < _MANY * len(row):
             continue
         ends = end_of_hole(sizes[axis])
+        if ends is not None and _is_stepping(sizes[axis, ends:]):
+            continue
         farthest = np.inf if ends is None else lower_edge(ends + _REACH)
         magnitude = np.abs(row - zero)
         some = magnitude[(magnitude > 0) & (magnitude < farthest)]
         places = np.floor(BINS_PER_OCTAVE * (np.log2(some) - _LOWEST_OCTAVE))
         sizes[axis] += np.bincount(np.clip(places, 0, BINS - 1).astype(np.intp), minlength=BINS)
+
+
+def _is_stepping(sizes: Counts) -> bool:
+    """Tell from the counts of the first bin on that values lie a whole step apart."""
+    first, between = sizes[:2].sum(), sizes[2:BINS_PER_OCTAVE - 1].sum()
+    return bool(first > _STEPS and not between)
 
 
 def end_of_hole(sizes: Counts) -> int | None:
