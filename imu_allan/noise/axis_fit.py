@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from imu_allan.noise.courses.mean_in_blocks import Course, without_mean
 from imu_allan.noise.courses.regressors import RecordSpectrum
-from imu_allan.noise.courses.slow_cycle import known_cycle, SlowCycle, strong_cycle
+from imu_allan.noise.courses.slow_cycle import known_cycle, SlowCycle, strong_cycles
 from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.faults.axis_fault import axis_fault, steps_hide_noise
 from imu_allan.noise.posterior.answer import expected, Mean, moved_mean
@@ -262,7 +262,7 @@ def _sources(finished: Estimator, pieces: list[SpectrumPiece], axes: Sequence[in
 def _without_cycles(sources: Sequence[_Source], finished: Estimator, beside: Sequence[Course]
                     ) -> list[_Source]:
     """Take strong cycles out of every axis, and ask it for those of the others."""
-    found = [strong_cycle(source.record.beside(beside)) for source in sources]
+    found = strong_cycles([source.record.beside(beside) for source in sources])
     known = [1 / one.period_s for one in found if one is not None]
     if not known:
         return list(sources)

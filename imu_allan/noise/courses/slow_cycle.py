@@ -68,12 +68,15 @@ class SlowCycle:
         return 1 / self.cycle.frequency_hz
 
 
-def strong_cycle(record: RecordSpectrum) -> SlowCycle | None:
-    """Find a cycle that stands above the noise with its harmonics, and take it out."""
-    if record.duration_s == 0:
-        return None
+def strong_cycles(records: Sequence[RecordSpectrum]) -> list[SlowCycle | None]:
+    """Find a cycle of every axis that stands above the noise with its harmonics, and take it out."""
+    bank = Bank(records[0], (_KIND,))
+    return [_strong_cycle(record, bank) if record.duration_s > 0 else None for record in records]
+
+
+def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     noise = _noise(record)
-    frequency_hz = _likeliest(record, noise)
+    frequency_hz = _likeliest(record, noise, bank)
     variance = _variance(record, noise)
     for few in _FEW:
         frequency_hz = refined(record, variance, frequency_hz, few).frequency_hz
@@ -138,17 +141,15 @@ def _fastest(record: RecordSpectrum) -> float:
     return min(_MOST_CYCLES / record.duration_s, 1 / _NO_VIBRATION_S)
 
 
-def _likeliest(record: RecordSpectrum, noise: Solution) -> float:
+def _likeliest(record: RecordSpectrum, noise: Solution, bank: Bank) -> float:
     """Return the frequency that explains most under noise without a random walk."""
     groups = record.groups()
     keep = None if record.keep is None else record.keep | (
         record.bins.frequency < _fastest(record))
-    record = replace(record, keep=keep)
-    bank = Bank(record, (_KIND,))
     theta = noise.theta.copy()
     theta[WALK] = 0.0
     lam = np.maximum(groups.design @ theta, 1e-300)
-    axis = bank.of(record)
+    axis = bank.of(replace(record, keep=keep))
     gains = axis.gains(axis.about(groups.frequency, lam, ()), 0)[0]
     return float(bank.grids[0][int(np.argmax(gains))])
 
