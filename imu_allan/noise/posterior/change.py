@@ -23,7 +23,7 @@ from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
-STEADY_PRIOR = 0.7
+STEADY_PRIOR = 0.9
 """Probability that the level stays the same."""
 _MEDIAN, _SPREAD = 0.05, 0.8
 """Of the change where it does not, log-normal: real accelerometers have .04 to .06."""
