@@ -12,8 +12,8 @@ SHORTEST_S = 10.0
 SHORTEST_GOOD_S = 60.0
 """Of less rest nothing slower than N shows."""
 _NO_SENSOR = frozenset({
-    'axis_not_finite', 'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated',
-    'stood_still', 'unknown_rate', 'mostly_motion'})
+    'constant_axis', 'copied_axis', 'deadband', 'high_passed', 'saturated', 'stood_still',
+    'unknown_rate', 'mostly_motion'})
 """Codes after which an axis has no numbers, or those of something else."""
 FAULTS = {'constant': 'constant_axis', 'dead': 'stood_still', 'saturated': 'saturated',
           'zeroed': 'deadband', 'copied': 'copied_axis'}

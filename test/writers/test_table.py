@@ -136,6 +136,14 @@ def test_an_axis_that_does_not_measure_is_named_in_the_answer(filtered):
                                      'Accelerometer: not usable: stood still (x).']
 
 
+def test_an_axis_that_is_not_there_does_not_make_the_others_useless(filtered):
+    axes = {name: axis for name, axis in filtered.axes.items() if name != 'gyro_x'}
+    lines = printed(replace(filtered, axes=axes, sensors={}, warnings=(
+        finding('axis_not_finite', ('gyro_x',)),))).splitlines()
+    assert lines[0] == 'Gyroscope: use with care: not finite (x).'
+    assert lines[1].startswith('Accelerometer: N is good')
+
+
 def test_every_kind_of_fault_is_named_in_the_answer(filtered):
     axes = dict(filtered.axes)
     axes['gyro_x'] = replace(axes['gyro_x'], stood_still=Span(100.0, 50.0))
