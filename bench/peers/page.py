@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page docs/peers.md, made of the figures alone."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 import math
 from statistics import fmean, median
 from typing import Any
@@ -13,6 +13,9 @@ SYMBOLS = {'noise_density': 'N', 'bias_instability': 'B', 'rate_random_walk': 'K
 IDEAL = ('a', 'b', 'mems', 'white', 'walk')
 _AS_GOOD = 1.1
 """An error up to so many times ours is called equal: some dozens of axes tell no better."""
+_ENGINEERING = {'noise_density': 60 * 180 / math.pi, 'bias_instability': 3600 * 180 / math.pi,
+                'rate_random_walk': 60 * 3600 * 180 / math.pi}
+"""From rad/s/sqrt(Hz), rad/s and rad/s^2/sqrt(Hz) to what datasheets have."""
 HOW = ('nearer', 'as near')
 _MARKS = {'nearer': '**', 'as near': '*', '': ''}
 _HEAD = """# Allan tools compared
@@ -224,7 +227,37 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
                      f'{short(min(nis))} to {short(max(nis))}, median {short(median(nis))}'
                      if nis else '–'])
     yield table(['tool', 'N', 'B', 'K', 'NIS'], rows)
-    yield 'The tag and the coefficients of the telephone are in the file of figures.\n'
+    yield ('**What each says** of the gyroscope, the quietest axis to the noisiest: N in '
+           'deg/√h, B in deg/h, K in deg/h/√h. The telephone smooths near 0.2 Hz; the tag is '
+           f'coarse, and {_warmth(found["rests"])}. A dash is no number.\n')
+    yield table(['tool', *(f'{where}: {symbol}' for where in ('telephone', 'tag')
+                           for symbol in ('N', 'B', 'K'))],
+                [[name, *_said(found['tools'][tool]['answers'])] for tool, name in called.items()])
+    for part, said in found['findings'].items():
+        codes = ', '.join(one.partition(':')[0] for one in said)
+        of = 'the telephone' if part == 'telephone' else f'{part} of the tag'
+        yield f'imu_allan warns of {of}: {codes or "nothing"}.\n'
+
+
+def _warmth(rests: Sequence[Mapping[str, float]]) -> str:
+    """Say between which temperatures the tag was."""
+    return (f'its {len(rests)} rests go from {min(rest["coldest_c"] for rest in rests):.0f} to '
+            f'{max(rest["warmest_c"] for rest in rests):.0f} °C')
+
+
+def _said(answers: Mapping[str, Any]) -> Iterator[str]:
+    """Return N, B and K of the gyroscopes of the telephone and of the tag's first rest."""
+    for part in ('telephone', 'rest 1'):
+        axes = [axis for name, axis in answers[part].get('axes', {}).items()
+                if name.startswith('gyro')]
+        for key, scale in _ENGINEERING.items():
+            values = [scale * axis[key][0] for axis in axes if axis[key][0] is not None]
+            bounds = [scale * axis[key][2] for axis in axes if axis[key][2] is not None]
+            if values:
+                yield (f'{short(min(values))} to {short(max(values))}'
+                       + (f' ({len(values)} of 3)' if len(values) < 3 else ''))
+            else:
+                yield f'< {short(max(bounds))}' if bounds else '–'
 
 
 def speed(rows: Mapping[str, Any]) -> Iterator[str]:
