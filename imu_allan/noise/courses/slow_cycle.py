@@ -69,7 +69,7 @@ class SlowCycle:
 
 
 def strong_cycles(records: Sequence[RecordSpectrum]) -> list[SlowCycle | None]:
-    """Find a cycle of every axis that stands above the noise with its harmonics, and take it out."""
+    """Find the cycle of every axis that stands above the noise, and take it out."""
     bank = Bank(records[0], (_KIND,))
     return [_strong_cycle(record, bank) if record.duration_s > 0 else None for record in records]
 

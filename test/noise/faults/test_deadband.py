@@ -86,6 +86,19 @@ def test_zeros_are_counted_however_samples_arrive():
     assert deadband(merged, 0).width == pytest.approx(1.0, rel=0.1)
 
 
+def test_an_output_that_steps_is_looked_at_no_longer_than_it_takes():
+    noise = 3 * np.random.default_rng(8).normal(size=400_000)
+    stepped = shown(np.round(noise))
+    assert deadband(stepped, 0) is None
+    assert stepped.at_zero[0] == np.count_nonzero(np.round(noise) == 0)
+    ones = np.count_nonzero(np.abs(np.round(noise)) == 1)
+    assert 10_000 < stepped.near_zero[0].max() < 0.5 * ones
+    # A deadband of two steps has values between one and two of its widths.
+    narrow = shown(without_small(np.round(2 * noise) / 2, 1.0))
+    assert deadband(narrow, 0).width == pytest.approx(1.0)
+    assert narrow.near_zero[0].max() > 0.5 * np.count_nonzero(np.abs(np.round(2 * noise)) == 2)
+
+
 def test_an_axis_with_a_deadband_has_no_fit():
     fits = fit_axes(shown(np.stack((WHITE, without_small(WHITE, 1.0)), axis=1)), 0.01)
     assert fits[0] is not None
