@@ -1,9 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which numbers go into a configuration, in one module because every exporter asks one object.
-
-And what is to be said about them.
+Which numbers go into a configuration.
 
 Tuned from the drift model for what corrects the consumer, unless the coefficients as measured are
 asked for. Where the data cannot show a coefficient the 95 % upper bound stands in and the comment
@@ -19,11 +17,9 @@ from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.noise.terms import FLICKER_FLOOR
 from imu_allan.result import AxisResult, Interval, Result
 from imu_allan.tuning.arguments import positive_number, positive_time
-from imu_allan.tuning.tune import assess, Bias, FilterTuning, tune
-from imu_allan.tuning.uncertainty import known_less_than, upper_bound
-from imu_allan.wording import duration
+from imu_allan.tuning.tune import Bias, FilterTuning, tune
+from imu_allan.tuning.uncertainty import upper_bound
 from imu_allan.writers.consumers import Consumer
-from imu_allan.writers.included import included
 
 Key = Literal['N', 'K', 'sigma', 'Tc']
 Sensor = Literal['accel', 'gyro']
@@ -159,7 +155,7 @@ class Numbers:
         self.tunings: dict[str, FilterTuning] = {}
         if not wishes.as_measured and self.aiding_s is not None:
             self._tune(self.aiding_s)
-        self._as_measured = {axis: _measured(found, consumer.bias)
+        self.coefficients = {axis: _measured(found, consumer.bias)
                              for axis, found in result.axes.items()}
         self.of_axis: dict[str, dict[Key, Number]] = {
             axis: {} if found.high_passed_hz is not None else self._numbers(axis)
@@ -200,7 +196,7 @@ class Numbers:
 
     def measured(self, name: str, key: Key, scale: Scale = unscaled) -> str:
         """Say what was measured of a number of an axis: value and 95 % interval, or bound."""
-        found = self._as_measured[name].get(key)
+        found = self.coefficients[name].get(key)
         if found is None:
             return 'not measured'
         said = found.measured(scale)
@@ -221,30 +217,6 @@ class Numbers:
             found[K] = max(walks, key=lambda number: number.value)
         return found
 
-    def dead(self, sensor: Sensor) -> list[str]:
-        """Say which axes have no number, and why."""
-        if not self.axes(sensor):
-            return [f'This result has no {SENSOR_NAMES[sensor]}: its numbers are left out.']
-        said = []
-        for letter in 'xyz':
-            name = f'{sensor}_{letter}'
-            axis = self.result.axes.get(name)
-            if axis is None:
-                continue
-            if axis.high_passed_hz is not None:
-                said.append(f'{name} has come through a FILTER that takes out its slow part: it '
-                            'is in none of the numbers below; take the raw topic')
-            elif not self.of_axis[name]:
-                why = ('every sample is the same' if axis.constant else
-                       f'its output is cut off at {axis.saturated.value:.6g} {axis.unit}'
-                       if axis.saturated is not None else 'small values are given as zero'
-                       if axis.deadband is not None else 'too few samples'
-                       if axis.stood_still is None else
-                       f'it stood still for {duration(axis.stood_still.duration_s)}')
-                said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '
-                            'numbers below')
-        return said
-
     def rate(self, sensor: Sensor | None = None) -> float:
         """
         Return the rate that the consumer works at, or that of the messages of a sensor.
@@ -264,27 +236,6 @@ class Numbers:
             raise ImuAllanError(f'the configuration for {self.name} needs the sample rate, '
                                 'which this result does not have; give it with --rate HZ')
         return rate
-
-    def provenance(self) -> list[str]:
-        """Say where the numbers come from and what they are expected to reach."""
-        source, timeline = self.result.source, self.result.timeline
-        if self.of_datasheet:
-            return [f'IMU noise for {self.consumer.title}, by imu_allan '
-                    f'{printable(self.result.imu_allan_version)} from',
-                    f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
-                    'sensors as mounted are often worse.', *self._inflated(),
-                    *(line for sensor in SENSORS for line in self.dead(sensor))]
-        rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
-        parts = [printable(source.path) if source.path else '',
-                 f'topic {printable(source.topic)}' if source.topic else '',
-                 f'frame {printable(source.frame_id)}' if source.frame_id else '',
-                 f'of {printable(source.start_time)}' if source.start_time else '',
-                 f'{timeline.samples} samples{rate} over {timeline.duration_s:.6g} s']
-        expected = self._consistency()
-        return [f'IMU noise for {self.consumer.title}, by imu_allan '
-                f'{printable(self.result.imu_allan_version)} from',
-                ', '.join(part for part in parts if part), *self._choice(bool(expected)),
-                *expected, *(line for sensor in SENSORS for line in self.dead(sensor))]
 
     def _tune(self, aiding_s: float) -> None:
         axes = {name: axis for name, axis in self.result.axes.items()
@@ -310,7 +261,7 @@ class Numbers:
                 numbers[K] = Number(sigma.value * sqrt(2 / found[1].value), sigma.bound)
 
     def _numbers(self, name: str) -> dict[Key, Number]:
-        found = self._tuned_numbers(name) or self._as_measured[name]
+        found = self._tuned_numbers(name) or self.coefficients[name]
         if not found:
             return {}
         factors = {N: self.wishes.inflate.get('N', 1.0), K: self.wishes.inflate.get('K', 1.0)}
@@ -330,94 +281,6 @@ class Numbers:
             found[TIME] = Number(tuning.correlation_time_s)
             found[K] = Number(tuning.sigma * sqrt(2 / tuning.correlation_time_s))
         return found
-
-    def _choice(self, expected: bool) -> list[str]:
-        lines = []
-        if self.consumer.share == 'model':
-            lines.append('The whole drift model, as measured: NIS and squared unaided errors '
-                         'are expected to be what it predicts.')
-            lines += [f'{name}: ' + ', '.join(
-                f'{key} {self.measured(name, key)}' for key in self._as_measured[name])
-                for name in self.result.axes if self._as_measured[name]]
-            lines += included(self.result.axes)
-        elif self.aiding_s is None:
-            lines.append(f'Noise densities as measured: {self.consumer.aiding.reason}.')
-        elif self.wishes.as_measured:
-            lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
-            lines += self._beyond('what is expected is') if expected else []
-        elif not self.tunings:
-            lines.append('Coefficients as measured: this result has no drift model to tune from.')
-        else:
-            why = f' ({self.consumer.aiding.reason})' if self.wishes.aiding_s is None else ''
-            kind = 'Conservatively tuned' if self.wishes.conservative else 'Tuned'
-            lines.append(f'{kind} for a correction every {duration(self.aiding_s)}{why} and '
-                         f'{duration(self.coast_s)} unaided.')
-            lines += self._beyond('the numbers are')
-            lines += included({name: self.result.axes[name] for name in self.tunings})
-        return lines + self._left_out() + self._inflated()
-
-    def _inflated(self) -> list[str]:
-        """Say by what the user had the numbers multiplied."""
-        factors = ', '.join(f'{key} times {factor:g}' for key, factor
-                            in sorted(self.wishes.inflate.items()))
-        return [f'INFLATED on request: {factors}.'] if factors else []
-
-    def _beyond(self, what: str) -> list[str]:
-        """Say that the longest unaided time is beyond what the recording knows."""
-        known = known_less_than(self.result.axes, self.coast_s)
-        return [] if known is None else [
-            f'WARNING: this recording knows {duration(known)} at most; beyond it {what} widened, '
-            f'and K may be', 'many times that of a recording that is longer than '
-            f'{duration(self.coast_s)}.']
-
-    def _left_out(self) -> list[str]:
-        """Say which axes have noise that the coefficients leave out."""
-        # Where recordings together have no common exponent, there is a warning alone.
-        reported = {axis for found in self.result.warnings if found.code == 'power_law'
-                for axis in found.axes}
-        laws = {name: 'not the same in all recordings' if axis.power_law is None else
-                f'1/f to the power of {axis.power_law.exponent:.2f}'
-                for name, axis in self.result.axes.items()
-                if (axis.power_law is not None or name in reported) and name not in self.tunings}
-        if not laws or self.consumer.share == 'model':
-            return []
-        each = ', '.join(f'{name} {law}' for name, law in laws.items())
-        instead = '; tuned numbers have it in them' if self.wishes.as_measured else ''
-        return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
-
-    def _consistency(self) -> list[str]:
-        """Say what filters with the numbers of the file reach on each sensor."""
-        if self.aiding_s is None or self.consumer.share == 'model':
-            return []
-        lines = []
-        for sensor in SENSORS:
-            found = [met for name, axis in self.axes(sensor).items()
-                     if axis.drift_model is not None
-                     and (met := self._met(sensor, name, axis)) is not None]
-            if found:
-                lines.append(_expectation(sensor, found))
-        return lines
-
-    def _met(self, sensor: Sensor, name: str, axis: AxisResult) -> FilterTuning | None:
-        """Tell what a filter with the numbers that an axis gets reaches on it."""
-        own = self.of_axis[name] and self.given(sensor, name)
-        if not own or K not in own or self.aiding_s is None:
-            return None
-        return assess(axis, own[N].value, own[K].value, self.aiding_s, self.coast_s,
-                      own[TIME].value if TIME in own else None)
-
-
-def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
-    nis = sorted(tuning.nis for tuning in found)
-    coast = sorted(tuning.coast_ratio for tuning in found)
-
-    def span(values: list[float]) -> str:
-        low, high = f'{values[0]:.2g}', f'{values[-1]:.2g}'
-        return low if low == high else f'{low} to {high}'
-
-    return (f'{sensor}: expected NIS {span(nis)}; squared error after '
-            f'{duration(found[0].coast_s)} unaided {span(coast)} times what the filter predicts '
-            '(1 is right, above 1 overconfident).')
 
 
 def _measured(axis: AxisResult, bias: Bias) -> dict[Key, Number]:

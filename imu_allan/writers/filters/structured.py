@@ -21,6 +21,7 @@ from imu_allan.writers.filters.chosen_numbers import (
     TIME,
     times,
 )
+from imu_allan.writers.filters.provenance import provenance
 from imu_allan.writers.filters.template import (
     each,
     expanded,
@@ -48,7 +49,7 @@ def basalt(numbers: Numbers) -> str:
     comments: they stand under a key that cereal passes over.
     """
     values: dict[str, object] = {'imu_update_rate': float(real(numbers.rate()))}
-    remarks = numbers.provenance()
+    remarks = provenance(numbers)
     names: _Named = {('accel', N): 'accel_noise_std', ('gyro', N): 'gyro_noise_std',
                      ('accel', K): 'accel_bias_std', ('gyro', K): 'gyro_bias_std'}
     for (sensor, key), name in names.items():
@@ -124,7 +125,7 @@ def gazebo(numbers: Numbers) -> str:
     bias.
     """
     f = numbers.rate()
-    lines = ['<!--', *map(quoted_in_xml, numbers.provenance()),
+    lines = ['<!--', *map(quoted_in_xml, provenance(numbers)),
              f'stddev = N sqrt(f) at f = {f:g} Hz, the update_rate of the sensor; '
              'dynamic_bias_stddev is the', 'driving density K = sigma sqrt(2/Tc), as gz-sensors '
              'uses it, not the standard deviation of the bias.', '-->', '<imu>']
@@ -165,7 +166,7 @@ def airsim(numbers: Numbers) -> str:
         ('accel', N): ('VelocityRandomWalk', STANDARD_GRAVITY * 1e-3),
         ('gyro', K): ('GyroBiasStability', pi / 180 / 3600 / sqrt(gyro_tau)),
         ('accel', K): ('AccelBiasStability', STANDARD_GRAVITY * 1e-6 / sqrt(accel_tau))}
-    remarks = [*numbers.provenance(), 'Imu goes below Vehicles, NAME, Sensors of settings.json.']
+    remarks = [*provenance(numbers), 'Imu goes below Vehicles, NAME, Sensors of settings.json.']
     for (sensor, key), (name, unit) in units.items():
         value, said = worst(numbers, sensor, key, times(1 / unit))
         if value is None:
@@ -271,7 +272,7 @@ def state_space(numbers: Numbers) -> str:
     """
     spaces = _spaces(numbers)
     step = next(iter(spaces.values())).step_s
-    document = {'imu_allan': numbers.provenance(), 'step_s': step,
+    document = {'imu_allan': provenance(numbers), 'step_s': step,
                 'axes': {name: {part: getattr(space, part).tolist() for part in _PARTS}
                          for name, space in spaces.items()}}
     return json.dumps(document, indent=2) + '\n'

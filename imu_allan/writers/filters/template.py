@@ -42,6 +42,7 @@ from imu_allan.writers.filters.chosen_numbers import (
     times,
     unscaled,
 )
+from imu_allan.writers.filters.provenance import provenance
 
 _NUMBER = re.compile(
     r'\{(?P<sensor>gyro|accel)(?:_(?P<letter>[xyz]))? (?P<key>N|K|sigma|Tc|mean)(?P<scaling>.*?)'
@@ -116,7 +117,7 @@ def _word_filled(numbers: Numbers, line: str) -> list[str] | None:
         return [line]
     before, after = line[:word.start()], line[word.end():]
     if word[1] == 'heading':
-        said = numbers.provenance()
+        said = provenance(numbers)
         return [f'{before}{one}' for one in (said if before else map(quoted_in_xml, said))]
     if word[1] == 'topic':
         topic = topic_of(numbers) or word[2]
@@ -222,7 +223,7 @@ def each(numbers: Numbers, sensor: Sensor, key: Key, scale: Scale = unscaled
 
 def heading(numbers: Numbers, sign: str = '#') -> list[str]:
     """Return the comment at the top of a file."""
-    return [f'{sign} {line}' for line in numbers.provenance()]
+    return [f'{sign} {line}' for line in provenance(numbers)]
 
 
 def topic_of(numbers: Numbers) -> str | None:

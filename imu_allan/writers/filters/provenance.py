@@ -1,0 +1,160 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the head of a configuration says: whence its numbers, why these, what they shall reach."""
+
+from imu_allan.errors import printable
+from imu_allan.result import AxisResult
+from imu_allan.tuning.tune import assess, FilterTuning
+from imu_allan.tuning.uncertainty import known_less_than
+from imu_allan.wording import duration
+from imu_allan.writers.filters.chosen_numbers import (
+    K,
+    N,
+    Numbers,
+    Sensor,
+    SENSOR_NAMES,
+    SENSORS,
+    TIME,
+)
+from imu_allan.writers.included import included
+
+
+def provenance(numbers: Numbers) -> list[str]:
+    """Say where the numbers come from and what they are expected to reach."""
+    source, timeline = numbers.result.source, numbers.result.timeline
+    if numbers.of_datasheet:
+        return [f'IMU noise for {numbers.consumer.title}, by imu_allan '
+                f'{printable(numbers.result.imu_allan_version)} from',
+                f'the DATASHEET {printable(source.path)}: nothing of it was measured, and '
+                'sensors as mounted are often worse.', *_inflated(numbers),
+                *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
+    rate = '' if timeline.sample_rate_hz is None else f' at {timeline.sample_rate_hz:g} Hz'
+    parts = [printable(source.path) if source.path else '',
+             f'topic {printable(source.topic)}' if source.topic else '',
+             f'frame {printable(source.frame_id)}' if source.frame_id else '',
+             f'of {printable(source.start_time)}' if source.start_time else '',
+             f'{timeline.samples} samples{rate} over {timeline.duration_s:.6g} s']
+    expected = _consistency(numbers)
+    return [f'IMU noise for {numbers.consumer.title}, by imu_allan '
+            f'{printable(numbers.result.imu_allan_version)} from',
+            ', '.join(part for part in parts if part), *_choice(numbers, bool(expected)),
+            *expected, *(line for sensor in SENSORS for line in _dead(numbers, sensor))]
+
+
+def _choice(numbers: Numbers, expected: bool) -> list[str]:
+    lines = []
+    if numbers.consumer.share == 'model':
+        lines.append('The whole drift model, as measured: NIS and squared unaided errors '
+                     'are expected to be what it predicts.')
+        lines += [f'{name}: ' + ', '.join(
+            f'{key} {numbers.measured(name, key)}' for key in numbers.coefficients[name])
+            for name in numbers.result.axes if numbers.coefficients[name]]
+        lines += included(numbers.result.axes)
+    elif numbers.aiding_s is None:
+        lines.append(f'Noise densities as measured: {numbers.consumer.aiding.reason}.')
+    elif numbers.wishes.as_measured:
+        lines.append('Coefficients as measured (IEEE Std 952), not tuned.')
+        lines += _beyond(numbers, 'what is expected is') if expected else []
+    elif not numbers.tunings:
+        lines.append('Coefficients as measured: this result has no drift model to tune from.')
+    else:
+        why = f' ({numbers.consumer.aiding.reason})' if numbers.wishes.aiding_s is None else ''
+        kind = 'Conservatively tuned' if numbers.wishes.conservative else 'Tuned'
+        lines.append(f'{kind} for a correction every {duration(numbers.aiding_s)}{why} and '
+                     f'{duration(numbers.coast_s)} unaided.')
+        lines += _beyond(numbers, 'the numbers are')
+        lines += included({name: numbers.result.axes[name] for name in numbers.tunings})
+    return lines + _left_out(numbers) + _inflated(numbers)
+
+
+def _beyond(numbers: Numbers, what: str) -> list[str]:
+    """Say that the longest unaided time is beyond what the recording knows."""
+    known = known_less_than(numbers.result.axes, numbers.coast_s)
+    return [] if known is None else [
+        f'WARNING: this recording knows {duration(known)} at most; beyond it {what} widened, '
+        f'and K may be', 'many times that of a recording that is longer than '
+        f'{duration(numbers.coast_s)}.']
+
+
+def _left_out(numbers: Numbers) -> list[str]:
+    """Say which axes have noise that the coefficients leave out."""
+    # Where recordings together have no common exponent, there is a warning alone.
+    reported = {axis for found in numbers.result.warnings if found.code == 'power_law'
+            for axis in found.axes}
+    laws = {name: 'not the same in all recordings' if axis.power_law is None else
+            f'1/f to the power of {axis.power_law.exponent:.2f}'
+            for name, axis in numbers.result.axes.items()
+            if (axis.power_law is not None or name in reported) and name not in numbers.tunings}
+    if not laws or numbers.consumer.share == 'model':
+        return []
+    each = ', '.join(f'{name} {law}' for name, law in laws.items())
+    instead = '; tuned numbers have it in them' if numbers.wishes.as_measured else ''
+    return [f'LEFT OUT: slow noise that is no flicker ({each}){instead}.']
+
+
+def _inflated(numbers: Numbers) -> list[str]:
+    """Say by what the user had the numbers multiplied."""
+    factors = ', '.join(f'{key} times {factor:g}' for key, factor
+                        in sorted(numbers.wishes.inflate.items()))
+    return [f'INFLATED on request: {factors}.'] if factors else []
+
+
+def _consistency(numbers: Numbers) -> list[str]:
+    """Say what filters with the numbers of the file reach on each sensor."""
+    if numbers.aiding_s is None or numbers.consumer.share == 'model':
+        return []
+    lines = []
+    for sensor in SENSORS:
+        found = [met for name, axis in numbers.axes(sensor).items()
+                 if axis.drift_model is not None
+                 and (met := _met(numbers, sensor, name, axis)) is not None]
+        if found:
+            lines.append(_expectation(sensor, found))
+    return lines
+
+
+def _met(numbers: Numbers, sensor: Sensor, name: str, axis: AxisResult) -> FilterTuning | None:
+    """Tell what a filter with the numbers that an axis gets reaches on it."""
+    own = numbers.of_axis[name] and numbers.given(sensor, name)
+    if not own or K not in own or numbers.aiding_s is None:
+        return None
+    return assess(axis, own[N].value, own[K].value, numbers.aiding_s, numbers.coast_s,
+                  own[TIME].value if TIME in own else None)
+
+
+def _expectation(sensor: Sensor, found: list[FilterTuning]) -> str:
+    nis = sorted(tuning.nis for tuning in found)
+    coast = sorted(tuning.coast_ratio for tuning in found)
+
+    def span(values: list[float]) -> str:
+        low, high = f'{values[0]:.2g}', f'{values[-1]:.2g}'
+        return low if low == high else f'{low} to {high}'
+
+    return (f'{sensor}: expected NIS {span(nis)}; squared error after '
+            f'{duration(found[0].coast_s)} unaided {span(coast)} times what the filter predicts '
+            '(1 is right, above 1 overconfident).')
+
+
+def _dead(numbers: Numbers, sensor: Sensor) -> list[str]:
+    """Say which axes have no number, and why."""
+    if not numbers.axes(sensor):
+        return [f'This result has no {SENSOR_NAMES[sensor]}: its numbers are left out.']
+    said = []
+    for letter in 'xyz':
+        name = f'{sensor}_{letter}'
+        axis = numbers.result.axes.get(name)
+        if axis is None:
+            continue
+        if axis.high_passed_hz is not None:
+            said.append(f'{name} has come through a FILTER that takes out its slow part: it '
+                        'is in none of the numbers below; take the raw topic')
+        elif not numbers.of_axis[name]:
+            why = ('every sample is the same' if axis.constant else
+                   f'its output is cut off at {axis.saturated.value:.6g} {axis.unit}'
+                   if axis.saturated is not None else 'small values are given as zero'
+                   if axis.deadband is not None else 'too few samples'
+                   if axis.stood_still is None else
+                   f'it stood still for {duration(axis.stood_still.duration_s)}')
+            said.append(f'{name} is DEAD in this recording ({why}): it is in none of the '
+                        'numbers below')
+    return said
