@@ -80,8 +80,9 @@ def test_halves_alike_are_not_told() -> None:
     (4.0, 0.25, 'first'), (0.25, 4.0, 'second')])
 def test_which_half_and_how_much(first: float, second: float, higher: str) -> None:
     assert halves_remarks({'gyro_x': axis_of(first, second)}) == {
-        'gyro_x': finding('not_steady', severity='know', interval_s=60.0,
-                          drift_ratio=pytest.approx(2.0), higher=higher, half_s=3600.0)}
+        'gyro_x': Finding('not_steady', 'know', values={
+            'interval_s': 60.0, 'drift_ratio': pytest.approx(2.0), 'higher': higher,
+            'half_s': 3600.0})}
 
 
 def test_axes_that_say_the_same_together_are_believed_where_each_alone_is_not() -> None:
