@@ -11,7 +11,7 @@ from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
 from imu_allan.characterization.axis import characterize
 from imu_allan.characterization.findings import halves_remarks
-from imu_allan.finding import Finding, finding
+from imu_allan.finding import Finding
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import AxisResult, Backtest, Innovations, Result
