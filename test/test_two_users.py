@@ -13,7 +13,7 @@ import threading
 import time
 
 from imu_allan.cli.main import main
-from imu_allan.cli.workers import characterize, Task
+from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError
 from imu_allan.node.run_folder import claimed, try_folder
 from imu_allan.recordings.write import write_recording

@@ -23,7 +23,8 @@ from imu_allan.cli.recording_options import (
     recording_options,
     timeline_options,
 )
-from imu_allan.cli.workers import drawing_process, executor, folder_names, in_order, Task
+from imu_allan.cli.tasks import folder_names, Task
+from imu_allan.cli.workers import drawing_process, executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.writers.atomic import RESULT
 from imu_allan.writers.output_path import require_writable

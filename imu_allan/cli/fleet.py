@@ -10,7 +10,7 @@ import sys
 import traceback
 from typing import TYPE_CHECKING
 
-from imu_allan.cli.workers import Task
+from imu_allan.cli.tasks import Task
 from imu_allan.errors import ImuAllanError, printable
 
 if TYPE_CHECKING:

@@ -1,223 +1,41 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Several recordings and who works on them, in one module because all workers do the same task.
+Who works on several recordings: this process, others of this machine, or a Dask cluster.
 
-What to make of each, into which folder, and by whom. The work is done in this process, in others
-of this machine or on a Dask cluster. Python's own process pools start their workers in a way that
-imports from the current folder first, which may be a recording that somebody else made; those of
-this module are isolated.
+Python's own process pools start their workers in a way that imports from the current folder first,
+which may be a recording that somebody else made; those of this module are isolated.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    TimeoutError as FutureTimeout,
-    wait,
-)
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, ExitStack, suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
-from importlib import import_module
-from itertools import count as naturals, groupby
-import logging
+from itertools import groupby
 from math import ceil
 import os
-from pathlib import Path
 import pickle
 from queue import SimpleQueue
-import re
 import signal
 import subprocess
 import sys
 import threading
-from typing import Any, IO, Literal, TYPE_CHECKING, TypeVar
+from typing import Any, IO, TYPE_CHECKING, TypeVar
 
+from imu_allan.cli.dask_cluster import dask_client
+from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import end_in_peace, portable, start_python
 
 if TYPE_CHECKING:
     from imu_allan.analysis import Opening
-    from imu_allan.recordings import RecordingOptions
-    from imu_allan.result import Inspection, Result
+    from imu_allan.result import Result
 
 T = TypeVar('T')
 
-ANSWER_S = 10.0
-"""How long a scheduler may take to answer; one in the same building takes milliseconds."""
 _PATIENCE_S = 15.0
 """How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
-
-@dataclass(frozen=True)
-class Task:
-    """
-    One result to be made.
-
-    Attributes
-    ----------
-    path : str
-        The recording.
-    topic : str or None
-        None where the recording has one Imu topic.
-    options : mapping
-        Of `TimelineOptions`.
-    start_s, duration_s : float
-        The part to use; a duration of None means all the rest.
-    size_bytes : int
-        Of the recording, for progress.
-    folder : Path or None
-        Where to write the result.
-    unit : str
-        What the recording is called among others.
-    inspection : mapping
-        Of `Inspection`; empty where nothing was said.
-    exports : tuple of str
-        Consumers whose configurations are written into the folder.
-    reading : RecordingOptions or None
-        How the recording is to be read.
-    together : tuple of str
-        Recordings of one IMU that make one result; empty where it is one recording.
-
-    """
-
-    path: str
-    topic: str | None
-    options: Mapping[str, Any]
-    start_s: float | Literal['auto']
-    duration_s: float | None
-    size_bytes: int
-    folder: Path | None
-    unit: str = ''
-    inspection: Mapping[str, str] = field(default_factory=dict)
-    exports: tuple[str, ...] = ()
-    reading: 'RecordingOptions | None' = None
-    together: tuple[str, ...] = ()
-
-    def arguments(self) -> dict[str, Any]:
-        """Return those of `imu_allan.analysis.analyze` and `said`, but the path."""
-        from imu_allan.recordings import RecordingOptions
-        from imu_allan.timeline import TimelineOptions
-
-        return {'topic': self.topic, 'options': TimelineOptions(**self.options),
-                'reading': self.reading or RecordingOptions(), 'start_s': self.start_s,
-                'duration_s': self.duration_s}
-
-    def said(self) -> dict[str, str]:
-        """Return the options that a result made of it names."""
-        from imu_allan.analysis import said
-
-        return said(**self.arguments())
-
-    def inspected(self) -> 'Inspection | None':
-        """Return what a result made of it says of the unit."""
-        from imu_allan.result import Inspection
-
-        return Inspection(**self.inspection) if self.inspection else None
-
-
-def characterize(task: Task, progress: Callable[[int], None] | None = None,
-                 artist: Executor | None = None, opening: 'Opening | None' = None,
-                 ) -> 'tuple[Result, ImuAllanError | None]':
-    """
-    Make the result of a task and write its folder: where the work is done, not one by one.
-
-    Beside the result stands why the folder could not be written, where it could not.
-
-    Parameters
-    ----------
-    task : Task
-        What to do.
-    progress : callable, optional
-        As for `analyze`.
-    artist : Executor, optional
-        Draws the picture meanwhile.
-    opening : callable, optional
-        As for `analyze`.
-
-    """
-    from imu_allan.analysis import analyze
-
-    drawing = None
-    if task.folder is not None and artist is not None:
-        drawing = partial(_drawn, artist)
-    result = analyze(list(task.together) or task.path, progress=progress, opening=opening,
-                     **task.arguments())
-    if task.inspection:
-        result = replace(result, inspection=task.inspected())
-    if task.folder is not None:
-        from imu_allan.writers.folder import save_folder
-        from imu_allan.writers.folder_lock import turn_in
-        try:
-            with turn_in(task.folder):
-                save_folder(result, task.folder, task.exports, drawing=drawing)
-        except ImuAllanError as error:
-            return result, error
-    return result, None
-
-
-def _drawn(artist: Executor, result: 'Result') -> Callable[[], bytes]:
-    """Have the picture of a result drawn; return what waits for it."""
-    from imu_allan.writers.plot import overview_png
-
-    drawn = artist.submit(overview_png, result)
-
-    def picture() -> bytes:
-        # While it waits: what prints the result afterwards.
-        import_module('imu_allan.writers.table')
-        import_module('rich.console')
-        try:
-            return drawn.result()
-        except ImuAllanError:
-            # No process could be started, or it was ended from outside.
-            return overview_png(result)
-
-    return picture
-
-
-# ------------------------------------------------------------------------------- into which folder
-
-def folder_names(recordings: Sequence[tuple[str, str | None]],
-                 units: Mapping[str, str] | None = None) -> list[str]:
-    """
-    Name a folder after each recording and topic, every name once.
-
-    Parameters
-    ----------
-    recordings : sequence of (str, str or None)
-        Path and topic. Nothing in a topic's name leads out of the folder above, and no name is
-        longer than a file system takes.
-    units : mapping of str to str, optional
-        What the unit of each path is called; the recording's own name by default.
-
-    """
-    from imu_allan.fleet.names import unit_name
-
-    taken: set[str] = set()
-    numbers: dict[str, Iterator[int]] = {}
-    stems = units or {path: unit_name(path) for path in {path for path, _ in recordings}}
-    names = []
-    for path, topic in recordings:
-        first = name = _folder_name(stems[path], topic)
-        # Where capitals count for nothing, two names that differ in them are one folder.
-        while name.casefold() in taken:
-            name = f'{first}-{next(numbers.setdefault(first.casefold(), naturals(2)))}'
-        taken.add(name.casefold())
-        names.append(name)
-    return names
-
-
-def _folder_name(stem: str, topic: str | None) -> str:
-    name = stem if topic is None else f'{stem}_{topic.strip("/")}'
-    name = re.sub(r'[^\w.-]+', '_', name).lstrip('.')
-    # Bytes of a folder's name; file systems take 255, and a number may have to be added.
-    return name.encode()[:200].decode(errors='ignore') or 'recording'
-
-
-# -------------------------------------------------------------------------------------- by whom
 
 @contextmanager
 def drawing_process(*, wanted: bool = True) -> Iterator[Executor | None]:
@@ -268,7 +86,7 @@ def executor(jobs: int, dask: str | None, artist: Executor | None = None) -> Ite
 
     """
     if dask is not None:
-        with _dask_client(dask) as client:
+        with dask_client(dask) as client:
             yield client.get_executor(pure=False)
     elif jobs == 1:
         yield _ThisProcess(artist)
@@ -510,49 +328,3 @@ def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
 def _first(args: Any) -> str:
     tasks = args[0] if args and isinstance(args[0], list) else args
     return printable(tasks[0].path) if tasks and isinstance(tasks[0], Task) else 'it'
-
-
-@contextmanager
-def _dask_client(address: str) -> Iterator[Any]:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ImuAllanError('--dask: the package distributed is not installed; '
-                            "pip install 'imu_allan[fleet]'") from None
-    answer: Future[Any] = Future()
-
-    class Quiet(Client):
-        def __del__(self) -> None:
-            """Do nothing: one that was never connected would wait for its end, and complain."""
-
-    def connect() -> None:
-        try:
-            answer.set_result(Quiet(  # type: ignore[no-untyped-call]
-                address, timeout=ANSWER_S, set_as_default=False))
-        except Exception as error:
-            # What is no scheduler may send anything, and the library then raises anything.
-            answer.set_exception(error)
-
-    # The library's own timeout does not end a wait for a peer that takes the connection and then
-    # says nothing. A thread that may be left behind must not keep the process alive.
-    threading.Thread(target=connect, daemon=True).start()
-    loggers = [logging.getLogger(name) for name in ('distributed', 'tornado', 'asyncio')]
-    levels = [logger.level for logger in loggers]
-    try:
-        # Their tracebacks tell what a stranger sent; the line below says enough.
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL + 1)
-        client = answer.result(2 * ANSWER_S)
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-    except FutureTimeout:
-        raise ImuAllanError(f'--dask {address}: what listens there does not answer as a '
-                            'scheduler; start one with: dask scheduler') from None
-    except (OSError, ValueError) as error:
-        raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
-                            'dask scheduler') from error
-    except Exception as error:
-        raise ImuAllanError(f'--dask {address}: what listens there is no scheduler '
-                            f'({type(error).__name__}); start one with: dask scheduler') from error
-    with client:
-        yield client

@@ -18,7 +18,7 @@ import imu_allan
 from imu_allan.analysis import analyze as analyze_recording
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu
-from imu_allan.cli import analyze, workers
+from imu_allan.cli import analyze, dask_cluster, workers
 from imu_allan.cli.main import main
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
@@ -347,7 +347,7 @@ def test_a_dask_address_where_somebody_is_silent_is_one_line(
         recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         ) -> None:
     pytest.importorskip('distributed')
-    monkeypatch.setattr(workers, 'ANSWER_S', 0.5)
+    monkeypatch.setattr(dask_cluster, 'ANSWER_S', 0.5)
     with socket.create_server(('127.0.0.1', 0)) as silent:
         address = f'tcp://127.0.0.1:{silent.getsockname()[1]}'
         assert main(['analyze', str(recording), '--dask', address]) == 1

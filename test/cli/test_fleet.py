@@ -13,7 +13,7 @@ from bags import no_axes
 from imu_allan.analysis import analyze
 from imu_allan.cli.fleet import Gathering
 from imu_allan.cli.main import main
-from imu_allan.cli.workers import Task
+from imu_allan.cli.tasks import Task
 from imu_allan.errors import ImuAllanError
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks

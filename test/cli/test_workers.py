@@ -13,15 +13,8 @@ import sys
 import time
 
 from imu_allan.cli.main import main
-from imu_allan.cli.workers import (
-    characterize,
-    drawing_process,
-    executor,
-    folder_names,
-    in_order,
-    Task,
-    WorkerProcesses,
-)
+from imu_allan.cli.tasks import characterize, folder_names, Task
+from imu_allan.cli.workers import drawing_process, executor, in_order, WorkerProcesses
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel

@@ -1,0 +1,62 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A Dask cluster, of which what answers may be none."""
+
+from collections.abc import Iterator
+from concurrent.futures import Future, TimeoutError as FutureTimeout
+from contextlib import contextmanager
+import logging
+import threading
+from typing import Any
+
+from imu_allan.errors import ImuAllanError
+
+ANSWER_S = 10.0
+"""How long a scheduler may take to answer; one in the same building takes milliseconds."""
+
+
+@contextmanager
+def dask_client(address: str) -> Iterator[Any]:
+    """Connect to a scheduler, or say in a line why that does not work."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ImuAllanError('--dask: the package distributed is not installed; '
+                            "pip install 'imu_allan[fleet]'") from None
+    answer: Future[Any] = Future()
+
+    class Quiet(Client):
+        def __del__(self) -> None:
+            """Do nothing: one that was never connected would wait for its end, and complain."""
+
+    def connect() -> None:
+        try:
+            answer.set_result(Quiet(  # type: ignore[no-untyped-call]
+                address, timeout=ANSWER_S, set_as_default=False))
+        except Exception as error:
+            # What is no scheduler may send anything, and the library then raises anything.
+            answer.set_exception(error)
+
+    # The library's own timeout does not end a wait for a peer that takes the connection and then
+    # says nothing. A thread that may be left behind must not keep the process alive.
+    threading.Thread(target=connect, daemon=True).start()
+    loggers = [logging.getLogger(name) for name in ('distributed', 'tornado', 'asyncio')]
+    levels = [logger.level for logger in loggers]
+    try:
+        # Their tracebacks tell what a stranger sent; the line below says enough.
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        client = answer.result(2 * ANSWER_S)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+    except FutureTimeout:
+        raise ImuAllanError(f'--dask {address}: what listens there does not answer as a '
+                            'scheduler; start one with: dask scheduler') from None
+    except (OSError, ValueError) as error:
+        raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
+                            'dask scheduler') from error
+    except Exception as error:
+        raise ImuAllanError(f'--dask {address}: what listens there is no scheduler '
+                            f'({type(error).__name__}); start one with: dask scheduler') from error
+    with client:
+        yield client
