@@ -55,9 +55,10 @@ def looks(terms: dict[str, float], seed: int) -> Iterator[Result]:
         yield published.judged(imu.result(tested={}))
 
 
-def count(terms: dict[str, float], seed: int) -> Counter[str]:
-    """Count axes and terms of one IMU by what happens to them."""
-    shown, wrong, vanished, last = set(), set(), set(), set()
+def count(terms: dict[str, float], seed: int) -> tuple[Counter[str], list[float]]:
+    """Count axes and terms of one IMU by what happens to them, and give when terms are shown."""
+    shown: dict[tuple[str, str], float] = {}
+    wrong, vanished, last = set(), set(), set()
     for result in looks(terms, seed):
         now = set()
         for name, axis in result.axes.items():
@@ -69,10 +70,10 @@ def count(terms: dict[str, float], seed: int) -> Counter[str]:
                 if key not in terms or not low / MISSES <= terms[key] <= high * MISSES:
                     wrong.add((name, key))
         vanished |= last - now
-        shown |= now
+        shown = {**dict.fromkeys(now, result.timeline.duration_s), **shown}
         last = now
     return Counter(runs=1, axes=len(AXES), shown=len(shown), wrong=len(wrong),
-                   vanished=len(vanished), wrong_runs=bool(wrong))
+                   vanished=len(vanished), wrong_runs=bool(wrong)), list(shown.values())
 
 
 def main() -> None:
@@ -86,11 +87,15 @@ def main() -> None:
     first, end = map(int, given.seeds.split(':'))
     for number, (name, terms) in enumerate(MODELS.items()):
         total: Counter[str] = Counter()
+        times: list[float] = []
         for seed in range(first, end):
-            total += count(terms, 1000 * seed + 100 * number)
+            counts, shown_s = count(terms, 1000 * seed + 100 * number)
+            total += counts
+            times += shown_s
         print(f'{name:8s} {total["runs"]} runs, {total["axes"]} axes: {total["shown"]} slow terms '
               f'shown, {total["wrong"]} of them wrong in {total["wrong_runs"]} runs, '
-              f'{total["vanished"]} vanished again', flush=True)
+              f'{total["vanished"]} vanished again; shown after, in s: '
+              f'{" ".join(f"{time:.0f}" for time in sorted(times)) or "never"}', flush=True)
 
 
 if __name__ == '__main__':

@@ -401,8 +401,10 @@ class CharacterizationNode(Node):
         done = [self._attempt(step) for step in (
             self._take_rest,
             lambda: self._storage.save_state_at_end(self._run),
-            lambda: all(self._storage.save_files_at_end(run)
-                        for run in (self._run, self._runs.unproven) if run is not None),
+            # Drawings come last: there may be no time for them.
+            lambda: (self._runs.unproven is None
+                     or self._storage.save_files_at_end(self._runs.unproven, picture=False)),
+            lambda: self._storage.save_files_at_end(self._run),
             self._end_worker)]
         if (result := self._results.latest) is not None:
             for line in filter(None, (*verdict_lines(result), findings_line(result))):

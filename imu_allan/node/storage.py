@@ -208,7 +208,7 @@ class Storage:
 
         self._worker.start('try', lambda: try_folder(folder), note)
 
-    def save(self, run: Run, folder: str = '') -> 'Future[list[Path]]':
+    def save(self, run: Run, folder: str = '', picture: bool = True) -> 'Future[list[Path]]':
         """Have result, curves, plot and configurations written, into the output folder if none."""
         folder = folder or self._output_dir
         name, consumers = self._node_name, [consumer for consumer in self.export_for if consumer]
@@ -230,7 +230,7 @@ class Storage:
                                     f'{self._setup.topics} yet')
             own = claimed(run_folder(folder, name, result))
             try:
-                return save_folder(result, own, consumers, report=False)
+                return save_folder(result, own, consumers, report=False, picture=picture)
             finally:
                 leave_if_empty(own)
 
@@ -264,7 +264,7 @@ class Storage:
                 run.checkpointed = run.fed
         return True
 
-    def save_files_at_end(self, run: Run) -> bool:
+    def save_files_at_end(self, run: Run, picture: bool = True) -> bool:
         """
         Write the files, to another folder if the one asked for takes none; tell if all is well.
 
@@ -273,7 +273,7 @@ class Storage:
         if not run.fed and not (self._unasked and self.has_resumed):
             return True
         try:
-            self.save(run).result()
+            self.save(run, picture=picture).result()
         except NothingToSave as error:
             self._log.info(str(error))
         except IncompleteSave:

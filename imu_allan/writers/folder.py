@@ -44,7 +44,7 @@ def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
-                report: bool = True,
+                report: bool = True, picture: bool = True,
                 drawing: Callable[[Result], Callable[[], bytes]] | None = None) -> list[Path]:
     """
     Write everything about one result.
@@ -62,6 +62,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         Consumers whose configurations are written, too.
     report : bool, optional
         Without it the page is left out, which takes most of the time.
+    picture : bool, optional
+        Without it ``allan_deviation.png`` is left out.
     drawing : callable, optional
         Begins to draw ``allan_deviation.png`` of a result elsewhere, while the rest is written
         here; it returns what waits for the picture.
@@ -83,7 +85,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     folder = Path(folder)
     paths = [write_in(folder, 'result.json', result.to_json().encode()),
              write_in(folder, 'curve.csv', curves_csv(result).encode())]
-    picture = drawing(result) if drawing is not None else partial(overview_png, result)
+    drawn = drawing(result) if drawing is not None else partial(overview_png, result)
     left_out = []
     for consumer in exports:
         try:
@@ -94,7 +96,8 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         paths.append(write_in(folder, config.name, config.text.encode()))
     if report:
         paths += save_report(result, folder, ())
-    paths.append(write_in(folder, LAST_WRITTEN, picture()))
+    if picture:
+        paths.append(write_in(folder, LAST_WRITTEN, drawn()))
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths

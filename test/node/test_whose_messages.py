@@ -117,6 +117,33 @@ def test_a_stranger_for_some_seconds_does_not_end_a_long_run(
     assert_density(document, 50.0)
 
 
+def test_at_the_end_another_imu_is_saved_too_and_drawings_come_last(ros: Ros) -> None:
+    state = ros.folder / 'state'
+    node, sensor = begin(ros, state_file=str(state)), Sensor(ros)
+    sensor.plug_in()
+    sensor.measure(600.0)
+    fitted(ros, node)
+    sensor.unplug()
+    other = Sensor(ros, seed=2)
+    other.now_ns = sensor.now_ns
+    other.plug_in()
+
+    def heard() -> bool:
+        other.measure(5.0, frame_id='other')
+        return 'are of another IMU' in node.log
+
+    ros.until(heard)
+    other.unplug()
+    assert node.stop(within_s=10.0) == 0, node.log
+    files = sorted([state, *(ros.folder / 'output').glob('*/*')],
+                   key=lambda path: path.stat().st_mtime_ns)
+    names = [path.name for path in files]
+    assert (names[0], names[-1]) == ('state', 'allan_deviation.png')
+    assert (names.count('result.json'), names.count('allan_deviation.png')) == (2, 1)
+    assert sorted(json.loads(path.read_text())['source']['frame_id']
+                  for path in files if path.name == 'result.json') == ['imu', 'other']
+
+
 def test_a_run_that_a_stranger_has_replaced_goes_on_when_its_imu_returns(ros: Ros) -> None:
     node, sensor = begin(ros), Sensor(ros)
     sensor.plug_in()
