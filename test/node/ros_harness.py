@@ -340,12 +340,15 @@ class Sensor:
         self.noise = NOISE
         self.sent = 0
         self.driver: Driver | None = None
+        # Subscriptions of killed nodes: no driver of it takes them for one to publish to.
+        self.dead: set[bytes] = set()
 
     def plug_in(self, away_s: float = 3.0) -> None:
         """Start the driver, anew if it runs."""
         self.unplug()
         self.now_ns += round(away_s * SECOND)
         self.driver = Driver(self.ros)
+        self.driver.dead = self.dead
         self.driver.wait_for_node()
 
     def unplug(self, in_peace: bool = True) -> None:

@@ -270,6 +270,8 @@ class HostileDrivers:
 
     def _again(self) -> None:
         """Start the node and the driver anew: nobody waits for a reader that was killed."""
+        assert self.imu.driver is not None
+        self.imu.dead |= self.imu.driver.subscriptions()
         self.imu.unplug(in_peace=False)
         self._start()
         self.imu.plug_in()
@@ -286,7 +288,7 @@ class HostileDrivers:
 
     def _other(self) -> Sensor:
         other = Sensor(self.ros, 100.0, self.draw.randrange(1000))
-        other.now_ns = self.imu.now_ns
+        other.now_ns, other.dead = self.imu.now_ns, self.imu.dead
         return other
 
     def _in_place_of_it(self, other: Sensor, seconds: float, frame_id: str = 'imu') -> None:
