@@ -117,8 +117,10 @@ class Runs:
         topic.holding = publisher
         topic.held += blocks
         facts.on_probation = True
-        # Who takes the place of another is told by its level, whatever that takes.
-        fewest = FEWEST_MESSAGES if topic.publisher in (None, publisher) else LEVEL_MESSAGES
+        # Who takes the place of another is told by its level; the first after a restart, too, if
+        # so much may be lost in a crash.
+        first = topic.publisher is None and self._look_s() < LOOK_S
+        fewest = FEWEST_MESSAGES if first or publisher == topic.publisher else LEVEL_MESSAGES
         if is_enough(self._known(number), topic.held, self._look_s(),
                      by_level=self._by_level(topic), fewest=fewest):
             self._decide(number)
