@@ -575,7 +575,7 @@ def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_b
     assert numbers(result, 'accel') != numbers(whole, 'accel')
     [found] = [one for one in presented(result.warnings) if one.code == 'axis_absent_in_part']
     assert found == finding('axis_absent_in_part', ('accel_x', 'accel_y', 'accel_z'),
-                            absent=np.count_nonzero(gone), messages=15_000)
+                            absent=int(np.count_nonzero(gone)), messages=15_000)
 
 
 def test_sensors_that_are_absent_in_turn_are_judged_alone_and_motion_is_seen_in_each():
