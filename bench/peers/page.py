@@ -233,10 +233,10 @@ def published(figures: Mapping[str, Any]) -> Iterator[str]:
     yield table(['tool', *(f'{where}: {symbol}' for where in ('telephone', 'tag')
                            for symbol in ('N', 'B', 'K'))],
                 [[name, *_said(found['tools'][tool]['answers'])] for tool, name in called.items()])
-    for part, said in found['findings'].items():
-        codes = ', '.join(one.partition(':')[0] for one in said)
-        of = 'the telephone' if part == 'telephone' else f'{part} of the tag'
-        yield f'imu_allan warns of {of}: {codes or "nothing"}.\n'
+    for of in ('telephone', 'tag'):
+        codes = dict.fromkeys(one.partition(':')[0] for part, said in found['findings'].items()
+                              for one in said if (part == 'telephone') == (of == 'telephone'))
+        yield f'imu_allan warns of the {of}: {", ".join(codes) or "nothing"}.\n'
 
 
 def _warmth(rests: Sequence[Mapping[str, float]]) -> str:
