@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from imu_allan.noise.posterior.likelihood import (
     AMPLITUDES,
     left_to_itself,
+    OUTPUT,
     PLAIN,
     regressors,
     SLOTS,
@@ -95,9 +96,13 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     level = np.stack(levels)
     design = np.stack([one.design[:, _COLUMNS].T for one in groups])
     whole = np.stack([one.dof for one in groups])
-    dof = _known(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
-    information = whole / 2 / level**2
-    unit = 1 / np.sqrt(np.einsum('atg,ag->at', design**2, information))
+    passed = _passed(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
+    doubt = np.where(passed < _STOPPED, _LEAK_KNOWN / passed, 0.0)
+    dof = whole / (1 + whole * doubt**2 / 2)
+    # Behind a filter noise of the sensor falls with what hides it, that of the output does not.
+    information = whole / 2 / (level / np.where(passed < _STOPPED, passed, 1.0))**2
+    seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
+    unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
     table = tables(groups[0].frequency, dt)
     nu = np.minimum(groups[0].frequency * dt, 0.5)
     like = np.stack([np.log(np.maximum(
@@ -140,14 +145,12 @@ def smoothed(groups: Groups, power: Array, expected: Array) -> Array:
                       / (between(groups.dof) + _PRIOR_DOF) * white)
 
 
-def _known(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:
-    """Take off what is not known of groups behind a deep low-pass, into which blocks leak."""
+def _passed(nu: Array, white: Array, dof: Array, power: Array, level: Array) -> Array:
+    """Tell how much power groups have over that of white noise in the pass band."""
     passed = np.where(dof > 100, power, level) / white
     pass_band = nu < 0.1 if (nu < 0.1).any() else nu <= nu[0]
     reference = np.median((level / white)[:, pass_band][:, -FEWEST_GROUPS:], axis=1)
-    share = np.maximum(passed / reference[:, None], 1e-9)
-    doubt = np.where(share < _STOPPED, _LEAK_KNOWN / share, 0.0)
-    return np.asarray(dof / (1 + dof * doubt**2 / 2))
+    return np.asarray(np.maximum(passed / reference[:, None], 1e-9))
 
 
 def _just_seen(table: Table, like: Array, information: Array) -> Array:
