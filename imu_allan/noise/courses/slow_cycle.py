@@ -70,8 +70,10 @@ class SlowCycle:
 
 def strong_cycles(records: Sequence[RecordSpectrum]) -> list[SlowCycle | None]:
     """Find the cycle of every axis that stands above the noise, and take it out."""
+    if records[0].duration_s == 0:
+        return [None] * len(records)
     bank = Bank(records[0], (_KIND,))
-    return [_strong_cycle(record, bank) if record.duration_s > 0 else None for record in records]
+    return [_strong_cycle(record, bank) for record in records]
 
 
 def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
