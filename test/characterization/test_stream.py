@@ -118,6 +118,21 @@ def test_saved_stream_goes_on_as_if_nothing_had_happened():
     assert part.result() == whole.result()
 
 
+def test_a_state_is_that_of_its_moment_while_the_stream_goes_on():
+    """A node has a state written by another thread, while samples come in."""
+    rows = still_imu(60_000)
+    first, second = np.split(np.arange(len(rows)), [40_000])
+    stream = Characterization(kind='topic', topic='/imu')
+    for block in blocks(rows[first], first):
+        stream.update(block)
+    state = stream.to_state()
+    then = {key: array.copy() for key, array in state.items()}
+    for block in blocks(rows[second], second):
+        stream.update(block)
+    assert [key for key in then if not np.array_equal(
+        then[key], state[key], equal_nan=then[key].dtype.kind == 'f')] == []
+
+
 def test_interruption_begins_a_new_run_and_loses_nothing():
     rows = still_imu(40_000)
     stream = Characterization(kind='topic', topic='/imu')

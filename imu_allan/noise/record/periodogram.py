@@ -374,7 +374,7 @@ class Periodogram:
         }
         for i, power in enumerate([self.power, *(stage.power for stage in self.means)]):
             for length, sums in power.power.items():
-                state[f'power{i}/{length}'] = sums
+                state[f'power{i}/{length}'] = sums.copy()
                 state[f'blocks{i}/{length}'] = np.array(power.blocks[length])
                 state[f'excess{i}/{length}'] = np.array(power.excess.get(length, 0.0))
         for i, stage in enumerate(self.means):

@@ -160,8 +160,8 @@ class Pyramid:
         for padded, tail in zip(tails, self._tails, strict=True):
             padded[:, :tail.shape[1]] = tail
         return {
-            'sums': self.sums, 'counts': self.counts, 'newest': self._newest, 'odd':
-            np.array(self._odd), 'clusters': tails,
+            'sums': self.sums.copy(), 'counts': self.counts.copy(), 'newest': self._newest,
+            'odd': np.array(self._odd), 'clusters': tails,
             'lengths': np.array([tail.shape[1] for tail in self._tails], dtype=np.int64),
         }
 
