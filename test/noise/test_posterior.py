@@ -146,6 +146,17 @@ def test_a_low_pass_leaves_the_level_of_its_pass_band_and_the_flicker():
     assert found.window_s is not None
 
 
+def test_behind_a_slow_filter_of_white_noise_no_slow_term_is_made_up():
+    rng = np.random.default_rng(31)
+    slow = butter(2, 0.2, fs=RATE, output='sos')
+    found = fits(*(1e-3 * RATE**0.5 * sosfilt(slow, rng.standard_normal(370_000))[10_000:]
+                   for _ in range(3)))
+    for fit in found:
+        assert fit.estimates['noise_density'].value == pytest.approx(1e-3, rel=0.15)
+        assert not fit.estimates['bias_instability'].observable
+        assert not fit.estimates['rate_random_walk'].observable
+
+
 def test_a_shape_is_one_line_of_the_table():
     # A seventh low-pass: the mean of two samples, of no other width.
     pair = shapes.Shape('mean_of_two', 0.05,
