@@ -294,8 +294,8 @@ def test_info_analyze_check_and_the_node_read_a_source_alike(name, tmp_path, cap
     if source.kinds:
         reading = RecordingOptions(**source.options)
         with open_recording(source.path, options=reading) as recording:
-            told = [topic.messages.told() for topic in recording.topics]
-        node = [imu_messages(kind, definition, options=reading).told()
+            told = [topic.messages.reported() for topic in recording.topics]
+        node = [imu_messages(kind, definition, options=reading).reported()
                 for kind, definition in source.kinds.items()]
         assert told == node * (len(told) // len(node))
 

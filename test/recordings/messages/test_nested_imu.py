@@ -67,7 +67,7 @@ def test_every_bit_of_a_nested_imu_is_read(tmp_path):
     path = mcap_of(tmp_path)
     with open_recording(path) as recording:
         assert [(topic.name, topic.count) for topic in recording.topics] == [('/sensor', COUNT)]
-        assert recording.topics[0].messages.told() == (
+        assert recording.topics[0].messages.reported() == (
             'my_driver/msg/Vectornav, its field imu (sensor_msgs/msg/Imu)')
         assert recording.other_topics == {}
     messages, remarks = read(path)
