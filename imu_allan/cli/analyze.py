@@ -260,7 +260,7 @@ def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: 
 
 
 def _written(task: Task) -> str:
-    """Name the files of the only recording; of several the fleet's page is reported."""
+    """Name the files of the only recording; of several the page of the fleet."""
     from imu_allan.writers.filters import CONSUMERS
 
     own = ('result.json', 'curve.csv', 'report.html', 'allan_deviation.png')

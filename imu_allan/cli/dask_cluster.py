@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Dask cluster, of which what answers may be none."""
+"""The connection to a Dask cluster; what else may answer at its address ends in one line."""
 
 from collections.abc import Iterator
 from concurrent.futures import Future, TimeoutError as FutureTimeout

@@ -84,7 +84,7 @@ def _do_without_shared_memory(program: str) -> None:
     Keep the middleware from a full /dev/shm, which would end the process with SIGBUS.
 
     Fast DDS can use the network alone. LTTng, which the libraries of ROS are linked with for
-    tracing, needs a page of it as soon as it is loaded, and cannot be recognized otherwise.
+    tracing, needs a page of it as soon as it is loaded; no setting changes that.
     """
     try:
         shared = os.statvfs('/dev/shm')

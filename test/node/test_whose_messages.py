@@ -33,6 +33,18 @@ def fitted(ros: Ros, node: Process) -> None:
     ros.until(lambda: 'observable: noise density' in node.log)
 
 
+def replaced(ros: Ros, node: Process, sensor: Sensor, seconds: float) -> Sensor:
+    """Measure for so long, then plug in another sensor in place of this one."""
+    sensor.plug_in()
+    sensor.measure(seconds)
+    fitted(ros, node)
+    sensor.unplug()
+    other = Sensor(ros, seed=2)
+    other.now_ns = sensor.now_ns
+    other.plug_in()
+    return other
+
+
 @pytest.mark.parametrize(('polled', 'together'), [(2, False), (3, False), (2, True)])
 def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
         ros: Ros, polled: int, together: bool) -> None:
@@ -119,14 +131,8 @@ def test_a_stranger_for_some_seconds_does_not_end_a_long_run(
 
 def test_at_the_end_another_imu_is_saved_too_and_drawings_come_last(ros: Ros) -> None:
     state = ros.folder / 'state'
-    node, sensor = begin(ros, state_file=str(state)), Sensor(ros)
-    sensor.plug_in()
-    sensor.measure(600.0)
-    fitted(ros, node)
-    sensor.unplug()
-    other = Sensor(ros, seed=2)
-    other.now_ns = sensor.now_ns
-    other.plug_in()
+    node = begin(ros, state_file=str(state))
+    other = replaced(ros, node, Sensor(ros), 600.0)
 
     def heard() -> bool:
         other.measure(5.0, frame_id='other')
@@ -146,19 +152,13 @@ def test_at_the_end_another_imu_is_saved_too_and_drawings_come_last(ros: Ros) ->
 
 def test_a_run_that_a_stranger_has_replaced_goes_on_when_its_imu_returns(ros: Ros) -> None:
     node, sensor = begin(ros), Sensor(ros)
-    sensor.plug_in()
-    sensor.measure(300.0)
-    fitted(ros, node)
-    sensor.unplug()
-    other = Sensor(ros, seed=2)
-    other.now_ns = sensor.now_ns
-    other.plug_in()
+    other = replaced(ros, node, sensor, 300.0)
 
-    def replaced() -> bool:
+    def begun() -> bool:
         other.measure(5.0, frame_id='other')
         return 'a new run begins' in node.log
 
-    ros.until(replaced, timeout=60.0)
+    ros.until(begun, timeout=60.0)
     other.unplug()
     sensor.now_ns = other.now_ns
     sensor.plug_in()

@@ -277,6 +277,21 @@ SAID = [
 """Findings of every code, with each figure that changes the sentence."""
 
 
+def test_every_alternative_of_the_table_is_short() -> None:
+    tree = ast.parse((PACKAGE / 'writers' / 'sentences.py').read_text())
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    # A figure stands for a word.
+    texts = [''.join(str(part.value) if isinstance(part, ast.Constant) else '0'
+                     for part in getattr(node, 'values', [node]))
+             for node in ast.walk(tree) if id(node) not in docstrings and (
+                 isinstance(node, ast.JoinedStr)
+                 or (isinstance(node, ast.Constant) and isinstance(node.value, str)))]
+    assert len(texts) > 300
+    for text in texts:
+        for sentence in SENTENCES.split(text):
+            assert len(sentence.split()) <= LONGEST, sentence
+
+
 @pytest.mark.parametrize('code', WORDS)
 def test_sentences_are_short_and_plain(code: str) -> None:
     words = WORDS[code]

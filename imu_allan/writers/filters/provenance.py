@@ -1,6 +1,6 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the head of a configuration says: whence its numbers, why these, what they shall reach."""
+"""The head of a configuration: where its numbers come from, and what to expect of a filter."""
 
 from imu_allan.errors import printable
 from imu_allan.result import AxisResult
