@@ -26,6 +26,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 os.environ['ROS_HOME'] = tempfile.mkdtemp(prefix='imu_allan_test_ros_home_')
 # Workers of pytest-xdist are told that they are 80 columns wide; what is tested is a pipe.
 os.environ.pop('COLUMNS', None)
+# Hundreds of commands and nodes are started; each would compile the whole package again.
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 # GNU readline, which pytest imports, says so to children alone, past os.environ.
 os.unsetenv('COLUMNS')
 # Hypothesis judges one example by the clock, the first of them with its imports; on a machine that

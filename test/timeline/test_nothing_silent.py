@@ -571,7 +571,8 @@ def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_b
     assert result.timeline.samples == len(messages.place)
     assert result.timeline.rejected == 0
     assert result.timeline.motion == ()
-    assert numbers(result, 'gyro') == numbers(whole, 'gyro')
+    # To rounding: numpy before 2.0 adds in another order where an array lies elsewhere in memory.
+    assert numbers(result, 'gyro') == pytest.approx(numbers(whole, 'gyro'), rel=1e-14)
     assert numbers(result, 'accel') != numbers(whole, 'accel')
     [found] = [one for one in presented(result.warnings) if one.code == 'axis_absent_in_part']
     assert found == finding('axis_absent_in_part', ('accel_x', 'accel_y', 'accel_z'),
