@@ -85,12 +85,15 @@ def _strong_cycle(record: RecordSpectrum, bank: Bank) -> SlowCycle | None:
     if (_chance(record, variance, frequency_hz) > _COMB_CHANCE
             and not _sticks_out(record, noise)):
         return None
+    # Most are chance, which shows already where as few harmonics are out as are asked.
+    comb = refined(record, variance, frequency_hz, _COMB)
+    left = _variance(record, _noise(without(record, comb, variance)))
+    if _chance(record, left, comb.frequency_hz) >= _CERTAIN_COMB:
+        return None
     found = _taken_out(record, variance, frequency_hz)
-    # Behind a filter, say, the terms do not describe what is left: it is no less than it is.
-    left = _noise(found.record)
-    variance = np.maximum(_variance(found.record, left), _level(found.record, left))
+    left = _no_less_than_left(record, found.record)
     if (record.duration_s < _FEWEST_CYCLES * found.period_s
-            or _chance(record, variance, 1 / found.period_s) >= _CERTAIN_COMB):
+            or _chance(record, left, 1 / found.period_s) >= _CERTAIN_COMB):
         return None
     return found
 
@@ -118,12 +121,17 @@ def _variance(record: RecordSpectrum, noise: Solution) -> Array:
     return np.asarray(np.maximum(record.bins.design @ noise.theta, 1e-300))
 
 
-def _level(record: RecordSpectrum, noise: Solution) -> Array:
-    """Return the power of the neighbourhood of every bin."""
-    groups = record.groups()
-    level = np.maximum(smoothed(groups, groups.power, groups.design @ noise.theta), 1e-300)
-    return np.asarray(np.exp(np.interp(np.log(record.bins.frequency), np.log(groups.frequency),
-                                       np.log(level))))
+def _no_less_than_left(record: RecordSpectrum, calm: RecordSpectrum) -> Array:
+    """
+    Return the power of the noise in every bin, from what is left without a cycle.
+
+    Behind a filter, say, the terms do not describe what is left: it is no less than it is.
+    """
+    noise, groups = _noise(calm), calm.groups()
+    expected = np.maximum(groups.design @ noise.theta, 1e-300)
+    ratio = np.maximum(smoothed(groups, groups.power, expected) / expected, 1.0)
+    return np.asarray(_variance(record, noise) * np.exp(np.interp(
+        np.log(record.bins.frequency), np.log(groups.frequency), np.log(ratio))))
 
 
 def _sticks_out(record: RecordSpectrum, noise: Solution) -> bool:
@@ -169,7 +177,7 @@ def _taken_out(record: RecordSpectrum, variance: Array, frequency_hz: float) -> 
     for most in HARMONICS:
         every = refined(record, variance, frequency_hz, most)
         calm = without(record, every, variance)
-        frequency_hz, variance = every.frequency_hz, _variance(calm, _noise(calm))
+        frequency_hz, variance = every.frequency_hz, _variance(record, _noise(calm))
         there = harmonics_of(record, variance, frequency_hz, most)
         if there < most:
             break

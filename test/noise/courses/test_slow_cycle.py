@@ -29,10 +29,15 @@ def heater(phase):
 
 def shown(*means, seed=1, model=MODEL):
     """Characterize the axes of a sensor, each with a mean that moves."""
-    estimator = Estimator(len(means))
-    estimator.update(np.stack([simulate(model, len(TIME), RATE, seed + axis) + mean
-                               for axis, mean in enumerate(means)], axis=1))
-    quantities = [Quantity.ANGULAR_VELOCITY] * len(means)
+    return axes_of(np.stack([simulate(model, len(TIME), RATE, seed + axis) + mean
+                             for axis, mean in enumerate(means)], axis=1))
+
+
+def axes_of(samples):
+    """Characterize the columns of some samples."""
+    estimator = Estimator(samples.shape[1])
+    estimator.update(samples)
+    quantities = [Quantity.ANGULAR_VELOCITY] * samples.shape[1]
     return [axis for axis, _ in axis_results(estimator, RATE, quantities)]
 
 
@@ -67,6 +72,13 @@ def test_a_vibration_beside_a_cycle_stays_and_the_harmonics_of_the_cycle_do_not(
     assert sorted(round(tone.frequency_hz, 2) for tone in axis.tones) == [1.0, 2.0, 3.0]
 
 
+@pytest.mark.parametrize('seed', [2, 16, 27])
+def test_chance_makes_no_cycle_of_a_short_record(seed):
+    # Ninety-six harmonics that are taken out of these make what is left look like none of them.
+    [found] = axes_of(simulate(MODEL, 3000, RATE, seed)[:, None])
+    assert found.trend.cycle_s is None
+
+
 def test_a_walk_beside_a_cycle_is_found():
     walk = 3e-4
     [found] = shown(0.01 * sine(TIME / 700), model={**MODEL, K: walk})
@@ -86,7 +98,8 @@ def test_a_cycle_and_a_warm_up_are_told_from_one_another():
 
 
 def test_the_cycle_of_one_axis_is_looked_for_in_the_others():
-    weak = 0.6e-3 * sine(TIME / 600)
+    weak = 0.75e-3 * sine(TIME / 600)
+    assert shown(weak)[0].trend.cycle_s is None
     beside = shown(weak, 0.01 * sine(TIME / 600), 0 * TIME)
     assert [one.trend.cycle_s is not None for one in beside] == [True, True, False]
 
