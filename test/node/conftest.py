@@ -24,7 +24,8 @@ if importlib.util.find_spec('rclpy') is None:
 
 
 # By default a participant that missed the first announcements waits three seconds for the next,
-# and one that was killed is remembered for twenty.
+# and one that was killed is remembered for twenty. A few samples may wait three seconds for the
+# heartbeat that has them acknowledged.
 _EAGER = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <participant profile_name="eager" is_default_profile="true">
@@ -36,6 +37,9 @@ _EAGER = """<?xml version="1.0" encoding="UTF-8"?>
       </initialAnnouncements>
     </discovery_config></builtin></rtps>
   </participant>
+  <data_writer profile_name="insistent" is_default_profile="true">
+    <times><heartbeatPeriod><nanosec>50000000</nanosec></heartbeatPeriod></times>
+  </data_writer>
 </profiles>
 """
 
