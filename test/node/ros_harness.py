@@ -29,6 +29,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
+from std_srvs.srv import SetBool, Trigger
 
 T = TypeVar('T')
 
@@ -42,8 +43,8 @@ LOSSLESS = {'qos_overrides./imu/data_raw.subscription.reliability': 'reliable',
 
 PATIENCE_S = 300.0
 """Only what hangs takes so long, however slow or busy the computer is."""
-ASKED_AGAIN_S = 8.0
-"""Without an answer for so long a request went to a node that was killed: its lease is 8 s."""
+ASKED_AGAIN_S = 2.0
+"""Without an answer for so long a request may have gone to a node that was killed."""
 
 STARVED_S = 2.0
 """A node alone with a busy core waits for tenths of a second in all."""
@@ -164,13 +165,15 @@ class Ros:
               *, remaps: Mapping[str, str] | None = None, files: tuple[Path, ...] = (),
               env: Mapping[str, str] | None = None, namespace: str | None = None,
               best_effort: bool = False, shared_memory: bool = False,
-              prepend_path: Path | None = None, wrapper: Sequence[str] = ()) -> Process:
+              prepend_path: Path | None = None, wrapper: Sequence[str] = (),
+              constants: Mapping[str, float] | None = None) -> Process:
         """
         Start a node.
 
         Unless `best_effort`, every sample reaches imu_allan_node. With `shared_memory` it has the
         transports that DDS chooses by default, and is ended in peace. A `wrapper` is a command
-        that runs the one that follows it.
+        that runs the one that follows it. The `constants` are those of the node that have another
+        value, such as reports.LOOK_S: not everything that takes long in it is a parameter.
         """
         args = ['--ros-args', '-r', f'__ns:={namespace or self.namespace}']
         for file in files:
@@ -191,6 +194,12 @@ class Ros:
         environment = dict(env or {})
         if shared_memory:
             environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'DEFAULT'
+        if constants:
+            prepend_path = self.folder / f'constants_{len(self._processes)}'
+            prepend_path.mkdir()
+            (prepend_path / 'sitecustomize.py').write_text(''.join(
+                f'import imu_allan.node.{name.partition(".")[0]}\n'
+                f'imu_allan.node.{name} = {value}\n' for name, value in constants.items()))
         if prepend_path is not None:
             paths = [str(prepend_path), os.environ.get('PYTHONPATH', '')]
             environment['PYTHONPATH'] = os.pathsep.join(filter(None, paths))
@@ -220,6 +229,14 @@ class Ros:
         self.node.create_subscription(kind, full, callback or messages.append, qos)
         return messages
 
+    def saved(self, node: str = 'imu_allan') -> Any:
+        """Have a node save; give the document, or None as long as there is nothing to save."""
+        response = self.call(Trigger, f'{node}/save')
+        if not response.success:
+            assert too_early(response), response.message
+            return None
+        return json.loads(Path(response.message.splitlines()[0]).read_text())
+
     def recorder(self, topic: str = 'imu/data_raw') -> DrainedSubscription:
         """Subscribe to an Imu topic so that a simulator at full speed waits for it."""
         full = self.name(topic)
@@ -236,8 +253,8 @@ class Ros:
         self.until(client.service_is_ready)
         end = time.monotonic() + PATIENCE_S
         # The service of a killed node seems ready until its lease has run out: it is asked again.
-        # A busy one answers late, and an answer to an earlier request is as good.
-        asked = []
+        # A busy one answers late: ever less often. An answer to an earlier request is as good.
+        asked: list[Any] = []
 
         def answered() -> list[Any]:
             return [future for future in asked if future.done()]
@@ -245,11 +262,12 @@ class Ros:
         while not answered() and time.monotonic() < end:
             asked.append(client.call_async(request or kind.Request()))
             with contextlib.suppress(AssertionError):
-                self.until(answered, ASKED_AGAIN_S)
+                self.until(answered, ASKED_AGAIN_S * 2**(len(asked) - 1))
         assert answered(), f'{service} does not answer'
-        # What was asked twice must not happen in the middle of what comes next.
+        # What was asked twice must not happen in the middle of what comes next. Requests come in
+        # order: one before the last that has no answer has gone to a node that was killed.
         with contextlib.suppress(AssertionError):
-            self.until(lambda: len(answered()) == len(asked), ASKED_AGAIN_S)
+            self.until(asked[-1].done, 4 * ASKED_AGAIN_S)
         result = answered()[0].result()
         self.node.destroy_client(client)
         return result
@@ -295,14 +313,21 @@ class Driver:
         found = self.ros.node.get_subscriptions_info_by_topic(self.topic)
         return {bytes(info.endpoint_gid) for info in found}
 
-    def wait_for_node(self) -> None:
-        """Wait until the subscription of a living node is matched."""
+    def wait_for_node(self) -> 'Driver':
+        """Wait until the subscription of a living node is matched; return the driver."""
         def matched() -> bool:
             known = self.subscriptions()
             return bool(known - self.dead) and (
                 self.publisher.get_subscription_count() == len(known))
 
         self.ros.until(matched)
+        return self
+
+    def until_taken(self) -> None:
+        """Wait until the node has taken all that was published."""
+        assert self.publisher.wait_for_all_acked()
+        # Going on, not having paused, takes what has come.
+        assert self.ros.call(SetBool, 'imu_allan/pause').success
 
     def publish(self, count: int, frame_id: str = 'imu', rate_hz: float = RATE_HZ,
                 shaken: float | Sequence[float] = 1.0) -> None:
