@@ -4,9 +4,7 @@
 
 from collections.abc import Callable, Iterable
 import json
-from pathlib import Path
 import struct
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
@@ -17,7 +15,7 @@ import pytest
 from ros_harness import Driver, Process, Ros
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 SECOND = 10**9
 KINDS = {'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
@@ -85,32 +83,28 @@ def assert_well(node: Process) -> None:
     assert 'Traceback' not in node.log, node.log
 
 
-def saved(ros: Ros) -> Any:
-    response = ros.call(Trigger, 'imu_allan/save')
-    return json.loads(Path(response.message.splitlines()[0]).read_text()
-                      ) if response.success else None
-
-
 @pytest.mark.parametrize(('clock', 'hostile'), [('auto', HOSTILE), ('header', [
     'stamps of zero', 'one stamp for all', 'whole seconds', 'stamps that run backward'])])
 def test_no_first_second_of_a_driver_ends_a_node_that_is_listened_to(
         ros: Ros, clock: str, hostile: Iterable[str]) -> None:
     node = ros.start('imu_allan_node', {
         'clock': clock, 'publish_period': 1.0, 'checkpoint_period': 1.0,
-        'state_file': str(ros.folder / 'state')})
+        'state_file': str(ros.folder / 'state')}, constants={
+            'reports.REPORT_S': 0.2, 'characterization_node.TICK_S': 0.1})
     driver, listener = Driver(ros), Listener(ros)
     driver.wait_for_node()
     for kind in hostile:
         for index in range(200):
             driver.send(HOSTILE[kind](index))
-        # Going on, not having paused, takes what has come.
-        assert ros.call(SetBool, 'imu_allan/pause').success
+        # What is still under way at a reset would be of the next run.
+        driver.until_taken()
         listener.wait_for_report()
         assert_well(node)
         assert ros.call(Trigger, 'imu_allan/reset').success
     driver.publish(4000)
-    document = ros.until(lambda: saved(ros))
-    ros.until(lambda: (saved(ros) or document)['timeline']['samples'] == 4000)
+    driver.until_taken()
+    document = ros.saved()
+    assert document['timeline']['samples'] == 4000
     assert set(document['axes']) == set(AXES)
     assert_well(node)
     assert node.stop() == 0, node.log
@@ -125,10 +119,10 @@ def test_an_error_that_nobody_foresaw_saves_state_and_files_before_the_node_ends
         'diagnostics.diagnostics_message = fail\n')
     node = ros.start('imu_allan_node', {'state_file': str(ros.folder / 'state')},
                      prepend_path=ros.folder)
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(4000)
-    ros.until(lambda: saved(ros) is not None and saved(ros)['timeline']['samples'] == 4000)
+    driver.until_taken()
+    assert ros.saved()['timeline']['samples'] == 4000
     for path in (ros.folder / 'output').rglob('result.json'):
         path.unlink()
     ros.listen(DiagnosticArray, '/diagnostics', 10)
@@ -145,8 +139,7 @@ def test_a_state_folder_that_is_gone_does_not_keep_the_result_from_being_saved(
         ros: Ros) -> None:
     folder = ros.folder / 'states'
     node = ros.start('imu_allan_node', {'state_file': str(folder / 'state')})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(4000)
     assert driver.publisher.wait_for_all_acked()
     for path in folder.iterdir():
@@ -170,8 +163,7 @@ def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the
             'a folder that may be written to')
     ros.until(lambda: line in node.lines)
     reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(4000)
 
     def storage() -> list[str]:
