@@ -51,9 +51,7 @@ def node(shared_ros: Ros) -> Process:
 @pytest.fixture(scope='module')
 def shared_driver(shared_ros: Ros, node: Process) -> Driver:
     assert node.running
-    driver = Driver(shared_ros)
-    driver.wait_for_node()
-    return driver
+    return Driver(shared_ros).wait_for_node()
 
 
 @pytest.fixture(scope='module')
@@ -98,8 +96,7 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
     nodes = {number: ros.start('imu_allan_node', {'state_file': str(ros.folder / name)},
                                namespace=ros.name(name)) for number, name in cases.items()}
     for number_, name in cases.items():
-        driver = Driver(ros, f'{name}/imu/data_raw')
-        driver.wait_for_node()
+        driver = Driver(ros, f'{name}/imu/data_raw').wait_for_node()
         driver.publish(2000)
         assert driver.publisher.wait_for_all_acked()
         # Whoever loses patience signals again.
@@ -118,11 +115,12 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
         2000, 2000]
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [
+    pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
 def test_a_node_that_fits_and_draws_ends_before_its_container_is_killed(
         ros: Ros, number: signal.Signals) -> None:
-    node, driver = ros.start('imu_allan_node', {'publish_period': 0.5}), Driver(ros)
-    driver.wait_for_node()
+    node = ros.start('imu_allan_node', {'publish_period': 0.5})
+    driver = Driver(ros).wait_for_node()
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
     driver.publish(20_000)
     ros.until(lambda: images)
@@ -134,8 +132,7 @@ def test_a_node_that_fits_and_draws_ends_before_its_container_is_killed(
 
 
 def test_a_signal_after_a_single_sample_ends_the_node_without_files(ros: Ros) -> None:
-    node, driver = ros.start('imu_allan_node'), Driver(ros)
-    driver.wait_for_node()
+    node, driver = ros.start('imu_allan_node'), Driver(ros).wait_for_node()
     driver.publish(1)
     assert driver.publisher.wait_for_all_acked()
     assert node.stop(signal.SIGTERM) == 0, node.log
@@ -146,8 +143,7 @@ def test_an_end_that_cannot_be_saved_is_told_with_status_1(ros: Ros) -> None:
     (ros.folder / 'file').write_text('in the way')
     folder = ros.folder / 'file' / 'output'
     node = ros.start('imu_allan_node', {'output_dir': str(folder)})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(500)
     assert driver.publisher.wait_for_all_acked()
     assert node.stop(signal.SIGINT) == 1
@@ -265,8 +261,7 @@ def test_several_imus_are_several_nodes_and_remaps_are_followed(ros: Ros) -> Non
 def test_simulated_time_works_without_a_clock_and_with_one(
         ros: Ros, reports: list[DiagnosticArray]) -> None:
     ros.start('imu_allan_node', {'use_sim_time': True, 'publish_period': 0.5})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
     driver.publish(1000)
     ros.until(lambda: arrays)
@@ -285,8 +280,7 @@ def test_lost_messages_are_counted_by_their_numbers(
         ros: Ros, reports: list[DiagnosticArray]) -> None:
     depth = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.depth'
     ros.start('imu_allan_node', {depth: 10}, best_effort=True)
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     # Best effort: the first have to be repeated until one comes through.
     ros.until(lambda: driver.publish(1) or number(reports, ros, 'reception', 'received') > 0)
     first = driver.next

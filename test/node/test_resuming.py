@@ -75,8 +75,7 @@ def samples_at_the_end(ros: Ros, node: Process) -> int:
 
 def test_a_node_goes_on_where_the_last_one_was_killed(ros: Ros, checkpoint: Path) -> None:
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
-    node, driver = start(ros), Driver(ros)
-    driver.wait_for_node()
+    node, driver = start(ros), Driver(ros).wait_for_node()
     array = ros.until(lambda: arrays)[0]
     assert len(array.status) == 6, 'the result so far is published before any new sample'
     assert f'resumed 10 s of data from {checkpoint}' in node.lines
@@ -91,10 +90,9 @@ def test_a_node_goes_on_where_the_last_one_was_killed(ros: Ros, checkpoint: Path
 
 def test_another_imu_begins_a_new_run_with_its_first_sample(ros: Ros, checkpoint: Path) -> None:
     before = checkpoint.read_bytes()
-    node, driver = start(ros), Driver(ros)
-    driver.wait_for_node()
+    node, driver = start(ros), Driver(ros).wait_for_node()
     # Those of a single moment show nothing: it looks for a while.
-    ros.until(lambda: driver.publish(20, frame_id='other') or Varying(
+    ros.until(lambda: driver.publish(200, frame_id='other') or Varying(
         f"a new run: {checkpoint} could not be resumed from, it is of frame_id 'imu', the "
         "messages now have 'other'; it is kept as state.frame_id.<words>") in node.lines)
     [aside] = kept_aside(ros)
@@ -106,8 +104,7 @@ def test_another_imu_begins_a_new_run_with_its_first_sample(ros: Ros, checkpoint
 def test_a_few_samples_at_the_end_of_a_look_do_not_harm_the_run(
         ros: Ros, checkpoint: Path) -> None:
     before = checkpoint.read_bytes()
-    node, driver = start(ros), Driver(ros)
-    driver.wait_for_node()
+    node, driver = start(ros), Driver(ros).wait_for_node()
     driver.publish(10, frame_id='other')
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 0
@@ -217,8 +214,7 @@ def test_a_state_file_that_cannot_be_written_any_more_is_told(ros: Ros) -> None:
     folder = ros.folder / 'disk'
     node = ros.start('imu_allan_node', {'state_file': str(folder / 'state'),
                                         'checkpoint_period': PERIOD_S})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     # The subscription is there before the state file.
     ros.until((folder / 'state.lock').exists)
     (folder / 'state.lock').unlink()

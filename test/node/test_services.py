@@ -100,8 +100,7 @@ def assert_well(node: Process) -> None:
 def ask_in_any_order(ros: Ros, requests: int, seed: int) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'checkpoint_period': 1.0,
                                         'state_file': str(ros.folder / 'state')})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     draw, client = random.Random(seed), Client(ros)
     for _ in range(requests):
         client.ask_anything(draw)
@@ -147,6 +146,11 @@ def test_services_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
     ask_in_any_order(ros, 150, 1)
 
 
+@pytest.mark.slow
+def test_ten_thousand_requests_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
+    ask_in_any_order(ros, 10_000, 2)
+
+
 def test_a_save_that_waits_keeps_what_it_was_asked_for_over_a_reset(ros: Ros) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 86_400.0})
     driver, client = Driver(ros), Client(ros)
@@ -184,11 +188,6 @@ def test_a_signal_while_a_save_is_under_way_ends_the_node_without_a_traceback(ro
         ros.call(GetParameters, 'imu_allan/get_parameters', GetParameters.Request())
     assert node.stop(signal.SIGTERM) == 0, node.log
     assert 'Traceback' not in node.log, node.log
-
-
-@pytest.mark.slow
-def test_ten_thousand_requests_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
-    ask_in_any_order(ros, 10_000, 2)
 
 
 def call_at_100_hz(ros: Ros, seconds: float) -> None:
@@ -229,7 +228,7 @@ def call_at_100_hz(ros: Ros, seconds: float) -> None:
 
 
 def test_a_hundred_calls_a_second_lose_no_sample(ros: Ros) -> None:
-    call_at_100_hz(ros, 5.0)
+    call_at_100_hz(ros, 3.0)
 
 
 @pytest.mark.slow
@@ -245,8 +244,7 @@ def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
     """Let many clients of every service call at the same moment, again and again."""
     node = ros.start('imu_allan_node', {'publish_period': 2.0,
                                         'state_file': str(ros.folder / 'state')})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     # An answer goes to all clients of a service; each leaves those of the others.
     clients = [ros.node.create_client(kind, ros.name(f'imu_allan/{name}'),
                                       qos_profile=QoSProfile(depth=callers))
@@ -268,20 +266,16 @@ def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
         ros.node.destroy_client(client)
 
 
-def test_every_one_of_many_clients_that_call_at_once_is_answered(ros: Ros) -> None:
-    call_at_once(ros, 12, 0.0)
-
-
-@pytest.mark.slow
-def test_forty_clients_of_each_service_that_call_at_once_for_a_minute_are_answered(
-        ros: Ros) -> None:
-    call_at_once(ros, 40, 60.0)
+@pytest.mark.parametrize(('callers', 'seconds'), [
+    (12, 0.0), pytest.param(40, 60.0, marks=pytest.mark.slow)])
+def test_every_one_of_many_clients_that_call_at_once_is_answered(
+        ros: Ros, callers: int, seconds: float) -> None:
+    call_at_once(ros, callers, seconds)
 
 
 def test_what_nobody_should_send_does_not_flood_the_log(ros: Ros) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 1.0})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(1000)
     draw = random.Random(1)
     for number in range(3000):
@@ -327,10 +321,9 @@ def save_at_200_hz(ros: Ros, clients: int, seconds: float) -> None:
         ros.node.destroy_client(client)
 
 
-def test_every_save_is_answered_where_three_clients_ask_200_times_a_second(ros: Ros) -> None:
-    save_at_200_hz(ros, 3, 1.0)
-
-
-@pytest.mark.slow
-def test_two_thousand_saves_of_one_client_in_ten_seconds_are_answered(ros: Ros) -> None:
-    save_at_200_hz(ros, 1, 10.0)
+@pytest.mark.parametrize(('clients', 'seconds'), [
+    (3, 0.3), pytest.param(3, 1.0, marks=pytest.mark.slow),
+    pytest.param(1, 10.0, marks=pytest.mark.slow)])
+def test_every_save_is_answered_where_clients_ask_200_times_a_second(
+        ros: Ros, clients: int, seconds: float) -> None:
+    save_at_200_hz(ros, clients, seconds)

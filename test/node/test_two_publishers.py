@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 import json
-from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,21 +12,7 @@ from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
 from ros_harness import Driver, RATE_HZ, Ros
-from std_srvs.srv import SetBool, Trigger
 from whole_lines import Varying
-
-
-def saved(ros: Ros) -> Any:
-    response = ros.call(Trigger, 'imu_allan/save')
-    return json.loads(Path(response.message.splitlines()[0]).read_text()
-                      ) if response.success else None
-
-
-def take(ros: Ros, *drivers: Driver) -> None:
-    """Let the node take everything that has been published."""
-    for driver in drivers:
-        assert driver.publisher.wait_for_all_acked()
-    assert ros.call(SetBool, 'imu_allan/pause').success
 
 
 @pytest.fixture
@@ -43,17 +28,16 @@ def statuses(reports: list[DiagnosticArray], ros: Ros, part: str) -> Iterator[An
 def test_a_run_goes_on_with_the_samples_of_its_own_publisher(
         ros: Ros, reports: list[DiagnosticArray]) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5})
-    first = Driver(ros)
-    first.wait_for_node()
+    first = Driver(ros).wait_for_node()
     first.publish(2000)
-    take(ros, first)
-    second = Driver(ros)
-    second.wait_for_node()
+    first.until_taken()
+    second = Driver(ros).wait_for_node()
     second.next = first.next
     for _ in range(1000):
         first.publish(1)
         second.publish(1)
-    take(ros, first, second)
+    first.until_taken()
+    second.until_taken()
     names = f'{ros.name("tester")} and {ros.name("tester")}'
     for line in (f'the messages on {first.topic} are of more than one publisher: they are passed '
                  'over',
@@ -64,7 +48,7 @@ def test_a_run_goes_on_with_the_samples_of_its_own_publisher(
     told = (b'\2', f'messages of more than one publisher on {first.topic}: they are passed over')
     ros.until(lambda: any((status.level, status.message) == told
                           for status in statuses(reports, ros, 'reception')))
-    document = saved(ros)
+    document = ros.saved()
     # The run goes on with the messages of its own publisher.
     assert document['timeline']['samples'] == 3000
     low, high = document['axes']['gyro_x']['coefficients']['noise_density']['ci95']
@@ -79,11 +63,12 @@ def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) 
     for _ in range(2000):
         for driver in drivers:
             driver.publish(1)
-    take(ros, *drivers)
+    for driver in drivers:
+        driver.until_taken()
     mixed = (f'the messages on {drivers[0].topic} are of more than one publisher: they are passed '
              'over')
     ros.until(lambda: mixed in node.lines)
-    document = saved(ros)
+    document = ros.saved()
     coefficients = [] if document is None else [
         coefficient for axis in document['axes'].values()
         for coefficient in axis['coefficients'].values()]
@@ -91,16 +76,16 @@ def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) 
 
 
 @pytest.mark.parametrize(('change', 'reason'), [
-    ({'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz'),
+    pytest.param({'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz',
+                 marks=pytest.mark.slow),
     ({'frame_id': 'other'}, "it is of frame_id 'imu', the messages now have 'other'")])
 def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
         ros: Ros, change: dict[str, Any], reason: str) -> None:
     state = ros.folder / 'state'
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'state_file': str(state)})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(4000)
-    take(ros, driver)
+    driver.until_taken()
     # The watch knows the rate from the first fit.
     ros.until(lambda: Varying(
         'observable: noise density (rad/s/sqrt(Hz)) of <words>') in node.lines)
@@ -108,13 +93,13 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
     driver.next = round(driver.next * change.get('rate_hz', RATE_HZ) / RATE_HZ)
     driver.publish(1000, **change)
     begins = f'a new run begins, the one before cannot go on: {reason}'
-    ros.until(lambda: driver.publish(20, **change) or begins in node.lines)
+    ros.until(lambda: driver.publish(200, **change) or begins in node.lines)
     driver.publish(2000, **change)
-    take(ros, driver)
+    driver.until_taken()
     kept = Varying(f'a new run: {state} could not be resumed from, {reason}; it is kept as '
                    'state.<words>')
     ros.until(lambda: kept in node.lines)
-    document = ros.until(lambda: saved(ros))
+    document = ros.until(ros.saved)
     # It begins with the first sample after the change.
     assert document['timeline']['rejected'] == 0
     assert document['source']['frame_id'] == change.get('frame_id', 'imu')
@@ -132,34 +117,33 @@ def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
 
 def test_a_recording_in_a_loop_is_counted_once(ros: Ros, reports: list[DiagnosticArray]) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     samples = np.random.default_rng(4).normal(0, 0.01, (3000, 6))
     messages = [encode_imu(1_700_000_000 * 10**9 + i * 5_000_000, sample, 'imu')
                 for i, sample in enumerate(samples)]
     for _ in range(3):
         for message in messages:
             driver.publisher.publish(message)
-        take(ros, driver)
+        driver.until_taken()
     ros.until(lambda: f'the messages on {driver.topic} repeat from the first one on, as a '
                       'recording played in a loop does: what has come before is passed over'
                       in node.lines)
     repeat = 'the messages repeat: what has come before is passed over'
     ros.until(lambda: any(status.message == repeat
                           for status in statuses(reports, ros, 'reception')))
-    document = ros.until(lambda: saved(ros))
+    document = ros.until(ros.saved)
     assert document['timeline']['samples'] == 3000
     assert document['timeline']['out_of_order'] == document['timeline']['duplicates'] == 0
     # New stamps are new samples.
     driver.next = 3000
     driver.publish(1000)
-    take(ros, driver)
-    assert saved(ros)['timeline']['samples'] == 4000
+    driver.until_taken()
+    assert ros.saved()['timeline']['samples'] == 4000
     assert set(document['axes']) == set(AXES)
 
 
 def test_two_nodes_of_one_name_are_told(ros: Ros) -> None:
-    nodes = [ros.start('imu_allan_node') for _ in range(2)]
+    nodes = [ros.start('imu_allan_node', constants={'reports.LOOK_S': 2.0}) for _ in range(2)]
     for node in nodes:
         ros.until(lambda node=node: (
             'another node has the same name: their topics and services cannot be kept apart; '

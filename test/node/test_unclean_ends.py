@@ -8,6 +8,7 @@ from pathlib import Path
 import signal
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, StateFile
 import pytest
@@ -47,8 +48,7 @@ def kept(path: Path) -> int:
 @pytest.mark.parametrize('number', [signal.SIGHUP, signal.SIGQUIT])
 def test_a_terminal_that_hangs_up_costs_no_run(ros: Ros, home: Path, number: signal.Signals
                                                ) -> None:
-    node, driver = start(ros, home), Driver(ros)
-    driver.wait_for_node()
+    node, driver = start(ros, home), Driver(ros).wait_for_node()
     driver.publish(2000)
     assert driver.publisher.wait_for_all_acked()
     assert node.stop(number) == 0, node.log
@@ -64,8 +64,7 @@ def test_a_node_whose_hang_up_is_ignored_goes_on(ros: Ros, home: Path) -> None:
         node = start(ros, home)
     finally:
         signal.signal(signal.SIGHUP, before)
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     node.popen.send_signal(signal.SIGHUP)
     driver.publish(2000)
     assert driver.publisher.wait_for_all_acked()
@@ -88,8 +87,13 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros,
         f'resumed <words> of data from {state}, of a run that has ended without saving; call '
         '~/reset to begin anew')
     driver.wait_for_node()
+    reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
     driver.publish(1000)
-    assert driver.publisher.wait_for_all_acked()
+    # The node that was killed acknowledges nothing.
+    ros.until(lambda: any(
+        (entry.key, entry.value) == ('received', '1000') for report in reports
+        for status in report.status if status.hardware_id == driver.topic
+        for entry in status.values))
     assert again.stop() == 0, again.log
     assert max(document['timeline']['samples'] for document in results(ros)) == 3000
     last = start(ros, home)
@@ -97,8 +101,7 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros,
 
 
 def test_without_a_state_nothing_is_kept(ros: Ros, home: Path) -> None:
-    node, driver = start(ros, home, state_file=''), Driver(ros)
-    driver.wait_for_node()
+    node, driver = start(ros, home, state_file=''), Driver(ros).wait_for_node()
     driver.publish(2000)
     assert node.stop() == 0
     assert not home.exists()
