@@ -190,8 +190,7 @@ def test_a_line_of_progress_says_what_has_come_what_shows_and_what_is_next(
 
 def test_the_log_of_a_node_tells_its_story(ros: Ros) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'expected_rate': 100.0})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     driver.publish(4000, frame_id='imu\n')
 
     for line in (f'characterizing the IMU on {driver.topic}',

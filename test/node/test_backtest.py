@@ -3,7 +3,6 @@
 """The backtest of a running node: seldom made, and that of a recording of the same messages."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 from imu_allan.analysis import analyze
@@ -14,7 +13,6 @@ from imu_allan.timeline import TimelineOptions
 import numpy as np
 from ros_harness import Driver, recorded, Ros
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 RATE_HZ = 10.0
 SAMPLES = 7000
@@ -32,8 +30,7 @@ def test_file_and_topic_hold_the_backtest_of_a_recording_of_the_same_messages(ro
     block = messages()
     ros.start('imu_allan_node', {'publish_period': 0.5})
     results = ros.listen(String, 'imu_allan/result')
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     for stamp, sample in zip(block.header_ns.tolist(), block.samples, strict=True):
         driver.send(encode_imu(stamp, sample, 'imu'))
     path = recorded(ros.folder / 'same.mcap', {'imu': block})
@@ -45,9 +42,8 @@ def test_file_and_topic_hold_the_backtest_of_a_recording_of_the_same_messages(ro
         return any(backtests(json.loads(message.data)) == expected for message in results[-1:])
 
     def saved() -> bool:
-        response = ros.call(Trigger, 'imu_allan/save')
-        return response.success and backtests(json.loads(
-            Path(response.message.splitlines()[0]).read_text())) == expected
+        document = ros.saved()
+        return document is not None and backtests(document) == expected
 
     ros.until(published)
     ros.until(saved)

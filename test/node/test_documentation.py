@@ -73,8 +73,7 @@ def test_the_python_example_and_the_expression_read_a_coefficient(ros: Ros) -> N
     ros.executor.add_node(example)
     try:
         ros.start('imu_allan_node', {'publish_period': 0.5})
-        driver = Driver(ros)
-        driver.wait_for_node()
+        driver = Driver(ros).wait_for_node()
         driver.publish(4000)
         # White noise of 0.01 rad/s at 200 Hz.
         expected = 0.01 / 200**0.5

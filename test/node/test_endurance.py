@@ -102,9 +102,9 @@ def test_plots_and_saves_do_not_hold_reception_up(ros: Ros) -> None:
               shared_memory=True)
     images = ros.listen(CompressedImage, 'imu_allan/plot/compressed')
     reception = Reception(ros, node)
-    reception.wait_for(3000, PATIENCE_S)
+    reception.wait_for(1000, PATIENCE_S)
     longest = 0.0
-    while len(images) < 3:
+    while len(images) < 2:
         assert ros.call(Trigger, 'imu_allan/save').success
         longest = max(longest, reception['longest_hold_s'])
     assert_kept_up(node, reception['lost'], longest, reception['queue'], 1000.0)
@@ -140,8 +140,7 @@ def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate
           f'received: {most:.0f} MB, {cpu_seconds(node):.1f} s of CPU', flush=True)
     assert most < LARGEST_MB
     assert ros.call(Trigger, 'imu_allan/reset').success
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
 
     def saved() -> bool:
         # Samples count as mixed for some seconds after the flood.
@@ -182,7 +181,7 @@ def run_accelerated(ros: Ros, hours: float, speed: float, best_effort: bool
 
 def test_memory_and_cost_stay_as_samples_pile_up(ros: Ros) -> None:
     # At full speed the simulator waits for a subscription that keeps all.
-    marks = run_accelerated(ros, 0.02, 0.0, best_effort=False)
+    marks = run_accelerated(ros, 0.01, 0.0, best_effort=False)
     assert max(memory for _, memory, _ in marks) < LARGEST_MB
 
 

@@ -19,7 +19,6 @@ from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
 from ros_harness import Driver, RATE_HZ, Ros
-from std_srvs.srv import Trigger
 
 SETUP = Setup('/imu', TimelineOptions())
 SIGMA = 0.01
@@ -109,7 +108,7 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
 
-@pytest.mark.parametrize('cut_off', [0, 2, 3])
+@pytest.mark.parametrize('cut_off', [0, pytest.param(2, marks=pytest.mark.slow), 3])
 def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: int) -> None:
     run = new_run(SETUP)
     for number in range(4):
@@ -126,7 +125,8 @@ def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: in
     assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(others, ddof=1), rel=0.02)
 
 
-@pytest.mark.parametrize('hole', [0, 1, 2, 3])
+@pytest.mark.parametrize('hole', [
+    0, *(pytest.param(hole, marks=pytest.mark.slow) for hole in (1, 2)), 3])
 def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int) -> None:
     run = new_run(SETUP)
     means = []
@@ -164,8 +164,7 @@ def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
     ros.start('imu_allan_node', {'state_file': str(state), 'checkpoint_period': 1.0,
                                  'publish_period': 0.5})
     arrays = ros.listen(DiagnosticArray, 'imu_allan/coefficients')
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
 
     def told() -> list[float]:
         driver.publish(200)
@@ -176,6 +175,5 @@ def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:
     # Between 0.2 rad/s and none.
     [sigma] = ros.until(told)
     assert sigma == pytest.approx(0.2 / 2**0.5, rel=0.01)
-    response = ros.call(Trigger, 'imu_allan/save')
-    document = json.loads(Path(response.message.splitlines()[0]).read_text())
+    document = ros.saved()
     assert document['turn_on_bias']['gyro_x']['sigma'] == pytest.approx(sigma, rel=0.01)

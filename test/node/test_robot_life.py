@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot in daily work: the IMU is at rest only while the robot stops."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 from imu_allan.block import ImuBlock
@@ -16,7 +14,6 @@ from imu_allan.timeline import TimelineSummary
 import numpy as np
 import pytest
 from ros_harness import Driver, Ros
-from std_srvs.srv import SetBool, Trigger
 from whole_lines import Varying
 
 MODEL = """
@@ -109,7 +106,7 @@ def assert_honest(result: Result) -> None:
 def test_an_afternoon_of_stop_and_go_shows_the_noise_of_the_sensor() -> None:
     robot = Robot(1)
     robot.stop(120)
-    robot.day(4)
+    robot.day(2)
     result, summary = robot.result()
     assert_honest(result)
     assert 0.7 * robot.at_rest_s < used_s(summary) < 1.02 * robot.at_rest_s
@@ -127,39 +124,33 @@ def test_a_week_of_stop_and_go_shows_the_noise_of_the_sensor() -> None:
 
 def test_a_node_that_starts_on_a_moving_robot_learns_from_the_first_stop_alone(ros: Ros) -> None:
     ros.start('imu_allan_node', {'publish_period': 0.5})
-    driver = Driver(ros)
-    driver.wait_for_node()
-    driver.publish(20_000, shaken=30.0)
-    driver.publish(60_000)
+    driver = Driver(ros).wait_for_node()
+    driver.publish(5000, rate_hz=50.0, shaken=30.0)
+    driver.publish(15_000, rate_hz=50.0)
     assert driver.publisher.wait_for_all_acked()
 
     def saved() -> Any:
-        driver.publish(200)
-        assert ros.call(SetBool, 'imu_allan/pause').success
-        response = ros.call(Trigger, 'imu_allan/save')
-        document = json.loads(Path(response.message.splitlines()[0]).read_text()
-                              ) if response.success else {'axes': {}}
-        return document if set(document['axes']) == set(AXES) else None
+        driver.publish(200, rate_hz=50.0)
+        driver.until_taken()
+        document = ros.saved()
+        return document if document and set(document['axes']) == set(AXES) else None
 
     document = ros.until(saved)
     for name in AXES:
         low, high = document['axes'][name]['coefficients']['noise_density']['ci95']
-        assert low - (high - low) < 0.01 / 200**0.5 < high + (high - low), name
+        assert low - (high - low) < 0.01 / 50**0.5 < high + (high - low), name
 
 
 def test_an_axis_that_falls_quiet_is_told_and_loses_no_run(ros: Ros) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     # A fan shakes one axis, and is switched off: two minutes until the new level is believed.
     driver.publish(5000, rate_hz=50.0, shaken=[5.0, 1, 1, 1, 1, 1])
     driver.publish(9000, rate_hz=50.0)
     assert driver.publisher.wait_for_all_acked()
     line = Varying('the noise changed for good: <number> times at about <number> s; call ~/reset '
                    'to characterize the present level alone')
-    ros.until(lambda: driver.publish(20, rate_hz=50.0) or line in node.lines)
-    assert ros.call(SetBool, 'imu_allan/pause').success
-    response = ros.call(Trigger, 'imu_allan/save')
-    document = json.loads(Path(response.message.splitlines()[0]).read_text())
-    assert document['timeline']['samples'] == driver.next
+    ros.until(lambda: driver.publish(100, rate_hz=50.0) or line in node.lines)
+    driver.until_taken()
+    assert ros.saved()['timeline']['samples'] == driver.next
     assert 'a new run begins' not in node.log

@@ -135,9 +135,9 @@ def test_nothing_is_expected_while_the_record_does_not_grow(fitted: Result) -> N
 
 def test_a_node_that_fits_over_and_over_shows_no_term_that_is_not_there(ros: Ros) -> None:
     results = ros.listen(String, 'imu_allan/result')
-    node = ros.start('imu_allan_node', {'publish_period': 0.5})
-    driver = Driver(ros)
-    driver.wait_for_node()
+    node = ros.start('imu_allan_node', {'publish_period': 0.5},
+                     constants={'results.SETTLED_S': 0.5})
+    driver = Driver(ros).wait_for_node()
     # White noise whose fit at 16 s, and no other, shows a quantization noise by chance.
     driver.random = np.random.default_rng(32)
     for _ in range(4):

@@ -147,8 +147,7 @@ def test_a_specification_that_is_broken_stands_in_diagnostics_and_log(ros: Ros) 
     spec = written(ros.folder, 'gyro: {noise_density: 1e-4 rad/s/sqrt(Hz)}')
     node = ros.start('imu_allan_node', {'publish_period': 0.5, 'spec_file': spec})
     reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
 
     def broken() -> list[str]:
         return [status.message for report in reports for status in report.status

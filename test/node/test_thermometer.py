@@ -19,8 +19,8 @@ from std_msgs.msg import String
 
 SECOND = 10**9
 START = 1_700_000_000 * SECOND
-RATE_HZ = 5.0
-SAMPLES = 18_000
+RATE_HZ = 2.0
+SAMPLES = 7200
 PER_KELVIN = 2e-3
 
 
@@ -37,15 +37,15 @@ def reading(stamp_ns: int, value: float) -> Temperature:
 
 def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros) -> None:
     ros.start('imu_allan_node', {'publish_period': 0.5, 'motion': 'keep',
-                                 'temperature_topic': 'imu/temperature'})
+                                 'temperature_topic': 'imu/temperature'},
+              constants={'temperature_topic._MATCHING_S': 1.0})
     reports = ros.listen(DiagnosticArray, '/diagnostics', 10)
 
     def told(message: str) -> bool:
         return any(status.message == message for report in reports for status in report.status
                    if status.name == f'{ros.name("imu_allan")}: reception')
 
-    driver = Driver(ros)
-    driver.wait_for_node()
+    driver = Driver(ros).wait_for_node()
     ros.until(lambda: told(f'nothing publishes {ros.name("imu/temperature")}'))
     thermometer = ros.node.create_publisher(Temperature, ros.name('imu/temperature'), 10_000)
     ros.until(lambda: thermometer.get_subscription_count() == 1)
@@ -56,7 +56,7 @@ def test_the_bias_is_fitted_over_the_temperature_of_the_topic(ros: Ros) -> None:
     for number, (second, sample) in enumerate(zip(seconds, samples, strict=True)):
         stamp = START + round(second * 1e9)
         driver.send(encode_imu(stamp, sample, 'imu'))
-        if number % 20 == 0:
+        if number % 8 == 0:
             thermometer.publish(reading(stamp, float(celsius(second))))
 
     def fitted() -> Any:
