@@ -437,9 +437,9 @@ def assert_kept_up(node: Process, lost: float, longest_hold_s: float, queue: flo
     assert longest_hold_s * rate_hz < queue / 2
 
 
-def resident_mb(process: Process) -> float:
-    """Memory that it holds."""
-    pages = Path(f'/proc/{process.popen.pid}/statm').read_text().split()[1]
+def resident_mb(pid: int) -> float:
+    """Memory that a process holds."""
+    pages = Path(f'/proc/{pid}/statm').read_text().split()[1]
     return int(pages) * 4096 / 1e6
 
 

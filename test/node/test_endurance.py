@@ -52,7 +52,7 @@ class Reception:
             nonlocal most
             assert self._node.running, self._node.log
             # A fit comes and goes within a second: a single look would be a matter of luck.
-            most = max(most, resident_mb(self._node))
+            most = max(most, resident_mb(self._node.popen.pid))
             return self['received'] + self['lost'] >= numbered
 
         self._ros.until(arrived, timeout)
@@ -134,7 +134,7 @@ def test_a_flood_for_minutes_costs_little_memory(ros: Ros, publishers: int, rate
     most = 0.0
     while any(process.poll() is None for process in floods):
         ros.executor.spin_once(timeout_sec=0.5)
-        most = max(most, resident_mb(node))
+        most = max(most, resident_mb(node.popen.pid))
     published = sum(int(process.communicate()[0]) for process in floods)
     print(f'{published} messages in {time.monotonic() - began:.0f} s, {reception["received"]:.0f} '
           f'received: {most:.0f} MB, {cpu_seconds(node):.1f} s of CPU', flush=True)

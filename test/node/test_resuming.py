@@ -285,7 +285,7 @@ def survive_kills(ros: Ros, kills: int, seconds: float) -> None:
 
 def test_kills_at_random_moments_leave_a_whole_state_and_cost_one_period_at_most(
         ros: Ros) -> None:
-    survive_kills(ros, 2, 4.5)
+    survive_kills(ros, 2, 3.0)
 
 
 @pytest.mark.slow

@@ -143,7 +143,7 @@ def samples_of(response: Any) -> int:
 
 
 def test_services_in_any_order_leave_a_node_that_works(ros: Ros) -> None:
-    ask_in_any_order(ros, 150, 1)
+    ask_in_any_order(ros, 100, 1)
 
 
 @pytest.mark.slow
@@ -228,7 +228,7 @@ def call_at_100_hz(ros: Ros, seconds: float) -> None:
 
 
 def test_a_hundred_calls_a_second_lose_no_sample(ros: Ros) -> None:
-    call_at_100_hz(ros, 3.0)
+    call_at_100_hz(ros, 2.0)
 
 
 @pytest.mark.slow
@@ -259,8 +259,8 @@ def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
         assert_well(node)
         if time.monotonic() > end:
             break
-    print(f'{calls} calls, all answered: {resident_mb(node):.0f} MB')
-    assert resident_mb(node) < LARGEST_MB
+    print(f'{calls} calls, all answered: {resident_mb(node.popen.pid):.0f} MB')
+    assert resident_mb(node.popen.pid) < LARGEST_MB
     assert node.stop() == 0
     for client in clients:
         ros.node.destroy_client(client)

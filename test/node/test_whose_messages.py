@@ -48,7 +48,7 @@ def go_on(ros: Ros, sensor: Sensor, rounds: int, seconds: float, **how: Any) -> 
 
 
 @pytest.mark.parametrize(('polled', 'together'), [
-    pytest.param(2, False, marks=pytest.mark.slow), (3, False), (2, True)])
+    *(pytest.param(polled, False, marks=pytest.mark.slow) for polled in (2, 3)), (2, True)])
 def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
         ros: Ros, polled: int, together: bool) -> None:
     node, sensor = begin(ros), Sensor(ros, 100.0)
