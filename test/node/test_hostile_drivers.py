@@ -16,6 +16,7 @@ from ros_harness import Driver, Process, Ros
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
+from whole_lines import Varying
 
 SECOND = 10**9
 KINDS = {'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
@@ -174,6 +175,9 @@ def test_an_output_folder_that_takes_nothing_is_told_at_once_and_replaced_at_the
     assert ros.until(storage)[-1] == line
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 1
+    assert Varying(f'{unwritable}/<words>: cannot be written (Not a directory); choose a folder '
+                   'that exists on a disk with room and may be written to') in node.lines
+    assert 'Traceback' not in node.log
     [path] = (ros.folder / 'states').rglob('result.json')
     assert json.loads(path.read_text())['timeline']['samples'] == 4000
     assert ('wrote result.json, curve.csv, imu.yaml, allan_deviation.png to '

@@ -139,19 +139,6 @@ def test_a_signal_after_a_single_sample_ends_the_node_without_files(ros: Ros) ->
     assert saved(ros) == []
 
 
-def test_an_end_that_cannot_be_saved_is_told_with_status_1(ros: Ros) -> None:
-    (ros.folder / 'file').write_text('in the way')
-    folder = ros.folder / 'file' / 'output'
-    node = ros.start('imu_allan_node', {'output_dir': str(folder)})
-    driver = Driver(ros).wait_for_node()
-    driver.publish(500)
-    assert driver.publisher.wait_for_all_acked()
-    assert node.stop(signal.SIGINT) == 1
-    assert Varying(f'{folder}/<words>: cannot be written (Not a directory); choose a folder that '
-                   'exists on a disk with room and may be written to') in node.lines
-    assert 'Traceback' not in node.log
-
-
 def test_a_wrong_parameter_ends_the_start_with_one_line_and_status_1(ros: Ros) -> None:
     (ros.folder / 'broken.yaml').write_text('/**:\n  ros__parameters: [')
     reliability = f'qos_overrides.{ros.name("imu/data_raw")}.subscription.reliability'

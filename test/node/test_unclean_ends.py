@@ -59,10 +59,11 @@ def test_a_terminal_that_hangs_up_costs_no_run(ros: Ros, home: Path, number: sig
     assert not state_of(ros, home).exists()
 
 
-def test_a_node_whose_hang_up_is_ignored_goes_on(ros: Ros, home: Path) -> None:
+def test_a_node_whose_hang_up_is_ignored_goes_on_and_without_a_state_keeps_nothing(
+        ros: Ros, home: Path) -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        node = start(ros, home)
+        node = start(ros, home, state_file='')
     finally:
         signal.signal(signal.SIGHUP, before)
     driver = Driver(ros).wait_for_node()
@@ -71,6 +72,7 @@ def test_a_node_whose_hang_up_is_ignored_goes_on(ros: Ros, home: Path) -> None:
     assert driver.publisher.wait_for_all_acked()
     assert node.stop() == 0, node.log
     assert results(ros)[0]['timeline']['samples'] == 2000
+    assert not home.exists()
 
 
 def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros, home: Path
@@ -99,13 +101,6 @@ def test_a_run_that_was_killed_goes_on_and_one_that_was_ended_does_not(ros: Ros,
     assert max(document['timeline']['samples'] for document in results(ros)) == 3000
     last = start(ros, home)
     assert last.lines == [f'characterizing the IMU on {ros.name("imu/data_raw")}']
-
-
-def test_without_a_state_nothing_is_kept(ros: Ros, home: Path) -> None:
-    node, driver = start(ros, home, state_file=''), Driver(ros).wait_for_node()
-    driver.publish(2000)
-    assert node.stop() == 0
-    assert not home.exists()
 
 
 def test_a_home_that_takes_nothing_costs_the_state_alone(ros: Ros, home: Path) -> None:

@@ -235,7 +235,7 @@ def test_a_second_publisher_costs_no_losses_and_no_samples(ros: Ros) -> None:
         sensor.measure(0.02)
         other.measure(0.02)
     other.unplug()
-    go_on(ros, sensor, 6, 2.0)
+    go_on(ros, sensor, 3, 4.0)
 
     def reception() -> dict[str, str]:
         reports.clear()
