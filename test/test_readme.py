@@ -20,6 +20,7 @@ import time
 
 from imu_allan.cli.main import main
 from imu_allan.writers.consumers import CONSUMERS
+from imu_allan.writers.datasheet import live
 import numpy as np
 import pytest
 
@@ -116,6 +117,8 @@ def test_command_of_the_tool_runs_as_printed(
         shutil.rmtree(workplace / output[1], ignore_errors=True)
     # Of the shortened recording check cannot tell everything.
     well = (0, 4) if ' check ' in command else (0,)
+    # Fewer looks.
+    monkeypatch.setattr(live, 'GROWTH', 2)
     if not set(command) & set('|&;<>*?$~'):
         # What needs no shell needs no process, whose start is half of the time.
         monkeypatch.chdir(workplace)

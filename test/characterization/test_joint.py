@@ -16,11 +16,12 @@ from imu_allan.writers.datasheet import check
 from imu_allan.writers.datasheet.live import standing
 import numpy as np
 import pytest
+from repeated import slow
 from scipy.signal import butter, lfilter, sosfilt
 from whole_lines import refused, Varying
 
 RATE_HZ = 50.0
-SAMPLES = 20_000
+SAMPLES = 10_000
 
 
 def recorded(path, seed, *, model='noise_density: 0.005 deg/s/sqrt(Hz)', rate_hz=RATE_HZ,
@@ -319,7 +320,7 @@ def filtered(path, seed, gain, **more):
     return recorded(path, seed, changed=subtracted, **more)
 
 
-@pytest.mark.parametrize('order', [1, -1])
+@pytest.mark.parametrize('order', [1, slow(-1)])
 def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order):
     with pytest.raises(ImuAllanError) as error:
         joint_result([nights[0], filtered('behind', 5, 0.02)][::order])
@@ -327,7 +328,7 @@ def test_recordings_of_which_a_filter_has_changed_some_are_refused(nights, order
                                 'is not certain in night1; analyze the raw topic of each')
 
 
-@pytest.mark.parametrize('gain', [0.05, 0.1])
+@pytest.mark.parametrize('gain', [slow(0.05), 0.1])
 def test_recordings_that_all_went_through_filters_tell_nothing_of_their_axes(gain):
     result = joint_result([filtered('a', 1, 0.02), filtered('b', 2, gain)])
     assert [one.axes for one in result.warnings if one.code == 'high_passed'] == [

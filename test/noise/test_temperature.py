@@ -9,13 +9,14 @@ from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
+from repeated import slow
 
 RATE = 4.0
 DURATION = 7200.0
 TIME = np.arange(round(DURATION * RATE)) / RATE
 NOISE = {'noise_density': 1e-3, 'bias_instability': 3e-4}
 WALK = {**NOISE, 'rate_random_walk': 3e-5}
-RECORDS = 4
+RECORDS = 3
 """Each takes a tenth of a second."""
 
 
@@ -95,7 +96,7 @@ def test_a_mean_that_bends_with_the_temperature_shows_the_square():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('model', [NOISE, WALK])
+@pytest.mark.parametrize('model', [slow(NOISE), WALK])
 def test_an_unrelated_temperature_changes_nothing(model):
     for one, plain in zip(axes_of(model, warm_up_and_cycle), axes_of(model, None), strict=True):
         assert one.trend.temperature is None
@@ -133,7 +134,7 @@ def test_a_thermometer_behind_the_sensor_and_a_sensor_behind_it_are_told(lag, sh
 
 
 def test_a_thermometer_without_a_lag_has_none():
-    found = axes_of(NOISE, heated, lambda seed: 1e-3 * heated(seed), 4)
+    found = axes_of(NOISE, heated, lambda seed: 1e-3 * heated(seed))
     assert all(one.trend.temperature.lag_s is None for one in found)
 
 
@@ -178,5 +179,5 @@ def test_a_ramp_beside_the_temperature_is_told_apart():
     def mean(seed):
         return 1e-3 * warm_up_and_cycle(seed) + 1e-6 * TIME
 
-    ramps = [one.trend.ramp for one in axes_of(NOISE, warm_up_and_cycle, mean, 6)]
+    ramps = [one.trend.ramp for one in axes_of(NOISE, warm_up_and_cycle, mean)]
     assert all(ramp is not None and inside(ramp.ci95, 1e-6) for ramp in ramps)

@@ -19,6 +19,7 @@ from imu_allan.timeline import TimelineOptions
 from mcap.writer import Writer
 import numpy as np
 import pytest
+from repeated import slow
 from whole_lines import refused
 
 NOISE = np.random.default_rng(5)
@@ -104,7 +105,7 @@ def test_a_message_for_each_sample_of_either_half_is_two_sensors(tmp_path):
                 half=None)]
 
 
-@pytest.mark.parametrize(('limit', 'status'), [(0.15, 0), (0.07, 3)])
+@pytest.mark.parametrize(('limit', 'status'), [slow(0.15, 0), (0.07, 3)])
 def test_a_live_check_decides_on_both_halves_of_an_imu(tmp_path, capsys, limit, status):
     path = write(tmp_path / 'a.mcap', {
         '/accel': block(100, 6_000, False, True), '/gyro': block(200, 12_000, True, False)})
@@ -194,7 +195,7 @@ def test_what_cannot_be_told_is_asked_for(tmp_path):
         streams(path, '/c', gyro_topic='/b', accel_topic='/c')
 
 
-@pytest.mark.parametrize('rate_hz', [200, 250, 63])
+@pytest.mark.parametrize('rate_hz', [200, slow(250), slow(63)])
 def test_a_half_that_is_copied_is_analyzed_at_its_own_rate(tmp_path, rate_hz):
     both = block(400, 8_000, True, False)
     slow = block(rate_hz, 8_000, False, True)

@@ -17,10 +17,13 @@ from imu_allan.writers.words import presented
 from imu_messages import codes as summary_codes, run
 import numpy as np
 import pytest
+from repeated import combined, slow
 from scenarios import (
     at_rest,
     characterized,
     compose,
+    Fault,
+    FAULTS,
     Messages,
     MORE_FAULTS,
     MOVES,
@@ -33,7 +36,6 @@ from scenarios import (
 from scipy.signal import butter, lfilter
 from whole_lines import refused
 
-EVERYDAY = 300
 PERHAPS_TWO = {'several_publishers', 'alternating'}
 SLOW = ('bias_instability', 'rate_random_walk')
 
@@ -99,7 +101,8 @@ def false_terms(result: Result) -> int:
                for axis in result.axes.values())
 
 
-@pytest.mark.parametrize(('on_s', 'off_s'), [(5, 5), (8, 7), (4, 12), (1, 3), (0.5, 15)])
+@pytest.mark.parametrize(('on_s', 'off_s'), [
+    (5, 5), slow(8, 7), slow(4, 12), slow(1, 3), (0.5, 15)])
 @pytest.mark.parametrize('irregular', [False, True])
 def test_outages_longer_than_what_lies_between_leave_rate_and_noise_as_they_are(
         on_s, off_s, irregular):
@@ -132,7 +135,7 @@ def test_a_result_stays_while_outages_come_and_go():
         assert len(result.axes) == 3
 
 
-@pytest.mark.parametrize('size', [4, 10, 20])
+@pytest.mark.parametrize('size', [slow(4), slow(10), 20])
 def test_batches_with_an_outage_now_and_then_keep_their_rate(size):
     messages, truth, _ = gyro()
     batch = messages.place // size
@@ -143,8 +146,9 @@ def test_batches_with_an_outage_now_and_then_keep_their_rate(size):
         assert_right(result, truth)
 
 
-@pytest.mark.parametrize('share', [0.1, 0.3, 0.6])
-@pytest.mark.parametrize('where', ['start', 'middle', 'end'])
+@pytest.mark.parametrize(('share', 'where'), combined(
+    [0.1, 0.3, 0.6], ['start', 'middle', 'end'],
+    everyday=[(0.6, 'start'), (0.3, 'middle'), (0.6, 'end')]))
 def test_a_frozen_sensor_is_left_out_and_told(share, where):
     messages, truth, _ = gyro()
     n = len(messages.place)
@@ -174,8 +178,8 @@ def test_a_coarse_output_that_repeats_itself_is_not_frozen():
     assert result.timeline.samples == len(messages.place)
 
 
-@pytest.mark.parametrize('step', [1.5, 2.0, 3.0])
-@pytest.mark.parametrize('lost', [0.05, 0.2])
+@pytest.mark.parametrize(('step', 'lost'), combined(
+    [1.5, 2.0, 3.0], [0.05, 0.2], everyday=[(1.5, 0.2), (3.0, 0.05)]))
 def test_a_coarse_output_with_losses_is_not_at_the_end_of_its_range(step, lost):
     messages, _, rng = rest(duration_s=60, seed=7)
     messages.samples += rng.uniform(-5, 5, 6) * SIGMA
@@ -184,7 +188,7 @@ def test_a_coarse_output_with_losses_is_not_at_the_end_of_its_range(step, lost):
     assert codes(characterized(kept)).isdisjoint({'saturated', 'deadband', 'stood_still'})
 
 
-@pytest.mark.parametrize(('rate_hz', 'tick'), [(952.0, 1e-3), (208.0, 4e-3), (80.0, 1e-2)])
+@pytest.mark.parametrize(('rate_hz', 'tick'), [(952.0, 1e-3), slow(208.0, 4e-3), (80.0, 1e-2)])
 @pytest.mark.parametrize('other_clock', [True, False])
 def test_a_tick_as_long_as_the_interval_is_not_taken_for_it(rate_hz, tick, other_clock):
     messages, truth, rng = gyro(rate_hz, 60)
@@ -205,7 +209,7 @@ def test_a_tick_shorter_than_the_interval_is_none_where_messages_get_lost(rate_h
     assert_right(result, truth, 0.06)
 
 
-@pytest.mark.parametrize(('rate_hz', 'tick'), [(104.0, 1e-2), (1040.0, 1e-3)])
+@pytest.mark.parametrize(('rate_hz', 'tick'), [(104.0, 1e-2), slow(1040.0, 1e-3)])
 @pytest.mark.parametrize('other_clock', [True, False])
 def test_different_messages_within_one_tick_are_no_duplicates(rate_hz, tick, other_clock):
     messages, truth, _ = gyro(rate_hz, 60)
@@ -217,7 +221,7 @@ def test_different_messages_within_one_tick_are_no_duplicates(rate_hz, tick, oth
     assert result.timeline.duplicates == 0
 
 
-@pytest.mark.parametrize('pattern', [[1] * 9 + [0], [1, 1, 0, 1], [1, 0, 1]])
+@pytest.mark.parametrize('pattern', [slow([1] * 9 + [0]), slow([1, 1, 0, 1]), [1, 0, 1]])
 def test_messages_dropped_in_turn_are_missed(pattern):
     messages, truth, _ = gyro()
     there = np.resize(np.array(pattern, bool), len(messages.place))
@@ -238,10 +242,12 @@ def test_messages_dropped_in_turn_are_missed_by_one_clock_alone(pattern):
     assert 'uneven_stamps' not in summary_codes(result)
 
 
-@pytest.mark.parametrize('pattern', ['110', '1110', '11100', '1' * 13 + '0'])
-@pytest.mark.parametrize(('tail', 'late'), [(1.5, 0.15), (2.0, 0.15), (3.0, 0.3)])
+@pytest.mark.parametrize(('pattern', 'heavy'), combined(
+    ['110', '1110', '11100', '1' * 13 + '0'], [(1.5, 0.15), (2.0, 0.15), (3.0, 0.3)],
+    everyday=[('110', (1.5, 0.15)), ('11100', (3.0, 0.3)), ('1' * 13 + '0', (2.0, 0.15))]))
 def test_messages_dropped_in_turn_are_missed_by_stamps_with_a_heavy_tail_of_lateness(
-        pattern, tail, late):
+        pattern, heavy):
+    tail, late = heavy
     messages, truth, rng = rest(duration_s=100)
     shown = messages.header + late * rng.pareto(tail, len(messages.place)) / truth.rate_hz
     messages.header = np.maximum.accumulate(shown - 2e-5 * messages.place) + 2e-5 * messages.place
@@ -254,7 +260,8 @@ def test_messages_dropped_in_turn_are_missed_by_stamps_with_a_heavy_tail_of_late
         truth.density, rel=0.06)
 
 
-@pytest.mark.parametrize('lost', [0.3, 0.4, 0.5, 0.6, '110', '1100', '11000', '111000'])
+@pytest.mark.parametrize('lost', [
+    slow(0.3), slow(0.4), 0.5, 0.6, slow('110'), slow('1100'), '11000', slow('111000')])
 def test_many_missing_samples_leave_the_noise_density_right(lost):
     messages, truth, rng = gyro()
     there = (np.resize([kept == '1' for kept in lost], len(messages.place))
@@ -279,7 +286,7 @@ def missed_by_intervals(duration_s, lost, seeds):
 
 
 def test_intervals_hold_the_noise_density_where_a_fifth_is_lost():
-    assert missed_by_intervals(60, 0.2, range(9000, 9008)) <= 0.09
+    assert missed_by_intervals(60, 0.2, range(9000, 9003)) <= 0.09
 
 
 @pytest.mark.slow
@@ -292,7 +299,7 @@ def test_intervals_miss_the_noise_density_in_five_of_a_hundred_at_most(lost, dur
     assert share < 0.068
 
 
-@pytest.mark.parametrize(('lost', 'jitter'), [(0.5, 0.1), (0.6, 0.2)])
+@pytest.mark.parametrize(('lost', 'jitter'), [slow(0.5, 0.1), (0.6, 0.2)])
 def test_many_losses_are_seen_by_late_stamps(lost, jitter):
     messages, truth, rng = gyro()
     late = rng.exponential(1.0, len(messages.place)) * jitter / truth.rate_hz
@@ -302,7 +309,7 @@ def test_many_losses_are_seen_by_late_stamps(lost, jitter):
     assert_right(result, truth, 0.05 + (many.values['density_error_share'] or 0.0))
 
 
-@pytest.mark.parametrize('lost', [0.7, 0.8, '10100'])
+@pytest.mark.parametrize('lost', [slow(0.7), 0.8, '10100'])
 def test_losses_that_stamps_hide_bound_the_error_of_the_noise_density(lost):
     messages, truth, rng = gyro()
     there = (np.resize([kept == '1' for kept in lost], len(messages.place))
@@ -365,8 +372,8 @@ def test_headers_in_batches_with_outages_leave_the_rate_to_even_receive_stamps()
     assert not {'band_limited', 'bias_step'} & codes(result)
 
 
-@pytest.mark.parametrize('size', [4, 10, 20])
-@pytest.mark.parametrize('lost', [0.2, 0.3])
+@pytest.mark.parametrize(('size', 'lost'), combined(
+    [4, 10, 20], [0.2, 0.3], everyday=[(4, 0.2), (20, 0.3)]))
 def test_many_losses_within_batches_bound_the_noise_density(size, lost):
     for seed in (0, 3):
         messages, truth, rng = rest(seed=seed)
@@ -388,7 +395,7 @@ def test_axes_that_are_absent_for_most_of_the_first_messages_make_no_topic_unusa
     assert result.timeline.samples == len(messages.place) - 3900
 
 
-@pytest.mark.parametrize('off', [-0.08, -0.04, 0.04, 0.08])
+@pytest.mark.parametrize('off', [-0.08, slow(-0.04), slow(0.04), 0.08])
 def test_batches_dated_back_by_a_wrong_interval_have_the_rate_of_their_reading(off):
     messages, truth, _ = gyro()
     size = 16
@@ -422,7 +429,8 @@ def test_two_publishers_with_nearly_the_same_mean_are_perhaps_two(apart):
     assert ('alternating' in summary_codes(run(messages.block())[0])) == (apart > 0)
 
 
-@pytest.mark.parametrize(('rate_hz', 'cycles'), [(100.0, 50.0), (120.0, 60.0), (100.0, 49.999)])
+@pytest.mark.parametrize(('rate_hz', 'cycles'), [
+    (100.0, 50.0), slow(120.0, 60.0), (100.0, 49.999)])
 @pytest.mark.parametrize('late', [0.0, 0.1])
 @pytest.mark.parametrize('lost', [0.0, 0.1])
 def test_a_vibration_at_half_the_rate_is_said_to_be_perhaps_one(rate_hz, cycles, late, lost):
@@ -493,7 +501,7 @@ def numbers(result: Result, axes: str) -> list[float | None]:
 
 
 @pytest.mark.parametrize(('rate_hz', 'dead', 'share'), [
-    (100.0, slice(0, 1), 0.3), (100.0, slice(3, 6), 0.7), (500.0, slice(0, 3), 0.05)])
+    slow(100.0, slice(0, 1), 0.3), (100.0, slice(3, 6), 0.7), slow(500.0, slice(0, 3), 0.05)])
 def test_an_axis_that_is_dead_first_is_used_from_its_first_breath_and_costs_the_others_nothing(
         rate_hz, dead, share):
     messages, truth, rng = rest(rate_hz, 15_000 / rate_hz)
@@ -530,8 +538,9 @@ def test_an_absurd_value_wakes_no_axis():
     assert told(result, 'axis_late_start') == late_for(4999, 'accel_x', 'accel_y', 'accel_z')
 
 
-@pytest.mark.parametrize('rate_hz', [100.0, 1000.0])
-@pytest.mark.parametrize('dead', [[(0, 0.2), (0.5, 0.7)], [(0.4, 0.6)], [(0.1, 0.9)]])
+@pytest.mark.parametrize(('rate_hz', 'dead'), combined(
+    [100.0, 1000.0], [[(0, 0.2), (0.5, 0.7)], [(0.4, 0.6)], [(0.1, 0.9)]],
+    everyday=[(100.0, [(0, 0.2), (0.5, 0.7)]), (1000.0, [(0.4, 0.6)])]))
 def test_an_axis_that_dies_and_wakes_again_is_no_motion(rate_hz, dead):
     messages, truth, _ = rest(rate_hz, 30_000 / rate_hz)
     for first, last in dead:
@@ -554,11 +563,13 @@ def test_coarse_steps_do_not_wake():
     assert 'axis_late_start' not in codes(characterized(messages))
 
 
-@pytest.mark.parametrize('declared', [True, False])
-@pytest.mark.parametrize(('first', 'last', 'again'), [
-    (0, 6000, 15_000), (5000, 15_000, 15_000), (5000, 7000, 15_000), (1000, 2000, 4000)])
+@pytest.mark.parametrize(('declared', 'when'), combined(
+    [True, False],
+    [(0, 6000, 15_000), (5000, 15_000, 15_000), (5000, 7000, 15_000), (1000, 2000, 4000)],
+    everyday=[(True, (0, 6000, 15_000)), (False, (5000, 15_000, 15_000))]))
 def test_an_axis_that_is_absent_for_a_while_costs_the_others_nothing_and_comes_back(
-        declared, first, last, again):
+        declared, when):
+    first, last, again = when
     messages, truth, rng = rest()
     whole = undisturbed(100.0)
     gone = (messages.place % again >= first) & (messages.place % again < last)
@@ -593,7 +604,7 @@ def test_sensors_that_are_absent_in_turn_are_judged_alone_and_motion_is_seen_in_
             for axis in found.axes} == set(result.axes)
 
 
-@pytest.mark.parametrize('beside', [0, 3, 6])
+@pytest.mark.parametrize('beside', [slow(0), 3, slow(6)])
 def test_a_sample_missing_beside_the_end_of_an_axis_makes_no_motion_of_what_follows(beside):
     messages, truth, _ = rest()
     messages.absent[7000 + beside:, 1] = True
@@ -604,12 +615,12 @@ def test_a_sample_missing_beside_the_end_of_an_axis_makes_no_motion_of_what_foll
 
 
 def test_blocks_and_saves_make_no_difference_where_axes_come_and_go():
-    messages, _, rng = rest(duration_s=120)
-    messages.absent[2000:7000, 1] = True
-    messages.samples[9000:9300, 0] = np.nan
+    messages, _, rng = rest(duration_s=60)
+    messages.absent[1000:3500, 1] = True
+    messages.samples[4500:4650, 0] = np.nan
     messages.samples[rng.random(len(messages.place)) < 0.01, 4] = np.nan
     alike = characterized(messages).to_dict()
-    for seed in range(3):
+    for seed in range(2):
         assert characterized(messages, np.random.default_rng(seed)).to_dict() == alike
 
 
@@ -833,7 +844,7 @@ def test_no_hum_near_half_of_the_rate_passes_for_two_sensors_by_its_time(cycles,
     assert not takes_turns(stamps.astype(np.int64), samples[there])
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', [0, *map(slow, range(1, 6))])
 def test_stamps_of_two_distances_are_looked_at_without_a_warning(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for count in range(900, 1000):
@@ -842,7 +853,7 @@ def test_stamps_of_two_distances_are_looked_at_without_a_warning(seed: int) -> N
         assert not takes_turns(np.cumsum(steps), rng.normal(size=(count, 6)))
 
 
-@pytest.mark.parametrize('cycles', [0.31, 0.35, 0.4])
+@pytest.mark.parametrize('cycles', [0.31, slow(0.35), 0.4])
 @pytest.mark.parametrize('noise', [0.01, 0.3])
 @pytest.mark.parametrize('wander', [0.0, 0.03, 0.3])
 def test_no_vibration_of_all_axes_passes_for_two_sensors(cycles, noise, wander):
@@ -889,7 +900,7 @@ def test_what_is_dropped_in_turn_between_late_receive_stamps_is_missed_or_bounde
     assert truth.rate_hz * (1 - hidden) < 1.002 * rate < 1.004 * truth.rate_hz
 
 
-@pytest.mark.parametrize('lost', [0.45, 0.55, 0.6])
+@pytest.mark.parametrize('lost', [slow(0.45), slow(0.55), 0.6])
 def test_late_receive_stamps_of_which_most_are_lost_show_their_grid(lost):
     for seed in range(3):
         messages, truth, rng = rest(800.0, 20, seed)
@@ -909,7 +920,7 @@ def test_a_tick_beside_what_is_dropped_in_turn_gives_way_to_the_other_clock():
     assert summary.timeline.missing == pytest.approx(len(messages.place) / 2, abs=4)
 
 
-@pytest.mark.parametrize('kept', [0.4, 0.45])
+@pytest.mark.parametrize('kept', [0.4, slow(0.45)])
 def test_batches_that_most_is_lost_of_are_no_grid_of_half_the_rate(kept):
     for seed in range(2):
         messages, truth, rng = rest(2000.0, 10, seed)
@@ -921,8 +932,8 @@ def test_batches_that_most_is_lost_of_are_no_grid_of_half_the_rate(kept):
         assert 0.97 < value / truth.density < 1.02 + bounds(result.warnings)[1]
 
 
-@pytest.mark.parametrize('size', [4, 10, 20])
-@pytest.mark.parametrize('lost', [0.02, 0.2, 0.5])
+@pytest.mark.parametrize(('size', 'lost'), combined(
+    [4, 10, 20], [0.02, 0.2, 0.5], everyday=[(4, 0.2), (10, 0.5), (20, 0.02)]))
 def test_publication_numbers_tell_what_was_lost_within_batches(size, lost):
     messages, truth, rng = rest(200.0, 60, seed=size)
     messages.samples[:, 1:] = np.nan
@@ -937,9 +948,7 @@ def test_publication_numbers_tell_what_was_lost_within_batches(size, lost):
     assert (uneven['clock'], uneven['numbered']) == ('header', True)
     if lost < 0.5:
         assert_right(result, truth, 0.05, axes=1)
-    for seed in range(2):
-        again = characterized(kept, np.random.default_rng(seed), numbered=True)
-        assert again.to_dict() == result.to_dict()
+    assert characterized(kept, rng, numbered=True).to_dict() == result.to_dict()
 
 
 def test_publication_numbers_make_no_loss_of_a_pause_or_another_publisher():
@@ -1020,7 +1029,7 @@ def test_stamps_in_whole_ticks_bound_nothing_where_nothing_is_lost(rate_hz, othe
     assert bounds(summary.remarks)[0] == 0
 
 
-@pytest.mark.parametrize('zeros', [1, 5])
+@pytest.mark.parametrize('zeros', [slow(1), 5])
 def test_zeros_of_a_drivers_first_messages_hide_no_dead_axis(zeros):
     messages, truth, _ = gyro()
     messages.samples[:5000, 2] = 0.123
@@ -1041,8 +1050,9 @@ def test_one_axis_that_becomes_twice_as_loud_is_taken_for_motion_for_a_while_onl
     assert max(span.start_s for span in cut) < 300
 
 
-@pytest.mark.parametrize('rate_hz', [100.0, 1000.0, 2700.0])
-@pytest.mark.parametrize('share', [0.0003, 0.001, 0.003])
+@pytest.mark.parametrize(('rate_hz', 'share'), combined(
+    [100.0, 1000.0, 2700.0], [0.0003, 0.001, 0.003],
+    everyday=[(100.0, 0.003), (1000.0, 0.001), (2700.0, 0.0003)]))
 def test_messages_of_zeros_cost_nothing_but_themselves_however_rare(rate_hz, share):
     messages, truth, rng = gyro(rate_hz, 60)
     hit = rng.random(len(messages.place)) < share
@@ -1107,7 +1117,7 @@ def test_stamps_that_hide_losses_say_how_far_the_noise_density_may_be_off():
     assert min(bounds(summary.remarks)[:2]) > 0
 
 
-@pytest.mark.parametrize('lost', [0.0, 0.005, 0.02])
+@pytest.mark.parametrize('lost', [0.0, slow(0.005), slow(0.02)])
 def test_a_sensor_polled_twice_as_fast_as_it_samples_is_no_motion(lost):
     messages, truth, rng = gyro(50.0)
     twice = messages.pick(np.repeat(np.arange(len(messages.place)), 2))
@@ -1130,7 +1140,7 @@ def test_a_knock_in_a_very_short_record_makes_no_number_wrong(duration_s):
         assert str(error) == MOVES
 
 
-@pytest.mark.parametrize('rate_hz', [25.0, 200.0, 4000.0])
+@pytest.mark.parametrize('rate_hz', [25.0, slow(200.0), 4000.0])
 def test_a_very_short_record_at_rest_is_no_motion(rate_hz):
     for seed in range(20):
         messages, _, _ = rest(rate_hz, max(0.7, 30 / rate_hz), seed)
@@ -1152,7 +1162,7 @@ def test_a_sensor_of_less_than_four_hertz_has_a_result():
     assert_right(result, truth, 0.06)
 
 
-@pytest.mark.parametrize('rise_s', [0.01, 5.0])
+@pytest.mark.parametrize('rise_s', [slow(0.01), 5.0])
 def test_a_slow_turn_is_told(rise_s):
     messages, _, _ = gyro()
     turn = np.clip(np.minimum(messages.header - 60, 90 - messages.header) / rise_s, 0, 1)
@@ -1178,7 +1188,7 @@ def test_drift_of_the_sensor_is_no_slow_turn(term):
     assert 'slow_motion' not in summary_codes(run(messages.block())[0])
 
 
-@pytest.mark.parametrize('lost', [10, 18])
+@pytest.mark.parametrize('lost', [slow(10), 18])
 def test_smooth_motion_is_seen_across_gaps(lost):
     messages, truth, _ = gyro()
     moving = (messages.header > 60) & (messages.header < 90)
@@ -1189,8 +1199,8 @@ def test_smooth_motion_is_seen_across_gaps(lost):
         30 * (1 - lost / 50), abs=3)
 
 
-@pytest.mark.parametrize('motion', ['keep', 'exclude'])
-@pytest.mark.parametrize('tilt', [1e-3, 0.5, 3.0])
+@pytest.mark.parametrize(('motion', 'tilt'), combined(
+    ['keep', 'exclude'], [1e-3, 0.5, 3.0], everyday=[('keep', 3.0), ('exclude', 0.5)]))
 def test_an_imu_without_noise_that_is_tilted_once_gives_a_result(motion, tilt):
     messages, _, _ = rest()
     messages.samples[:] = [0, 0, 0, 0, 0, 9.81]
@@ -1215,21 +1225,37 @@ def test_scenarios_that_left_a_number_silently_wrong_do_no_more(seed):
     assert not verdict(seed, axes_there=1).violations
 
 
-def test_random_faults_leave_no_number_silently_wrong():
-    verdicts = [verdict(seed, 6000, 2) for seed in range(EVERYDAY)]
-    wrong = [one for one in verdicts if one.violations]
-    assert len(wrong) <= 0.01 * EVERYDAY, wrong
+def some_with_each_fault(seeds: Sequence[int], kinds: Sequence[Sequence[Fault]] = FAULTS
+                         ) -> list[int]:
+    """Give the seeds of scenarios with a fault that none before has."""
+    found: dict[str, int] = {}
+    for seed in seeds:
+        for name in compose(seed, 6000, kinds)[1].faults:
+            found.setdefault(name, seed)
+    assert set(found) == {fault.__name__ for kind in kinds for fault in kind}
+    return sorted(set(found.values()))
+
+
+EVERY_DAY = pytest.mark.parametrize('chosen', [some_with_each_fault, slow(lambda seeds, _: seeds)])
+
+
+@EVERY_DAY
+def test_random_faults_leave_no_number_silently_wrong(chosen):
+    verdicts = [verdict(seed, 6000, 2) for seed in chosen(range(300), FAULTS)]
+    assert len([one for one in verdicts if one.violations]) <= 0.01 * len(verdicts), verdicts
     assert sum(one.false_terms for one in verdicts) <= 0.03 * sum(one.axes for one in verdicts)
 
 
-def test_random_faults_of_late_stamps_regular_losses_zeros_and_hum_leave_none_wrong_either():
-    verdicts = [verdict(seed, 6000, 1, kinds=MORE_FAULTS) for seed in range(200)]
-    wrong = [one for one in verdicts if one.violations]
-    assert len(wrong) <= 0.01 * len(verdicts), wrong
+@EVERY_DAY
+def test_random_faults_of_late_stamps_regular_losses_zeros_and_hum_leave_none_wrong_either(chosen):
+    verdicts = [verdict(seed, 6000, 1, kinds=MORE_FAULTS)
+                for seed in chosen(range(200), MORE_FAULTS)]
+    assert len([one for one in verdicts if one.violations]) <= 0.01 * len(verdicts), verdicts
 
 
-def test_numbered_messages_leave_no_number_silently_wrong_either():
-    verdicts = [verdict(seed, 6000, 1, numbered=True) for seed in range(10_000, 10_040)]
+@pytest.mark.parametrize('count', [10, slow(40)])
+def test_numbered_messages_leave_no_number_silently_wrong_either(count):
+    verdicts = [verdict(seed, 6000, 1, numbered=True) for seed in range(10_000, 10_000 + count)]
     assert not [one for one in verdicts if one.violations]
 
 

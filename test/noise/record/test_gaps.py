@@ -8,6 +8,7 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
+from repeated import combined, slow
 from scipy.fft import dct
 
 SLOW = ('bias_instability', 'rate_random_walk')
@@ -113,7 +114,7 @@ def test_a_few_cells_alone_beyond_a_gap_are_left_out():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(('samples', 'pattern'), [
-    (20_000, (12, 8)), (20_000, (80, 20)), (6000, (60, 40))])
+    slow(20_000, (12, 8)), (20_000, (80, 20)), (6000, (60, 40))])
 def test_repeated_gaps_invent_no_slow_term(samples, pattern):
     on, off = pattern
     rng = np.random.default_rng(2)
@@ -132,8 +133,8 @@ def test_repeated_gaps_invent_no_slow_term(samples, pattern):
     assert false <= 0.1 * axes
 
 
-@pytest.mark.parametrize('alone', [1, 2, 5])
-@pytest.mark.parametrize('where', ['start', 'end'])
+@pytest.mark.parametrize(('alone', 'where'), combined(
+    [1, 2, 5], ['start', 'end'], everyday=[(1, 'start'), (5, 'end')]))
 def test_samples_alone_beyond_a_gap_invent_no_slow_term(alone, where):
     rng = np.random.default_rng(3)
     false = 0

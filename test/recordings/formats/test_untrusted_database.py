@@ -13,6 +13,7 @@ from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from measured_command import run
 import pytest
+from repeated import slow
 
 LONGEST_S = 10.0
 LARGEST_KB = 300_000
@@ -24,8 +25,8 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(('name', 'verb'), [
-    *((name, 'analyze') for name in HOSTILE), ('many topics', 'info'), ('many types', 'info'),
-    ('shared leaves', 'info')])
+    *((name, 'analyze') for name in HOSTILE), ('many topics', 'info'), slow('many types', 'info'),
+    slow('shared leaves', 'info')])
 def test_a_hostile_database_costs_the_process_little_time_and_memory(tmp_path, name, verb):
     path = HOSTILE[name](tmp_path)
     before = sorted(tmp_path.iterdir()), path.stat().st_mtime_ns
@@ -109,7 +110,7 @@ def super_journal(named: Path) -> bytes:
 
 @pytest.mark.parametrize('lines', [
     # SQLite looks up the databases that the named file lists; without a name in it, none is left.
-    b'anything at all', b'', b'\0'])
+    b'anything at all', slow(b''), slow(b'\0')])
 def test_no_file_that_a_journal_names_is_deleted(tmp_path, lines):
     victim = tmp_path / 'precious'
     victim.write_bytes(lines)
