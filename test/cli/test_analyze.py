@@ -28,6 +28,7 @@ from imu_allan.writers.filters import export
 from mcap.writer import Writer
 import numpy as np
 import pytest
+from repeated import slow
 from whole_lines import Varying
 import yaml
 
@@ -192,7 +193,7 @@ def test_all_topics_are_analyzed_and_no_topic_name_leads_out_of_the_output_folde
     assert list((tmp_path / 'deep').iterdir()) == [output]
 
 
-@pytest.mark.parametrize('more', [[], ['--jobs', '2', '--start', 'auto']])
+@pytest.mark.parametrize('more', [slow([]), ['--jobs', '2', '--start', 'auto']])
 def test_of_all_topics_each_result_is_that_of_the_topic_alone(
         two_topics: Path, tmp_path: Path, more: list[str]) -> None:
     assert main(['analyze', str(two_topics), '--all-topics', '--output', str(tmp_path),

@@ -10,12 +10,13 @@ from imu_allan.cli.main import main
 from imu_allan.recordings import open_recording, read_blocks
 import numpy as np
 import pytest
+from repeated import slow
 from whole_lines import Varying
 
 CONFIG = Path(__file__).parents[2] / 'config'
 
 
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@pytest.mark.parametrize('storage', ['mcap', slow('sqlite3')])
 def test_analysis_of_a_simulated_recording_finds_the_model(
         storage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / 'simulated'

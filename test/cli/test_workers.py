@@ -20,6 +20,7 @@ from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import pytest
+from repeated import slow
 import zstandard
 
 SEVERAL = pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2,
@@ -105,7 +106,7 @@ def test_a_defect_in_a_worker_shows_where_it_is():
     assert 'ZeroDivisionError' in str(error.value.__cause__)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize('number', [signal.SIGINT, slow(signal.SIGTERM), signal.SIGKILL])
 def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
         tmp_path: Path, model: NoiseModel, number: signal.Signals) -> None:
     # Compressed as a whole: unpacked into a temporary folder while it is read.

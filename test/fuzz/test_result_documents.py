@@ -121,8 +121,8 @@ def a_result(judge: Judge, choice: Random) -> None:
 
 def test_damaged_result_files_are_used_or_refused(tmp_path):
     judge = Judge(tmp_path, .01)
-    each(60, 1, lambda choice: a_result(judge, choice))
-    assert judge.used > 10
+    each(30, 1, lambda choice: a_result(judge, choice))
+    assert judge.used > 5
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from characterized import characterized, ends, holds
 from imu_allan.noise.simulate import flicker, simulate
 import numpy as np
 import pytest
+from repeated import slow
 
 RATE = 50.0
 DENSITY = 1e-3
@@ -21,7 +22,8 @@ def passing_for_flicker(samples, exponent, crossing_hz, seed):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(('minutes', 'exponent', 'crossing_hz'), [(5, 0.7, 1.0), (20, 0.7, 0.1)])
+@pytest.mark.parametrize(('minutes', 'exponent', 'crossing_hz'), [
+    (5, 0.7, 1.0), slow(20, 0.7, 0.1)])
 def test_the_density_holds_in_records_too_short_to_know_the_exponent(minutes, exponent,
                                                                      crossing_hz):
     held = 0
@@ -34,8 +36,8 @@ def test_the_density_holds_in_records_too_short_to_know_the_exponent(minutes, ex
 
 
 @pytest.mark.parametrize('terms', [
-    {'noise_density': DENSITY, 'bias_instability': 1e-3}, {'noise_density': DENSITY},
-    {'noise_density': DENSITY, 'rate_random_walk': 1e-3}])
+    {'noise_density': DENSITY, 'bias_instability': 1e-3}, slow({'noise_density': DENSITY}),
+    slow({'noise_density': DENSITY, 'rate_random_walk': 1e-3})])
 def test_beside_flicker_the_interval_is_at_most_twice_that_of_the_bound(terms):
     samples = 5000 if 'rate_random_walk' in terms else 20_000
     widths = []

@@ -21,6 +21,7 @@ from imu_allan.writers.datasheet.live import standing
 from imu_allan.writers.result_file import load_result, save_result
 import numpy as np
 import pytest
+from repeated import slow
 from scipy.signal import lfilter
 
 RATE_HZ, COUNT = 100.0, 60_000
@@ -137,8 +138,8 @@ def test_what_is_said_of_a_zero_that_is_taken_anew_every_minute():
 
 
 @pytest.mark.parametrize(('gain', 'more'), [
-    (0.01, {}), (0.01, {'rate_random_walk': 3e-6}), (0.02, {'bias_instability': 2e-5}),
-    (0.1, {}), (0.2, {'bias_instability': 2e-5})])
+    slow(0.01, {}), (0.01, {'rate_random_walk': 3e-6}), slow(0.02, {'bias_instability': 2e-5}),
+    slow(0.1, {}), (0.2, {'bias_instability': 2e-5})])
 def test_a_filter_that_subtracts_its_estimate_of_the_bias_is_told(gain, more):
     axis = imu_allan.characterize(without_bias(sensor(3, **more), gain), RATE_HZ)
     assert not any(axis.coefficients[key].observable for key in SLOW_TERMS)

@@ -5,6 +5,7 @@ from imu_allan.noise.courses.temperature import TemperatureCourse
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
+from repeated import slow
 
 RATE_HZ = 100.0
 MODEL = {'noise_density': 1e-3, 'bias_instability': 8e-4, 'rate_random_walk': 2e-4}
@@ -129,7 +130,7 @@ def test_the_joint_coefficients_reach_their_bound_and_their_intervals_hold():
         assert covered[key] > 0.88 * 150
 
 
-@pytest.mark.parametrize('size', [7, 15])
+@pytest.mark.parametrize('size', [7, slow(15)])
 def test_a_step_in_every_record_is_no_random_walk(size):
     found, words = hours(lambda part: size * 3e-4 * (900 + 500 * part < HOUR))
     assert not found.coefficients['rate_random_walk'].observable

@@ -6,6 +6,7 @@ from characterized import characterized, holds
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
+from repeated import slow
 
 RATE = 10.0
 TWO_HOURS = 72_000
@@ -27,14 +28,14 @@ def coefficients(terms, seed, course=0.0):
     return characterized(simulate(terms, TWO_HOURS, RATE, seed) + course, RATE)[0].coefficients
 
 
-@pytest.mark.parametrize('course', ['warms up evenly', 'turns round'])
+@pytest.mark.parametrize('course', ['warms up evenly', slow('turns round')])
 def test_a_mean_that_moves_once_is_seldom_a_random_walk(course):
     found = [coefficients(STILL, seed, COURSES[course](30)) for seed in range(3, 9)]
     assert sum(one['rate_random_walk'].observable for one in found) <= 1
     assert sum(not holds(one['bias_instability'], B) for one in found) <= 2
 
 
-@pytest.mark.parametrize('size', [30, 300])
+@pytest.mark.parametrize('size', [slow(30), 300])
 @pytest.mark.parametrize('course', COURSES)
 def test_a_mean_that_moves_in_any_way_leaves_the_noise_density(course, size):
     density = coefficients(STILL, 3, COURSES[course](size))['noise_density']

@@ -6,6 +6,7 @@ from imu_allan.noise.outlook import outlook
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
+from repeated import slow
 from scipy.optimize import brentq
 
 KEYS = ('noise_density', 'bias_instability', 'rate_random_walk')
@@ -97,7 +98,7 @@ def test_forecasts_reach_as_far_as_4096_times_the_record():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(('key', 'value'), [
-    ('bias_instability', 3e-4), ('rate_random_walk', 1e-4)])
+    ('bias_instability', 3e-4), slow('rate_random_walk', 1e-4)])
 def test_a_term_shows_by_then_in_most_records(key, value):
     coefficients = {'noise_density': 1e-3, key: value}
     wait = outlook(coefficients, {'noise_density': True}, 0.01, 60.0)[key][0]

@@ -12,6 +12,7 @@ from imu_allan.noise.simulate import flicker, simulate
 from imu_allan.noise.terms import FLICKER_FLOOR, power_law_avar
 import numpy as np
 import pytest
+from repeated import slow
 from scipy.integrate import quad
 from scipy.signal import butter, lfilter
 
@@ -20,7 +21,7 @@ DENSITY = 1e-3
 HOUR = 360_000
 
 
-def slow(exponent, crossing_hz, samples, seed):
+def drawn(exponent, crossing_hz, samples, seed):
     """Draw white noise and a power law that is as strong at a frequency."""
     amplitude = DENSITY * (2 * np.pi * crossing_hz) ** (exponent / 2)
     rng = np.random.default_rng([seed, 77])
@@ -67,7 +68,7 @@ def test_a_model_with_a_power_law_has_one_density_and_allan_variance():
 @pytest.mark.parametrize(('exponent', 'crossing_hz'), [(0.5, 5), (0.7, 1), (0.7, 5), (1.3, 5)])
 def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
         exponent, crossing_hz):
-    axis = characterize(slow(exponent, crossing_hz, HOUR, 1), 1 / DT)
+    axis = characterize(drawn(exponent, crossing_hz, HOUR, 1), 1 / DT)
     low, high = axis.coefficients['noise_density'].ci95
     assert low <= DENSITY <= high
     assert high - low < 0.08 * DENSITY
@@ -81,7 +82,7 @@ def test_strong_noise_of_another_exponent_leaves_the_noise_density_as_it_is(
 
 
 def test_bias_instability_is_bounded_by_the_lowest_point_of_the_curve():
-    axis = characterize(slow(0.7, 5, HOUR, 2), 1 / DT)
+    axis = characterize(drawn(0.7, 5, HOUR, 2), 1 / DT)
     flat = axis.coefficients['bias_instability']
     assert not flat.observable
     assert flat.observable_in_s is None
@@ -90,14 +91,14 @@ def test_bias_instability_is_bounded_by_the_lowest_point_of_the_curve():
 
 
 def test_several_records_have_one_exponent():
-    axis, _ = together([slow(0.7, 5, 100_000, seed) for seed in (3, 4)], 1 / DT)
+    axis, _ = together([drawn(0.7, 5, 100_000, seed) for seed in (3, 4)], 1 / DT)
     assert holds(axis.coefficients['noise_density'], DENSITY)
     low, high = axis.power_law.exponent_ci95
     assert low <= 0.7 <= high
 
 
 def test_any_split_into_batches_gives_the_same_exponent():
-    record = slow(0.7, 5, 100_000, 5)
+    record = drawn(0.7, 5, 100_000, 5)
     estimator = Estimator()
     for part in np.split(record, [1, 777, 50_000]):
         estimator.update(part)
@@ -152,8 +153,8 @@ def test_nothing_else_is_taken_for_a_power_law(name):
 
 
 @pytest.mark.parametrize(('rate_hz', 'duration_s', 'crossing_hz', 'share'), [
-    (20.0, 300, 0.7, 0.26), (20.0, 1800, 0.7, 0.26), (20.0, 300, 0.1, 0.26), (50.0, 300, 5, 0.12),
-    (100.0, 60, 2, 0.2), (100.0, 300, 5, 0.12)])
+    (20.0, 300, 0.7, 0.26), slow(20.0, 1800, 0.7, 0.26), slow(20.0, 300, 0.1, 0.26),
+    slow(50.0, 300, 5, 0.12), slow(100.0, 60, 2, 0.2), (100.0, 300, 5, 0.12)])
 def test_flicker_that_reaches_into_a_recursive_mean_is_no_power_law(
         rate_hz, duration_s, crossing_hz, share):
     terms = {'noise_density': DENSITY,
@@ -166,7 +167,7 @@ def test_flicker_that_reaches_into_a_recursive_mean_is_no_power_law(
 
 @pytest.mark.parametrize('exponent', [0.2, 0.3])
 def test_an_exponent_far_from_that_of_flicker_leaves_the_density_as_it_is(exponent):
-    axis = characterize(slow(exponent, 5, 180_000, 4), 1 / DT)
+    axis = characterize(drawn(exponent, 5, 180_000, 4), 1 / DT)
     low, high = axis.power_law.exponent_ci95
     assert low < exponent < high
     assert holds(axis.coefficients['noise_density'], DENSITY)

@@ -11,6 +11,7 @@ from bags import block
 from imu_allan.block import ImuBlock
 from imu_allan.recordings.write import write_recording
 import pytest
+from repeated import slow
 
 # VmHWM, since ru_maxrss of a child begins with what its parent had.
 READ = r"""
@@ -36,7 +37,7 @@ def resident_kib(path: Path, messages: int) -> int:
 
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='needs /proc')
 @pytest.mark.parametrize(('storage', 'compression'),
-                         [('mcap', 'zstd'), ('mcap', ''), ('sqlite3', '')])
+                         [('mcap', 'zstd'), slow('mcap', ''), ('sqlite3', '')])
 def test_eight_times_the_length_takes_the_same_memory(tmp_path, storage, compression):
     resident = []
     for messages in (50_000, 400_000):

@@ -10,6 +10,7 @@ from imu_allan.writers.answer import answers, GOOD
 from imu_allan.writers.table import print_result
 import numpy as np
 import pytest
+from repeated import slow
 from scenarios import at_rest, characterized, Messages, MOVES, SIGMA, Truth
 from whole_lines import refused
 
@@ -34,7 +35,7 @@ def told(result: Result) -> Finding:
     return found
 
 
-@pytest.mark.parametrize('times', [5, 20])
+@pytest.mark.parametrize('times', [slow(5), 20])
 @pytest.mark.parametrize(('moving', 'rest_s'), [
     ('take-off after 10 s', 8.5), ('stops every 40 s', 158), ('drives first', 46.5),
     ('stops at the end', 107)])

@@ -8,6 +8,7 @@ from imu_allan.writers.datasheet import check
 from imu_allan.writers.datasheet.live import standing
 import numpy as np
 import pytest
+from repeated import slow
 from whole_lines import Varying
 
 SIGMA, RATE_HZ = 0.01, 100.0
@@ -47,7 +48,7 @@ def verdicts_of(step, limit, rounded=np.round, mean=0.0, key='noise_density'):
     return said
 
 
-@pytest.mark.parametrize('step', [1.54, 2.0])
+@pytest.mark.parametrize('step', [1.54, slow(2.0)])
 def test_what_is_cut_towards_zero_does_not_pass_below_what_it_can_show(step):
     found = verdicts_of(step, 0.7, np.trunc)
     assert found.verdict == 'cannot tell'

@@ -6,6 +6,7 @@ from imu_allan.noise.faults.saturation import cut_off
 from imu_allan.noise.record.estimator import CHUNK, Estimator
 import numpy as np
 import pytest
+from repeated import slow
 
 WHITE = np.random.default_rng(7).normal(size=30_000)
 
@@ -35,7 +36,7 @@ def test_noise_clipped_at_two_and_a_half_sigma_is_told():
     assert all(cut_off(finished, axis) is not None for axis in range(48))
 
 
-@pytest.mark.parametrize('samples', [64, 100, 320, 1000, 10_000])
+@pytest.mark.parametrize('samples', [slow(64), 100, 320, slow(1000), 10_000])
 def test_noise_in_steps_is_not_cut_off(samples):
     # About 320 samples in steps of 1 sigma end in a cell of 6 % of them in one record of ten.
     rng = np.random.default_rng(samples)

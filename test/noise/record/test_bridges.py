@@ -7,6 +7,7 @@ from imu_allan.noise.terms import Quantity
 from imu_allan.timeline.grid import bridge
 import numpy as np
 import pytest
+from repeated import combined
 from scipy.fft import dct
 from whole_lines import refused
 
@@ -43,8 +44,9 @@ def sums_of(there):
     return sums
 
 
-@pytest.mark.parametrize('pattern', [0.02, 0.4, 0.6, '110', '11100'])
-@pytest.mark.parametrize('step', [1, 2, 16])
+@pytest.mark.parametrize(('pattern', 'step'), combined(
+    [0.02, 0.4, 0.6, '110', '11100'], [1, 2, 16],
+    everyday=[(0.02, 16), (0.4, 1), (0.6, 2), ('110', 1), ('11100', 16)]))
 def test_white_noise_through_the_timeline_s_bridges_has_the_power_that_is_worked_out(
         pattern, step):
     there = received(pattern)
