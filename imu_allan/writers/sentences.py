@@ -507,9 +507,9 @@ WORDS: Mapping[str, Words] = {
     'spikes': Words(
         'outliers', 'Single outliers are left out; they point to errors on the bus.',
         'Samples lie ten times the noise from their neighbours.',
-        says=lambda f: counted(f.messages, 'single message holds', 'single messages hold')
-                       + ' outliers, ten times the noise and more, and '
-                       f'{"is" if f.messages == 1 else "are"} left out',
+        says=lambda f: (
+            f'{counted(f.messages, "single message holds", "single messages hold")} outliers, '
+            f'ten times the noise and more, and {"is" if f.messages == 1 else "are"} left out'),
         do='look for errors on the bus of the sensor'),
     'field_absent': Words(
         'absent field', 'Some messages lack a sensor and are left out.',

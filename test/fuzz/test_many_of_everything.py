@@ -14,6 +14,7 @@ from mcap.writer import CompressionType, Writer
 from measured_command import run
 import numpy as np
 import pytest
+from repeated import slow
 
 START_S = 5.0
 """CPU time of a command that does nothing else, on a slow computer."""
@@ -92,10 +93,10 @@ def with_topics(folder: Path, count: int) -> Path:
 
 @pytest.mark.parametrize(('written', 'count', 'each_s'), [
     (with_gaps, 1000, 0.002),
-    pytest.param(with_gaps, 100_000, 0.002, marks=pytest.mark.slow),
-    pytest.param(with_motion, 3000, 0.006, marks=pytest.mark.slow),
-    pytest.param(with_files, 20_000, 0.003, marks=pytest.mark.slow),
-    pytest.param(with_topics, 300, 0.3, marks=pytest.mark.slow)])
+    slow(with_gaps, 100_000, 0.002),
+    slow(with_motion, 3000, 0.006),
+    slow(with_files, 20_000, 0.003),
+    slow(with_topics, 300, 0.3)])
 def test_a_recording_of_many_parts_costs_the_process_time_in_proportion(
         tmp_path: Path, written: Callable[[Path, int], Path], count: int, each_s: float) -> None:
     path = written(tmp_path, count)
@@ -110,7 +111,7 @@ def test_a_recording_of_many_parts_costs_the_process_time_in_proportion(
     assert len(out + error) < (150 * count if written is with_topics else 20_000)
 
 
-@pytest.mark.parametrize('count', [2000, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('count', [2000, slow(100_000)])
 @pytest.mark.parametrize('kind', ['warnings', 'tones'])
 def test_a_result_of_many_remarks_or_lines_is_used_in_time(tmp_path: Path, kind: str,
                                                            count: int) -> None:

@@ -7,6 +7,7 @@ import subprocess
 import time
 
 import pytest
+from repeated import slow
 from ros_harness import Driver, RATE_HZ, Ros
 from whole_lines import Varying
 
@@ -36,7 +37,7 @@ def test_a_driver_that_restarts_after_a_while_leaves_a_gap_and_loses_nothing(ros
 
 
 @pytest.mark.parametrize('step_s', [
-    -3600, pytest.param(3600, marks=pytest.mark.slow)])
+    -3600, slow(3600)])
 def test_a_clock_that_steps_while_the_node_runs_begins_a_new_stretch(
         ros: Ros, step_s: float) -> None:
     node = ros.start('imu_allan_node')

@@ -14,6 +14,7 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
+from repeated import slow
 from ros_harness import Driver, LOSSLESS, PATIENCE_S, resident_mb, Ros
 from std_srvs.srv import SetBool, Trigger
 
@@ -66,7 +67,7 @@ def samples_in(path: Path) -> int:
 
 
 # That of the page has several threads, the node itself has a single one.
-EXECUTORS = [*(pytest.param(name, marks=pytest.mark.slow) for name in (
+EXECUTORS = [*(slow(name) for name in (
     'SingleThreadedExecutor', 'MultiThreadedExecutor')), 'EventsExecutor']
 
 

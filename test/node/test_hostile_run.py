@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from repeated import slow
 from ros_harness import assert_density, Driver, NOISE, Process, RATE_HZ, Ros, Sensor
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import String
@@ -370,8 +371,7 @@ def stay_one_run(ros: Ros, seconds: float, seed: int, polled: int) -> None:
     assert samples >= world.imu.sent - lost - 1000, (samples, world.imu.sent, world.happened)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('polled', [1, 2])
+@pytest.mark.parametrize('polled', [slow(1), 2])
 def test_a_hostile_moment_of_drivers_and_sensors_is_one_run_of_one_imu(
         ros: Ros, polled: int) -> None:
     stay_one_run(ros, 20.0, 5, polled)

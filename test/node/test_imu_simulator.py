@@ -13,6 +13,7 @@ from imu_allan.sensor.noise_model import load_model
 from imu_allan.sensor.simulated_imu import SimulatedImu
 import numpy as np
 import pytest
+from repeated import slow
 from ros_harness import Ros, start_repeatedly
 from std_srvs.srv import Trigger
 
@@ -118,7 +119,7 @@ def test_samples_are_dropped_and_the_imu_knocked_on_request(
 
 
 @pytest.mark.parametrize('number', [
-    signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+    signal.SIGINT, slow(signal.SIGTERM)])
 def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(
         ros: Ros, number: signal.Signals) -> None:
     subscription = ros.recorder()

@@ -18,6 +18,7 @@ from imu_allan.node.results import Results
 from imu_allan.writers.filters import CONSUMERS
 import numpy as np
 import pytest
+from repeated import slow
 from ros_harness import (
     Driver,
     PATIENCE_S,
@@ -116,7 +117,7 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
 
 
 @pytest.mark.parametrize('number', [
-    pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
+    slow(signal.SIGINT), signal.SIGTERM])
 def test_a_node_that_fits_and_draws_ends_before_its_container_is_killed(
         ros: Ros, number: signal.Signals) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5})

@@ -18,6 +18,7 @@ from imu_allan.noise.terms import AXES
 from imu_allan.timeline import TimelineOptions
 import numpy as np
 import pytest
+from repeated import slow
 from ros_harness import Driver, RATE_HZ, Ros
 
 SETUP = Setup('/imu', TimelineOptions())
@@ -108,7 +109,7 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
 
-@pytest.mark.parametrize('cut_off', [0, pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.parametrize('cut_off', [0, slow(2), 3])
 def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: int) -> None:
     run = new_run(SETUP)
     for number in range(4):
@@ -126,7 +127,7 @@ def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: in
 
 
 @pytest.mark.parametrize('hole', [
-    0, *(pytest.param(hole, marks=pytest.mark.slow) for hole in (1, 2)), 3])
+    0, *(slow(hole) for hole in (1, 2)), 3])
 def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int) -> None:
     run = new_run(SETUP)
     means = []

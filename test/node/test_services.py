@@ -17,6 +17,7 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.qos import QoSProfile
+from repeated import slow
 from ros_harness import assert_kept_up, Driver, LARGEST_MB, Process, resident_mb, Ros, too_early
 from std_srvs.srv import SetBool, Trigger
 
@@ -267,7 +268,7 @@ def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
 
 
 @pytest.mark.parametrize(('callers', 'seconds'), [
-    (12, 0.0), pytest.param(40, 60.0, marks=pytest.mark.slow)])
+    (12, 0.0), slow(40, 60.0)])
 def test_every_one_of_many_clients_that_call_at_once_is_answered(
         ros: Ros, callers: int, seconds: float) -> None:
     call_at_once(ros, callers, seconds)
@@ -322,8 +323,8 @@ def save_at_200_hz(ros: Ros, clients: int, seconds: float) -> None:
 
 
 @pytest.mark.parametrize(('clients', 'seconds'), [
-    (3, 0.3), pytest.param(3, 1.0, marks=pytest.mark.slow),
-    pytest.param(1, 10.0, marks=pytest.mark.slow)])
+    (3, 0.3), slow(3, 1.0),
+    slow(1, 10.0)])
 def test_every_save_is_answered_where_clients_ask_200_times_a_second(
         ros: Ros, clients: int, seconds: float) -> None:
     save_at_200_hz(ros, clients, seconds)

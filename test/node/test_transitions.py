@@ -11,6 +11,7 @@ from imu_allan.cdr import encode_imu
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
+from repeated import slow
 from ros_harness import Driver, Process, RATE_HZ, Ros
 from sensor_msgs.msg import Temperature
 from whole_lines import Varying
@@ -60,7 +61,7 @@ def times(node: Process, line: 'str | Varying') -> int:
 @pytest.mark.parametrize('window', [
     {'diagnostics.RECENT_S': 5.0, 'temperature_topic._MATCHING_S': 1.0,
      'temperature_topic._SILENCE_S': 5.0},
-    pytest.param({}, marks=pytest.mark.slow)], ids=['short', 'true'])
+    slow({})], ids=['short', 'true'])
 def test_one_bad_moment_is_told_once_and_is_no_warning_for_the_rest_of_the_run(
         ros: Ros, health: Health, window: dict[str, float]) -> None:
     topic = ros.name('imu/temperature')

@@ -11,6 +11,7 @@ from imu_allan.cdr import encode_imu
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
+from repeated import slow
 from ros_harness import Driver, RATE_HZ, Ros
 from whole_lines import Varying
 
@@ -76,8 +77,7 @@ def test_two_publishers_from_the_first_message_on_make_no_coefficient(ros: Ros) 
 
 
 @pytest.mark.parametrize(('change', 'reason'), [
-    pytest.param({'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz',
-                 marks=pytest.mark.slow),
+    slow({'rate_hz': 100.0}, 'it is of 200 Hz, the messages now come at 100 Hz'),
     ({'frame_id': 'other'}, "it is of frame_id 'imu', the messages now have 'other'")])
 def test_a_lasting_change_begins_a_new_run_and_keeps_the_old_one(
         ros: Ros, change: dict[str, Any], reason: str) -> None:

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.characterization import Characterization
 from imu_allan.node.checkpoint import decode_state, StateFile
 import pytest
+from repeated import slow
 from ros_harness import Driver, Process, Ros
 from whole_lines import Varying
 
@@ -46,7 +47,7 @@ def kept(path: Path) -> int:
 
 
 @pytest.mark.parametrize('number', [
-    signal.SIGHUP, pytest.param(signal.SIGQUIT, marks=pytest.mark.slow)])
+    signal.SIGHUP, slow(signal.SIGQUIT)])
 def test_a_terminal_that_hangs_up_costs_no_run(ros: Ros, home: Path, number: signal.Signals
                                                ) -> None:
     node, driver = start(ros, home), Driver(ros).wait_for_node()

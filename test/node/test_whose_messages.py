@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.noise.terms import AXES
 import numpy as np
 import pytest
+from repeated import slow
 from ros_harness import assert_density, Process, Ros, Sensor
 
 
@@ -48,7 +49,7 @@ def go_on(ros: Ros, sensor: Sensor, rounds: int, seconds: float, **how: Any) -> 
 
 
 @pytest.mark.parametrize(('polled', 'together'), [
-    *(pytest.param(polled, False, marks=pytest.mark.slow) for polled in (2, 3)), (2, True)])
+    *(slow(polled, False) for polled in (2, 3)), (2, True)])
 def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
         ros: Ros, polled: int, together: bool) -> None:
     node, sensor = begin(ros), Sensor(ros, 100.0)
@@ -63,7 +64,7 @@ def test_a_sensor_whose_samples_come_more_than_once_is_one_run(
 
 
 @pytest.mark.parametrize(('within', 'beyond'), [
-    (-0.015, 0.025), *(pytest.param(0.01, beyond, marks=pytest.mark.slow)
+    (-0.015, 0.025), *(slow(0.01, beyond)
                        for beyond in (0.04, -0.03, 0.1))])
 def test_a_rate_within_the_tolerance_of_the_timeline_goes_on_and_no_other(
         ros: Ros, within: float, beyond: float) -> None:
@@ -201,7 +202,7 @@ def test_a_single_replug_is_a_power_on_and_no_step_of_the_bias(ros: Ros) -> None
 
 
 @pytest.mark.parametrize('checkpoint_s', [
-    1.0, pytest.param(60.0, marks=pytest.mark.slow)])
+    1.0, slow(60.0)])
 def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
         ros: Ros, checkpoint_s: float) -> None:
     node = begin(ros, checkpoint_period=checkpoint_s, state_file=str(ros.folder / 'state'))

@@ -146,8 +146,8 @@ def test_above_the_band_the_curve_counts_where_it_stands_higher():
 def test_the_full_model_coasts_better_than_any_pair():
     axis = axis_of(1e-3, 1e-7, ((3e-4, 3.0), (3e-4, 30.0), (3e-4, 300.0)))
     tuning = tune(axis, 1.0, 60.0)
-    for (_, best, predicted), (_, expected, _) in zip(optimum(axis, 1.0, 60.0), tuning.consistency,
-                                                    strict=True):
+    for (_, best, predicted), (_, expected, _) in zip(
+            optimum(axis, 1.0, 60.0), tuning.consistency, strict=True):
         assert best == predicted
         assert best <= expected * (1 + 1e-9)
 

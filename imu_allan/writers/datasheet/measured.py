@@ -191,14 +191,16 @@ def of_limit(result: Result, axis: str, key: str, specification: NoiseModel) -> 
     if key == 'turn_on_bias':
         # The spread of the mean from one power-on to the next.
         spread = result.turn_on_bias.get(axis)
-        return (Measured(spread.sigma, spread.ci95) if spread is not None else
-                Measured(undecided='one power-on does not show it; analyze several recordings '
-                               'with --together'))
+        if spread is not None:
+            return Measured(spread.sigma, spread.ci95)
+        return Measured(undecided='one power-on does not show it; analyze several recordings '
+                                  'with --together')
     if key == 'temperature_drift':
         trend = found.trend.temperature if found.trend is not None else None
-        return (Measured(abs(trend.per_kelvin), _magnitude(trend.ci95)) if trend is not None else
-                Measured(undecided='the result knows no dependence on temperature; record the '
-                               'temperature while it changes'))
+        if trend is not None:
+            return Measured(abs(trend.per_kelvin), _magnitude(trend.ci95))
+        return Measured(undecided='the result knows no dependence on temperature; record the '
+                                  'temperature while it changes')
     if found.goodness_of_fit.p_value is None:
         return Measured(undecided='too few samples')
     # Zero where the noise is flat to the end, or no spectral line was found.

@@ -80,7 +80,7 @@ def _left_out(numbers: Numbers) -> list[str]:
     """Say which axes have noise that the coefficients leave out."""
     # Where recordings together have no common exponent, there is a warning alone.
     reported = {axis for found in numbers.result.warnings if found.code == 'power_law'
-            for axis in found.axes}
+                for axis in found.axes}
     laws = {name: 'not the same in all recordings' if axis.power_law is None else
             f'1/f to the power of {axis.power_law.exponent:.2f}'
             for name, axis in numbers.result.axes.items()

@@ -15,6 +15,7 @@ from imu_allan.recordings.open_recording import open_recording
 from measured_command import run
 import numpy as np
 import pytest
+from repeated import slow
 from whole_lines import refused, Varying
 import zstandard
 
@@ -144,7 +145,7 @@ def bag_of_definitions(path: Path) -> Path:
 
 @pytest.mark.parametrize(('write', 'most_kb'), [
     (mcap_of_definitions, 220_000),
-    pytest.param(bag_of_definitions, 350_000, marks=pytest.mark.slow)])
+    slow(bag_of_definitions, 350_000)])
 def test_definitions_that_a_few_kilobytes_expand_to_are_not_kept(tmp_path, write, most_kb):
     path = write(tmp_path / 'a')
     assert path.stat().st_size < 500_000
