@@ -106,7 +106,7 @@ def judge_state(choice: Random) -> None:
 
 
 def test_damaged_states_are_gone_on_with_or_refused():
-    each(15, 1, judge_state)
+    each(35, 1, judge_state)
 
 
 def test_stamps_that_are_no_integers_are_refused():
