@@ -197,7 +197,7 @@ AT_ONCE = (
     (none,), (constant, saturated, deadband, coarse), (copied, stood_still, never_a_number),
     (in_g, froze, with_outliers, jumped), (raw_counts, without_gravity, began_late, lossy),
     (polled_fast, replayed), (smoothed, without_header_stamps), (in_turn, absent_for_a_while),
-    (slower_later, with_tone), (warming,), (moved,), (driven,), (bias_subtracted,), (several,))
+    (slower_later, with_tone), (warming, moved), (driven,), (bias_subtracted,), (several,))
 """Faults that leave each other to be found, for one record."""
 
 
