@@ -32,22 +32,22 @@ FLICKER = {**WHITE, 'bias_instability': 4.8e-5}
 MODELS = {'N': WHITE, 'N, B': FLICKER, 'N, B, K': {**FLICKER, 'rate_random_walk': 4.8e-6}}
 
 
-def lengths_s() -> Iterator[int]:
-    """Give the lengths at which the node fits a record."""
+def lengths_s(growth: float) -> Iterator[int]:
+    """Give the lengths at which the node fits a record, each longer by a share."""
     length = PERIOD_S
     while length <= DURATION_S:
         yield length
-        length += PERIOD_S * max(1, int(np.ceil(FIT_GROWTH * length / PERIOD_S)))
+        length += PERIOD_S * max(1, int(np.ceil(growth * length / PERIOD_S)))
 
 
-def looks(terms: dict[str, float], seed: int) -> Iterator[Result]:
+def looks(terms: dict[str, float], seed: int, fit_growth: float) -> Iterator[Result]:
     """Give what is published of one IMU."""
     samples = np.stack([simulate(terms, int(DURATION_S * RATE_HZ), RATE_HZ, seed + axis)
                         for axis in range(len(AXES))], axis=1)
     stamps = 1_700_000_000 * 10**9 + np.rint(np.arange(len(samples)) / RATE_HZ * 1e9).astype(int)
     imu, published, known = (Characterization(kind='topic', topic='/imu'),
                              sequential.SequentialLooks(), 0)
-    for length in lengths_s():
+    for length in lengths_s(fit_growth):
         new = slice(known, int(length * RATE_HZ))
         known = new.stop
         imu.update(ImuBlock(stamps[new], stamps[new], samples[new],
@@ -55,11 +55,12 @@ def looks(terms: dict[str, float], seed: int) -> Iterator[Result]:
         yield published.judged(imu.result(tested={}))
 
 
-def count(terms: dict[str, float], seed: int) -> tuple[Counter[str], list[float]]:
+def count(terms: dict[str, float], seed: int, fit_growth: float
+          ) -> tuple[Counter[str], list[float]]:
     """Count axes and terms of one IMU by what happens to them, and give when terms are shown."""
     shown: dict[tuple[str, str], float] = {}
     wrong, vanished, last = set(), set(), set()
-    for result in looks(terms, seed):
+    for result in looks(terms, seed, fit_growth):
         now = set()
         for name, axis in result.axes.items():
             for key, found in axis.coefficients.items():
@@ -80,6 +81,7 @@ def main() -> None:
     """Print a line for each model."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--seeds', default='0:11', metavar='FIRST:END')
+    parser.add_argument('--fit-growth', type=float, default=FIT_GROWTH)
     parser.add_argument('--growth', type=float, default=sequential.GROWTH)
     parser.add_argument('--probable', type=float, default=sequential.PROBABLE)
     given = parser.parse_args()
@@ -89,7 +91,7 @@ def main() -> None:
         total: Counter[str] = Counter()
         times: list[float] = []
         for seed in range(first, end):
-            counts, shown_s = count(terms, 1000 * seed + 100 * number)
+            counts, shown_s = count(terms, 1000 * seed + 100 * number, given.fit_growth)
             total += counts
             times += shown_s
         print(f'{name:8s} {total["runs"]} runs, {total["axes"]} axes: {total["shown"]} slow terms '

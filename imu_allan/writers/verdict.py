@@ -70,8 +70,9 @@ def _numbers(axes: Mapping[str, AxisResult], rest_s: float, units: Units) -> str
         waits = [c.observable_in_s for c in cells if c.observable_in_s]
         longer = f'; record about {about(rest_s + min(waits))}' if waits else ''
         hidden = f': not visible in {duration(rest_s)}{longer}'
-        parts[-1:] = ([f'{parts[-1].removesuffix(hidden)} and {symbol}{hidden}']
-                      if parts[-1].endswith(hidden) else [parts[-1], f'{symbol}{hidden}'])
+        if parts[-1].endswith(hidden):
+            symbol = f'{parts.pop().removesuffix(hidden)} and {symbol}'
+        parts.append(symbol + hidden)
     return '. '.join(parts) + '.'
 
 

@@ -19,6 +19,7 @@ from imu_allan.noise.terms import allan_variance, AXES, Quantity, TERMS
 from imu_allan.result import Coefficient, Curve, GoodnessOfFit
 import numpy as np
 import pytest
+from repeated import slow
 from scipy.signal import lfilter
 
 RATE = 100.0
@@ -180,18 +181,20 @@ def test_an_axis_that_stands_still_beside_others_is_told():
         True, False, True]
 
 
-def test_fits_of_a_growing_record_hold_no_memory():
+@pytest.mark.parametrize(('lengths', 'settled', 'before'), [
+    (range(20_000, 40_000, 1000), 9, 13), slow(range(30_000, 60_000, 500), 10, 40)])
+def test_fits_of_a_growing_record_hold_no_memory(lengths, settled, before):
     # Beside a driver for days, every fit is one of a record of another length.
     estimator, kept = Estimator(), []
-    estimator.update(WHITE[:20_000])
+    estimator.update(WHITE[:lengths.start])
     tracemalloc.start()
-    for begin in range(20_000, 40_000, 1000):
-        estimator.update(WHITE[begin:begin + 1000])
+    for begin in lengths:
+        estimator.update(WHITE[begin:begin + lengths.step])
         axis_results(estimator, RATE, [Quantity.ANGULAR_VELOCITY])
         kept.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
     # One array of each length, kept, would be 1.7 MB.
-    assert max(kept[13:]) < max(kept[9:13]) + 500_000
+    assert max(kept[before:]) < max(kept[settled:before]) + 500_000
 
 
 def test_too_short_a_record_has_a_curve_and_no_coefficient():

@@ -209,13 +209,10 @@ def survive(ros: Ros, seconds: float, seed: int) -> None:
     assert world.node.stop() == 0, world.node.log
 
 
-def test_a_hostile_moment_leaves_a_node_with_the_true_noise_density(ros: Ros) -> None:
-    survive(ros, 4.0, 12)
-
-
-@pytest.mark.slow
-def test_a_hostile_hour_leaves_a_node_with_the_true_noise_density(ros: Ros) -> None:
-    survive(ros, 3600.0, 1)
+@pytest.mark.parametrize(('seconds', 'seed'), [(4.0, 12), slow(30.0, 12), slow(3600.0, 1)])
+def test_a_hostile_run_leaves_a_node_with_the_true_noise_density(
+        ros: Ros, seconds: float, seed: int) -> None:
+    survive(ros, seconds, seed)
 
 
 class HostileDrivers:

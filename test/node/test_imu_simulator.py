@@ -118,8 +118,7 @@ def test_samples_are_dropped_and_the_imu_knocked_on_request(
     assert loud[-1] - loud[0] < 0.6 * 200
 
 
-@pytest.mark.parametrize('number', [
-    signal.SIGINT, slow(signal.SIGTERM)])
+@pytest.mark.parametrize('number', [signal.SIGINT, slow(signal.SIGTERM)])
 def test_a_signal_ends_a_simulator_whose_subscriber_takes_nothing(
         ros: Ros, number: signal.Signals) -> None:
     subscription = ros.recorder()

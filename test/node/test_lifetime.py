@@ -116,8 +116,7 @@ def test_signals_let_the_node_save_every_sample_once_and_exit_0(
         2000, 2000]
 
 
-@pytest.mark.parametrize('number', [
-    slow(signal.SIGINT), signal.SIGTERM])
+@pytest.mark.parametrize('number', [slow(signal.SIGINT), signal.SIGTERM])
 def test_a_node_that_fits_and_draws_ends_before_its_container_is_killed(
         ros: Ros, number: signal.Signals) -> None:
     node = ros.start('imu_allan_node', {'publish_period': 0.5})

@@ -126,8 +126,7 @@ def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: in
     assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(others, ddof=1), rel=0.02)
 
 
-@pytest.mark.parametrize('hole', [
-    0, *(slow(hole) for hole in (1, 2)), 3])
+@pytest.mark.parametrize('hole', [0, *(slow(hole) for hole in (1, 2)), 3])
 def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int) -> None:
     run = new_run(SETUP)
     means = []

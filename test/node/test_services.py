@@ -267,8 +267,7 @@ def call_at_once(ros: Ros, callers: int, seconds: float) -> None:
         ros.node.destroy_client(client)
 
 
-@pytest.mark.parametrize(('callers', 'seconds'), [
-    (12, 0.0), slow(40, 60.0)])
+@pytest.mark.parametrize(('callers', 'seconds'), [(12, 0.0), slow(40, 60.0)])
 def test_every_one_of_many_clients_that_call_at_once_is_answered(
         ros: Ros, callers: int, seconds: float) -> None:
     call_at_once(ros, callers, seconds)
@@ -322,9 +321,7 @@ def save_at_200_hz(ros: Ros, clients: int, seconds: float) -> None:
         ros.node.destroy_client(client)
 
 
-@pytest.mark.parametrize(('clients', 'seconds'), [
-    (3, 0.3), slow(3, 1.0),
-    slow(1, 10.0)])
+@pytest.mark.parametrize(('clients', 'seconds'), [(3, 0.3), slow(3, 1.0), slow(1, 10.0)])
 def test_every_save_is_answered_where_clients_ask_200_times_a_second(
         ros: Ros, clients: int, seconds: float) -> None:
     save_at_200_hz(ros, clients, seconds)

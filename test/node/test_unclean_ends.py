@@ -46,8 +46,7 @@ def kept(path: Path) -> int:
     return int(Characterization.from_state(state).summary().timeline.samples)
 
 
-@pytest.mark.parametrize('number', [
-    signal.SIGHUP, slow(signal.SIGQUIT)])
+@pytest.mark.parametrize('number', [signal.SIGHUP, slow(signal.SIGQUIT)])
 def test_a_terminal_that_hangs_up_costs_no_run(ros: Ros, home: Path, number: signal.Signals
                                                ) -> None:
     node, driver = start(ros, home), Driver(ros).wait_for_node()

@@ -201,8 +201,7 @@ def test_a_single_replug_is_a_power_on_and_no_step_of_the_bias(ros: Ros) -> None
             assert not document['axes'][name]['coefficients'][key]['observable'], (name, key)
 
 
-@pytest.mark.parametrize('checkpoint_s', [
-    1.0, slow(60.0)])
+@pytest.mark.parametrize('checkpoint_s', [1.0, slow(60.0)])
 def test_another_sensor_of_the_same_name_and_rate_is_another_imu(
         ros: Ros, checkpoint_s: float) -> None:
     node = begin(ros, checkpoint_period=checkpoint_s, state_file=str(ros.folder / 'state'))

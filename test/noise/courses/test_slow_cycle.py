@@ -75,7 +75,7 @@ def test_a_vibration_beside_a_cycle_stays_and_the_harmonics_of_the_cycle_do_not(
 
 @pytest.mark.parametrize('seed', [2, 16, 27])
 def test_chance_makes_no_cycle_of_a_short_record(seed):
-    # Ninety-six harmonics that are taken out of these make what is left look like none of them.
+    # Harmonics that are fitted to noise take some of it: what is left is no measure of the rest.
     [found] = axes_of(simulate(MODEL, 3000, RATE, seed)[:, None])
     assert found.trend.cycle_s is None
 
