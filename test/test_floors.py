@@ -19,7 +19,7 @@ MODULES = {'.'.join(('imu_allan', *path.relative_to(PACKAGE).with_suffix('').par
 FLOORS = (
     ('imu_allan.version', 'imu_allan.errors', 'imu_allan.isolated_process',
      'imu_allan.blas_threads', 'imu_allan.json_of_dataclasses', 'imu_allan.finding',
-     'imu_allan.result',
+     'imu_allan.result', 'imu_allan.state',
      'imu_allan.block', 'imu_allan.wording', 'imu_allan.interruption'),
     ('imu_allan.noise', 'imu_allan.cdr'),
     ('imu_allan.timeline', 'imu_allan.sensor'),

@@ -18,9 +18,9 @@ changes all the time from its first change on.
 
 from dataclasses import dataclass, field
 
+from imu_allan.state import Record
 from imu_allan.timeline.counts import SPARSE
 from imu_allan.timeline.foreign_samples import LARGEST, may_be_wild, noise_of_steps, spikes
-from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
 

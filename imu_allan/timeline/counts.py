@@ -4,8 +4,8 @@
 
 from dataclasses import dataclass, field
 
+from imu_allan.state import Record
 from imu_allan.timeline.clock import SECOND, Stamps
-from imu_allan.timeline.record import Record
 import numpy as np
 
 LISTED_GAPS = 1000

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 from imu_allan.errors import ImuAllanError
 from imu_allan.noise.terms import AXES
+from imu_allan.state import Record
 from imu_allan.timeline.clock import SECOND
 from imu_allan.timeline.pace import Pace
-from imu_allan.timeline.record import Record
 
 Clock = Literal['header', 'receive']
 

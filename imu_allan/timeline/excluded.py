@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass, field
 
-from imu_allan.timeline.record import Record
+from imu_allan.state import Record
 
 LISTED_SPANS = 1000
 """Spans that are listed one by one."""

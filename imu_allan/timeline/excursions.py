@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass, field
 
-from imu_allan.timeline.record import Record
+from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
 

@@ -11,6 +11,7 @@ twice, are left out.
 from dataclasses import replace
 
 from imu_allan.errors import ImuAllanError
+from imu_allan.state import Record
 from imu_allan.timeline.alive import Repeats
 from imu_allan.timeline.clock import (
     bounded,
@@ -42,7 +43,6 @@ from imu_allan.timeline.pace import (
 )
 from imu_allan.timeline.pending import Window
 from imu_allan.timeline.pieces import Messages
-from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,12 +5,12 @@
 from dataclasses import dataclass, field
 
 from imu_allan.block import ImuBlock
+from imu_allan.state import Record
 from imu_allan.timeline.alive import Content, LateAxes, Presence
 from imu_allan.timeline.counts import Counts
 from imu_allan.timeline.decision import Decision
 from imu_allan.timeline.motion import MotionDetector
 from imu_allan.timeline.options import TimelineOptions
-from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
 

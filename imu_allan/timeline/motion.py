@@ -12,10 +12,10 @@ from itertools import pairwise
 from math import log
 
 from imu_allan.block import EvenBlock
+from imu_allan.state import Record
 from imu_allan.timeline.excluded import Excluded, MotionSummary
 from imu_allan.timeline.excursions import Excursions
 from imu_allan.timeline.pieces import EvenPiece
-from imu_allan.timeline.record import Record
 from imu_allan.timeline.rest_level import RestLevel
 from imu_allan.timeline.sensor_at_rest import QUIETER
 from imu_allan.timeline.windows import FARTHEST_LAG, Stretch, Windows

@@ -5,7 +5,7 @@
 from dataclasses import dataclass, field, replace
 
 from imu_allan.block import ImuBlock
-from imu_allan.timeline.record import Record
+from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 from math import isnan, sqrt
 
 from imu_allan.block import NEIGHBOURS
+from imu_allan.state import Record
 from imu_allan.timeline.bridging import even_pieces
 from imu_allan.timeline.clock import (
     in_order,
@@ -32,7 +33,6 @@ from imu_allan.timeline.grid import (
 from imu_allan.timeline.memory import Memory
 from imu_allan.timeline.pace import measure_pace, Pace
 from imu_allan.timeline.pieces import EvenPiece, Messages, NONE_BRIDGED
-from imu_allan.timeline.record import Record
 import numpy as np
 from numpy.typing import NDArray
 

@@ -9,8 +9,8 @@ Windows are compared with those before them, in the terms of
 
 from dataclasses import dataclass, field, replace
 
+from imu_allan.state import Record
 from imu_allan.timeline.excluded import Excluded
-from imu_allan.timeline.record import Record
 from imu_allan.timeline.sensor_at_rest import (
     Baseline,
     baseline_of,

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from imu_allan.block import EvenBlock, ImuBlock
 from imu_allan.errors import ImuAllanError
+from imu_allan.state import Record, restored, State, state_of
 from imu_allan.timeline.clock import LOOK_AHEAD, SECOND
 from imu_allan.timeline.findings import clock_changed
 from imu_allan.timeline.intake import Intake
@@ -24,7 +25,6 @@ from imu_allan.timeline.options import TimelineOptions
 from imu_allan.timeline.pending import Pending, Window
 from imu_allan.timeline.pieces import EvenPiece, Messages
 from imu_allan.timeline.placing import Placing
-from imu_allan.timeline.record import Record, restored, State, state_of
 from imu_allan.timeline.summary import summarize, TimelineSummary
 import numpy as np
 from numpy.typing import NDArray

@@ -10,7 +10,7 @@ A test that knows physics needs no learning: no sensor at rest changes its mean 
 from dataclasses import dataclass, field
 from math import sqrt
 
-from imu_allan.timeline.record import Record
+from imu_allan.state import Record
 from imu_allan.timeline.sensor_at_rest import describe
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the parts of a timeline remember, and how it is copied, saved and gone on with.
+What changes as messages come, and how it is copied, saved and gone on with.
 
 A record is a dataclass of numbers, text, arrays, other dataclasses, and lists, tuples and dicts of
 these. Its state is a flat dict: a text of JSON for each field, and beside it arrays by their path.
@@ -26,7 +26,7 @@ class Record:
     """Base of what changes as messages come."""
 
     def copy(self: Kind) -> Kind:
-        """Give an independent copy; arrays are shared, for they are never written to."""
+        """Give an independent copy."""
         return cast(Kind, _copied(self, {}))
 
     def check(self) -> None:
@@ -34,13 +34,15 @@ class Record:
 
 
 def _copied(value: Any, seen: dict[int, Any]) -> Any:
-    """Copy records, lists and dicts, each once."""
+    """Copy records, arrays, lists and dicts, each once; what else a record has never changes."""
     if isinstance(value, Record):
         if id(value) not in seen:
             twin = seen[id(value)] = shallow_copy(value)
             for name, part in vars(value).items():
                 setattr(twin, name, _copied(part, seen))
         return seen[id(value)]
+    if isinstance(value, np.ndarray):
+        return value.copy()
     if isinstance(value, list):
         return [_copied(part, seen) for part in value]
     if isinstance(value, dict):
