@@ -61,7 +61,8 @@ def state_of(record: Any) -> State:
 def _plain(value: Any, path: str, arrays: State) -> Any:
     """Give what JSON keeps of a value; arrays go beside."""
     if isinstance(value, np.ndarray):
-        arrays[path] = value
+        # What is saved by another thread is that of this moment.
+        arrays[path] = value.copy()
         return None
     within = f'{path}/' if path else ''
     if is_dataclass(value):
@@ -69,7 +70,15 @@ def _plain(value: Any, path: str, arrays: State) -> Any:
                 for part in fields(value)}
     if isinstance(value, (list, tuple)):
         return [_plain(part, f'{within}{at}', arrays) for at, part in enumerate(value)]
+    if isinstance(value, dict):
+        return {key: _plain(part, f'{within}{key}', arrays) for key, part in value.items()}
     return value
+
+
+def part_of(state: Mapping[str, NDArray[Any]], name: str) -> State:
+    """Give what a state holds under a name."""
+    return {key[len(name) + 1:]: value for key, value in state.items()
+            if key.startswith(f'{name}/')}
 
 
 def restored(kind: type[Kind], state: Mapping[str, NDArray[Any]]) -> Kind:
@@ -109,7 +118,7 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
         array = arrays[path]
         if array.dtype != np.dtype(get_args(parts[1])[0]):
             raise TypeError(f'{path} is of {array.dtype}')
-        return array
+        return array.copy()
     make: Any = kind
     if is_dataclass(kind):
         hints = _hints(make)
@@ -132,7 +141,8 @@ def _built(kind: Any, plain: Any, arrays: State, path: str) -> Any:
         return tuple(_built(part, value, arrays, f'{within}{at}') for at, (part, value)
                      in enumerate(zip(each, plain, strict=True)))
     if origin is dict and isinstance(plain, dict):
-        return {str(key): _built(parts[1], value, arrays, path) for key, value in plain.items()}
+        return {parts[0](key): _built(parts[1], value, arrays, f'{within}{key}')
+                for key, value in plain.items()}
     if kind is float and type(plain) in (int, float):
         return float(plain)
     if type(plain) is kind:

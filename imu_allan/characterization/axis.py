@@ -171,7 +171,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
                 base, remarks = _with_fault(base, fault, quantity, dt)
             found.append((replace(base, curve=curve), remarks))
             continue
-        steps = step_remarks(float(finished.step[axis]), float(noise[axis]), quantity)
+        steps = step_remarks(float(finished.census.step[axis]), float(noise[axis]), quantity)
         fitted = fitted_axis.fit
         if steps:
             # Counts that come one by one leave little below their rate, as a filter does.
@@ -225,7 +225,7 @@ def axis_results(estimator: Estimator, sample_rate_hz: float, quantities: Sequen
             spectrum=_spectrum(fitted_axis.whole),
             trend=fitted.trend,
             stationarity=parts,
-            coarse_step=float(finished.step[axis]) if steps else None,
+            coarse_step=float(finished.census.step[axis]) if steps else None,
         )), remarks))
     return found
 

@@ -21,10 +21,10 @@ from imu_allan.characterization.exponents import (
     with_own_exponents,
 )
 from imu_allan.characterization.findings import length_remarks, tone_findings, with_start
-from imu_allan.characterization.finished import FinishedRecord
 from imu_allan.characterization.mean import mean_is_known
 from imu_allan.characterization.power_ons import turn_on_bias
 from imu_allan.characterization.stream import Characterization
+from imu_allan.characterization.taken import FinishedRecord
 from imu_allan.errors import ImuAllanError
 from imu_allan.finding import Finding, finding
 from imu_allan.noise import chi_square
@@ -210,10 +210,9 @@ def _axis_results(parts: Sequence[_Part], rate_hz: float
     for name in parts[0].record.names:
         working = [part for part in parts if part.result.axes[name].fault is None] or parts
         fits = [fit for part in working if (fit := part.fits[name]) is not None]
-        groups = [part.record.group_of(name).taken([name]) for part in working]
         [found[name]] = axis_results(
-            _merged([group.estimator for group in groups]), rate_hz, [AXES[name]],
-            [joint_fit(fits, 1 / rate_hz) if fits else None])
+            _merged([part.record.group_of(name).only(name) for part in working]), rate_hz,
+            [AXES[name]], [joint_fit(fits, 1 / rate_hz) if fits else None])
     return found
 
 

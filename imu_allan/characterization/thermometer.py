@@ -8,19 +8,18 @@ that they belong to; where the samples lie on the same clock is noted as they co
 when a fit asks for the temperature over the record.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from imu_allan.noise.courses.temperature import between_steps, TemperatureCourse
 from imu_allan.noise.record.cells import Cells, centres
 from imu_allan.noise.record.signal_over_time import Columns
 from imu_allan.result import Signal
+from imu_allan.state import Record
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-State = Mapping[str, NDArray[np.generic]]
 
 _SHORTEST_CELL = 1 << 26
 """In ns, 0.07 s: no sensor follows its temperature any faster."""
@@ -69,9 +68,25 @@ class Temperature:
     step: float
 
 
-class Thermometer:
+@dataclass(eq=False)
+class Thermometer(Record):
     """
     Readings of one thermometer.
+
+    Attributes
+    ----------
+    width : int
+        Of a cell, in nanoseconds.
+    step : int
+        Smallest change from one reading to the next; 0 where there is none.
+    shown : int
+        Places of the signal that have samples.
+    keys : ndarray of int64, shape (cells,)
+        Stamps over `width`.
+    readings : ndarray of int64, shape (4, cells)
+        Sum, number, lowest and highest of the readings of each cell.
+    runs : ndarray of int64, shape (runs, 7)
+        Run, and of its first and last sample: place in the run, place in the signal, stamp.
 
     Examples
     --------
@@ -82,19 +97,21 @@ class Thermometer:
 
     """
 
-    def __init__(self) -> None:
-        self._width = _SHORTEST_CELL
-        self._keys: Ints = np.zeros(0, np.int64)
-        # Sum, number, lowest and highest of the readings of each cell.
-        self._readings: Ints = np.zeros((4, 0), np.int64)
-        self._step = 0
-        # Run, and of its first and last sample: place in the run, place in the signal, stamp.
-        self._runs: Ints = np.zeros((0, 7), np.int64)
-        self._shown = 0
+    width: int = _SHORTEST_CELL
+    step: int = 0
+    shown: int = 0
+    keys: Ints = field(init=False)
+    readings: Ints = field(init=False)
+    runs: Ints = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Begin with nothing."""
+        self.keys, self.readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
+        self.runs = np.zeros((0, 7), np.int64)
 
     def __len__(self) -> int:
         """How many readings were taken."""
-        return int(self._readings[1].sum())
+        return int(self.readings[1].sum())
 
     def take(self, stamps_ns: ArrayLike, celsius: ArrayLike) -> None:
         """
@@ -125,23 +142,23 @@ class Thermometer:
         changes = np.abs(np.diff(scaled))
         changes = changes[changes > 0]
         if len(changes):
-            self._step = min(self._step or int(changes.min()), int(changes.min()))
-        self._add(stamps // self._width,
+            self.step = min(self.step or int(changes.min()), int(changes.min()))
+        self._add(stamps // self.width,
                   np.stack((scaled, np.ones(len(scaled), np.int64), scaled, scaled)))
-        while len(self._keys) > _CELLS:
-            self._width *= 2
-            keys, readings = self._keys // 2, self._readings
-            self._keys, self._readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
+        while len(self.keys) > _CELLS:
+            self.width *= 2
+            keys, readings = self.keys // 2, self.readings
+            self.keys, self.readings = np.zeros(0, np.int64), np.zeros((4, 0), np.int64)
             self._add(keys, readings)
 
     def _add(self, keys: Ints, readings: Ints) -> None:
         """Add up readings of the same cell."""
-        every = np.append(self._keys, keys)
-        self._keys, place = np.unique(every, return_inverse=True)
+        every = np.append(self.keys, keys)
+        self.keys, place = np.unique(every, return_inverse=True)
         order = np.argsort(place, kind='stable')
-        starts = np.searchsorted(place[order], np.arange(len(self._keys)))
-        rows = np.concatenate((self._readings, readings), axis=1)[:, order]
-        self._readings = np.stack((
+        starts = np.searchsorted(place[order], np.arange(len(self.keys)))
+        rows = np.concatenate((self.readings, readings), axis=1)[:, order]
+        self.readings = np.stack((
             np.add.reduceat(rows[0], starts), np.add.reduceat(rows[1], starts),
             np.minimum.reduceat(rows[2], starts), np.maximum.reduceat(rows[3], starts)))
 
@@ -162,33 +179,33 @@ class Thermometer:
             Stamps of the first and the last; None where there is no clock.
 
         """
-        begin = self._shown + skipped
-        self._shown = begin + samples
+        begin = self.shown + skipped
+        self.shown = begin + samples
         if first_ns is None or last_ns is None:
             return
-        new = np.array([run, first, begin, first_ns, first + samples - 1, self._shown - 1,
+        new = np.array([run, first, begin, first_ns, first + samples - 1, self.shown - 1,
                         last_ns], dtype=np.int64)
-        if len(self._runs) and self._runs[-1, 0] > run:
+        if len(self.runs) and self.runs[-1, 0] > run:
             # The estimator has numbered its runs anew: which is which is not known any more.
-            self._runs = self._runs[:0]
-        if len(self._runs) and self._runs[-1, 0] == run:
-            self._runs = self._runs.copy()
-            self._runs[-1, 4:] = new[4:]
+            self.runs = self.runs[:0]
+        if len(self.runs) and self.runs[-1, 0] == run:
+            self.runs = self.runs.copy()
+            self.runs[-1, 4:] = new[4:]
         else:
-            self._runs = np.concatenate((self._runs, new[None]))[-_RUNS:]
+            self.runs = np.concatenate((self.runs, new[None]))[-_RUNS:]
 
     def forget_samples(self) -> None:
         """Begin anew with the samples; the readings stay."""
-        self._runs, self._shown = self._runs[:0], 0
+        self.runs, self.shown = self.runs[:0], 0
 
     def celsius(self, stamps: Array) -> Array:
         """Temperature at some stamps, in ns, by a line between readings; NaN where too far."""
-        keys, readings = self._keys, self._readings
+        keys, readings = self.keys, self.readings
         if not len(keys):
             return np.full(len(stamps), np.nan)
         # About the first: a stamp of today leaves a double only a resolution of 256 ns.
-        origin = float(keys[0]) * self._width
-        times = (keys - keys[0] + 0.5) * self._width
+        origin = float(keys[0]) * self.width
+        times = (keys - keys[0] + 0.5) * self.width
         at = np.asarray(stamps - origin, dtype=np.float64)
         values = np.interp(at, times, readings[0] / readings[1] / _SCALE)
         reach = self._reach()
@@ -201,8 +218,8 @@ class Thermometer:
 
     def _reach(self) -> float:
         """Longest gap, in ns, over which a line is drawn."""
-        usual = float(np.median(np.diff(self._keys))) if len(self._keys) > 1 else 0.0
-        return max(_TYPICAL_GAPS * usual * self._width, _LONGEST_GAP_S * _SECOND)
+        usual = float(np.median(np.diff(self.keys))) if len(self.keys) > 1 else 0.0
+        return max(_TYPICAL_GAPS * usual * self.width, _LONGEST_GAP_S * _SECOND)
 
     def temperature(self, series: Cells, size: int, dt: float) -> Temperature | None:
         """
@@ -224,25 +241,25 @@ class Thermometer:
 
         """
         whole = series.take(series.counts >= size / 2)
-        if not len(self._keys) or not len(whole) or not len(self._runs):
+        if not len(self.keys) or not len(whole) or not len(self.runs):
             return None
         runs, places, in_a_row = centres(whole, size)
         values = self.celsius(self._stamps(runs, places))
         known = np.isfinite(values)
         covered = float(whole.counts[known].sum() / whole.counts.sum())
-        gaps = int((np.diff(self._keys) * float(self._width) > self._reach()).sum())
+        gaps = int((np.diff(self.keys) * float(self.width) > self._reach()).sum())
         course = None
         if covered >= COVERED and np.ptp(values[known]) > 0:
             values = np.interp(in_a_row, in_a_row[known], values[known])
-            if self._step > _STEPPING * np.ptp(values) * _SCALE:
-                values = between_steps(in_a_row, values, self._step / _SCALE)
+            if self.step > _STEPPING * np.ptp(values) * _SCALE:
+                values = between_steps(in_a_row, values, self.step / _SCALE)
             course = TemperatureCourse(in_a_row * dt, values)
-        return Temperature(covered, course, gaps, self._step / _SCALE)
+        return Temperature(covered, course, gaps, self.step / _SCALE)
 
     def _stamps(self, runs: Ints, places: Array) -> Array:
         """Stamps of places on the grids of runs, in ns; NaN where a run is not known."""
-        row = np.clip(np.searchsorted(self._runs[:, 0], runs), 0, len(self._runs) - 1)
-        known = self._runs[row].astype(np.float64)
+        row = np.clip(np.searchsorted(self.runs[:, 0], runs), 0, len(self.runs) - 1)
+        known = self.runs[row].astype(np.float64)
         span = np.maximum(known[:, 4] - known[:, 1], 1)
         stamps = known[:, 3] + (places - 0.5 - known[:, 1]) * (known[:, 6] - known[:, 3]) / span
         return np.where(known[:, 0] == runs, stamps, np.nan)
@@ -264,23 +281,23 @@ class Thermometer:
             In degrees Celsius; None where no stretch has a temperature.
 
         """
-        if not len(self._keys) or not len(self._runs) or not len(columns.counts):
+        if not len(self.keys) or not len(self.runs) or not len(columns.counts):
             return None
         count = -(-len(columns.counts) // _SHOWN)
         width = columns.width * count
         stretches = -(-len(columns.counts) // count)
-        edges = np.minimum(np.arange(stretches + 1.0) * width, self._shown)
-        row = np.clip(np.searchsorted(self._runs[:, 2], edges, 'right') - 1, 0, None)
-        known = self._runs[row].astype(np.float64)
+        edges = np.minimum(np.arange(stretches + 1.0) * width, self.shown)
+        row = np.clip(np.searchsorted(self.runs[:, 2], edges, 'right') - 1, 0, None)
+        known = self.runs[row].astype(np.float64)
         span = np.maximum(known[:, 5] - known[:, 2], 1)
         stamps = known[:, 3] + (edges - known[:, 2]) * (known[:, 6] - known[:, 3]) / span
         middle = self.celsius((stamps[:-1] + stamps[1:]) / 2)
-        times = (self._keys + 0.5) * self._width
+        times = (self.keys + 0.5) * self.width
         lows: list[float | None] = []
         means: list[float | None] = []
         highs: list[float | None] = []
         for begin, end, at in zip(stamps[:-1], stamps[1:], middle, strict=True):
-            inside = self._readings[:, (times >= begin) & (times < end)] / _SCALE
+            inside = self.readings[:, (times >= begin) & (times < end)] / _SCALE
             if inside.size:
                 own = (inside[2].min(), inside[0].sum() / (inside[1].sum() * _SCALE),
                        inside[3].max())
@@ -292,36 +309,9 @@ class Thermometer:
             return None
         return Signal(width * dt, tuple(lows), tuple(means), tuple(highs))
 
-    def copy(self) -> 'Thermometer':
-        """Return an independent copy; arrays are shared, for they are never written to."""
-        twin = Thermometer()
-        twin.__dict__.update(vars(self))
-        return twin
-
-    def to_state(self) -> dict[str, NDArray[np.generic]]:
-        """Return the state as plain arrays."""
-        return {'keys': self._keys, 'readings': self._readings, 'runs': self._runs,
-                'about': np.array([self._width, self._step, self._shown])}
-
-    @classmethod
-    def from_state(cls, state: State) -> 'Thermometer':
-        """
-        Go on from `to_state`.
-
-        Raises
-        ------
-        KeyError, ValueError
-            If the state is not one of a thermometer.
-
-        """
-        self = cls()
-        self._width, self._step, self._shown = (int(value) for value in state['about'])
-        self._keys = np.array(state['keys'], dtype=np.int64)
-        self._readings = np.array(state['readings'], dtype=np.int64)
-        self._runs = np.array(state['runs'], dtype=np.int64)
-        if (self._width < 1 or self._keys.ndim != 1
-                or self._readings.shape != (4, len(self._keys))
-                or self._runs.ndim != 2 or self._runs.shape[1] != 7
-                or (np.diff(self._keys) <= 0).any() or (self._readings[1] < 1).any()):
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        if (self.width < 1 or self.keys.ndim != 1 or self.readings.shape != (4, len(self.keys))
+                or self.runs.shape[1:] != (7,)
+                or (np.diff(self.keys) <= 0).any() or (self.readings[1] < 1).any()):
             raise ValueError('arrays of the thermometer do not fit together')
-        return self

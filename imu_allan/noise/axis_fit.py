@@ -19,7 +19,6 @@ from imu_allan.noise.posterior.parts import goes_on
 from imu_allan.noise.posterior.posterior import Posterior, posteriors
 from imu_allan.noise.posterior.report import AxisReport, reported
 from imu_allan.noise.posterior.shapes import FEWEST_GROUPS
-from imu_allan.noise.record.alike import pairs
 from imu_allan.noise.record.bins import Bins, bins_of
 from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.groups import grouped, Groups
@@ -172,13 +171,13 @@ def copies(finished: Estimator) -> list[tuple[int, int, int]]:
     Returns
     -------
     list of (int, int, int)
-        Two numbers of axes and `imu_allan.noise.alike.SAME` or ``OPPOSITE``. Axes that are
+        Two numbers of axes and `imu_allan.noise.record.census.SAME` or ``OPPOSITE``. Axes that are
         constant, or steps of which hide the noise, may be the same by nature.
 
     """
     coarse = steps_hide_noise(finished)
     return [] if finished.samples < SHORTEST_RECORD else [
-        pair for pair in pairs(finished.alike) if not coarse[pair[0]]]
+        pair for pair in finished.census.copies() if not coarse[pair[0]]]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from imu_allan.characterization.thermometer import Thermometer
 from imu_allan.noise.simulate import simulate
 from imu_allan.result import Result
 from imu_allan.sensor.noise_model import parse_model
+from imu_allan.state import state_of
 from imu_allan.writers.datasheet.live import standing
 import numpy as np
 import pytest
@@ -133,7 +134,7 @@ def test_memory_does_not_grow_with_the_readings():
     seconds = np.arange(2_000_000) / 10
     for part in np.array_split(seconds, 50):
         thermometer.take(stamps_of(part), 20 + part / 1e5)
-    assert sum(array.nbytes for array in thermometer.to_state().values()) < 200_000
+    assert sum(array.nbytes for array in state_of(thermometer).values()) < 200_000
     at = np.array([500.0, 123_456.0])
     assert thermometer.celsius(stamps_of(at).astype(float)) == pytest.approx(20 + at / 1e5,
                                                                              abs=1e-5)

@@ -9,7 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from imu_allan.block import ImuBlock
 from imu_allan.characterization import Characterization
-from imu_allan.characterization.power_ons import PowerOns
+from imu_allan.errors import ImuAllanError
 from imu_allan.node import run as run_module
 from imu_allan.node.checkpoint import decode_state, encode_state
 from imu_allan.node.run import Lane, new_run, pack, Run, Setup, unpack
@@ -34,23 +34,21 @@ def boot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return path
 
 
-def feed(run: Run, mean: float, seed: int, count: int = SAMPLES, most: float = np.inf,
-         without: int = 0) -> float:
+def feed(run: Run, mean: float, seed: int, without: int = 0) -> float:
     """Give samples of one power-on, some without gyroscope; return the mean of the first axis."""
-    samples = np.random.default_rng(seed).normal(0, SIGMA, (count, 6))
+    samples = np.random.default_rng(seed).normal(0, SIGMA, (SAMPLES, 6))
     samples[:, :3] += mean
-    samples = np.minimum(samples, most)
-    samples[count // 2:count // 2 + without, :3] = np.nan
-    stamps = np.rint((seed * 10**5 + np.arange(count) / RATE_HZ) * 1e9).astype(np.int64)
+    samples[SAMPLES // 2:SAMPLES // 2 + without, :3] = np.nan
+    stamps = np.rint((seed * 10**5 + np.arange(SAMPLES) / RATE_HZ) * 1e9).astype(np.int64)
     run.lanes[0].characterization.update(ImuBlock(stamps, stamps, samples,
-                                         np.zeros((count, 2), bool), 'imu'))
+                                         np.zeros((SAMPLES, 2), bool), 'imu'))
     return float(np.nanmean(samples[:, 0]))
 
 
 def ended(run: Run) -> list[Any]:
     """Give what is noted of the power-ons that have ended."""
     state = run.lanes[0].characterization.to_state()
-    return list(json.loads(str(state['about']))['power_ons'])
+    return list(json.loads(str(state['memory/power_ons'])))
 
 
 def resumed(run: Run, boot: Path, name: str = '') -> Run:
@@ -109,23 +107,6 @@ def test_a_boot_without_rest_counts_for_nothing(boot: Path) -> None:
         np.std(0.05 * np.arange(4), ddof=1), rel=0.01)
 
 
-@pytest.mark.parametrize('cut_off', [0, slow(2), 3])
-def test_power_on_that_was_cut_off_is_none_of_the_spread(boot: Path, cut_off: int) -> None:
-    run = new_run(SETUP)
-    for number in range(4):
-        if number:
-            run = resumed(run, boot, f'boot {number}')
-        if number == cut_off:
-            # Two fifths of it stand at the limit, but less than a hundredth of the run.
-            feed(run, 0.5, number, count=int(7 * RATE_HZ), most=0.5 + 0.25 * SIGMA)
-        else:
-            feed(run, 0.02 * number, number, count=int(200 * RATE_HZ))
-    others = [0.02 * number for number in range(4) if number != cut_off]
-    result = run.snapshot().result()
-    assert result.axes['gyro_x'].saturated is None
-    assert result.turn_on_bias['gyro_x'].sigma == pytest.approx(np.std(others, ddof=1), rel=0.02)
-
-
 @pytest.mark.parametrize('hole', [0, *(slow(hole) for hole in (1, 2)), 3])
 def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int) -> None:
     run = new_run(SETUP)
@@ -140,16 +121,19 @@ def test_a_moment_without_one_sensor_costs_no_turn_on_bias(boot: Path, hole: int
     assert result.turn_on_bias['accel_x'].sigma < 0.01
 
 
-WHOLE = {'samples': 3, 'means': {}, 'first': 0, 'ends': {}, 'cut_off': [], 'samples_of': {}}
-
-
-@pytest.mark.parametrize('document', [
-    {}, {'samples': 'many'}, {'means': []}, {'ends': {'gyro_x': 1}},
-    {'means': {'gyro_x': 0}, 'samples_of': {'gyro_x': 4}}])
-def test_what_is_no_list_of_power_ons_is_refused(document: Any) -> None:
-    assert len(PowerOns.from_plain([WHOLE]).ended) == 1
-    with pytest.raises((KeyError, TypeError, ValueError, AttributeError)):
-        PowerOns.from_plain([WHOLE | document if document else document])
+@pytest.mark.parametrize('marks', [
+    {}, [{}], [{'samples': 'many', 'means': {}, 'first': 0.0}],
+    [{'samples': {}, 'means': [], 'first': 0.0}],
+    [{'samples': {}, 'means': {'gyro_x': 0.0}, 'first': 0.0}],
+    [{'samples': {'gyro_x': -1}, 'means': {'gyro_x': 0.0}, 'first': 0.0}],
+    [{'samples': {'gyro_x': 1}, 'means': {'gyro_x': 1e30}, 'first': 0.0}]])
+def test_what_is_no_list_of_power_ons_is_refused(marks: Any) -> None:
+    run = new_run(SETUP)
+    feed(run, 0.0, 0)
+    state = run.lanes[0].characterization.to_state()
+    Characterization.from_state(state)
+    with pytest.raises(ImuAllanError):
+        Characterization.from_state(state | {'memory/power_ons': np.array(json.dumps(marks))})
 
 
 def test_a_node_tells_the_turn_on_bias_after_some_reboots(ros: Ros) -> None:

@@ -57,7 +57,7 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
     Constant(value=9.81)
 
     """
-    if finished.samples and finished.lowest[axis] == finished.highest[axis]:
+    if finished.samples and finished.census.lowest[axis] == finished.census.highest[axis]:
         return Constant(float(finished.mean[axis]))
     if (dead := deadband(finished, axis)) is not None:
         return dead
@@ -70,7 +70,7 @@ def axis_fault(finished: Estimator, axis: int) -> AxisFault | None:
 
 def steps_hide_noise(finished: Estimator) -> NDArray[np.bool_]:
     """Tell of every axis whether its output steps by more than its noise shows."""
-    return np.asarray(finished.step > _COARSE_STEP * sample_noise(finished))
+    return np.asarray(finished.census.step > _COARSE_STEP * sample_noise(finished))
 
 
 def sample_noise(finished: Estimator) -> NDArray[np.float64]:

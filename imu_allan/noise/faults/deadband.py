@@ -8,8 +8,8 @@ its width, but many just beyond. Magnitudes are counted in bins of constant rati
 add up and the step of the output need not be known.
 """
 
+from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.near_zero import BINS_PER_OCTAVE, end_of_hole, FEWEST, lower_edge
 from imu_allan.result import Deadband
 import numpy as np
 
@@ -54,9 +54,10 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     (1.0, 0.68)
 
     """
-    zeros, sizes = int(finished.at_zero[axis]), finished.near_zero[axis]
+    census = finished.census
+    zeros, sizes = int(census.zeros[axis]), census.sizes[axis]
     if (finished.reference is None or zeros < max(1, _LEAST_SHARE * finished.measured)
-            or not finished.lowest[axis] < -finished.reference[axis] < finished.highest[axis]):
+            or not census.lowest[axis] < -finished.reference[axis] < census.highest[axis]):
         return None
     first = end_of_hole(sizes)
     if first is None:
@@ -65,7 +66,7 @@ def deadband(finished: Estimator, axis: int) -> Deadband | None:
     # next to the border of a bin.
     octave = sizes[first:first + BINS_PER_OCTAVE]
     if (int(octave[2:-1].sum()) <= FEWEST or zeros < _LEAST_FILL * octave.sum()
-            or lower_edge(first) < _LEAST_STEPS * finished.step[axis]):
+            or lower_edge(first) < _LEAST_STEPS * census.step[axis]):
         return None
     # Mixed axes of few values each leave lines, far apart.
     taken = np.flatnonzero(sizes[first:first + BINS_PER_OCTAVE + 1] > _EMPTY * octave.mean())

@@ -84,50 +84,24 @@ def cut_off(finished: Estimator, axis: int) -> CutOff | None:
     CutOff(value=1.0, share=0.1465, is_highest=True)
 
     """
-    end = int(np.argmax(finished.at_ends[:, axis]))
-    count, samples = int(finished.at_ends[end, axis]), finished.measured
-    if not is_cut_off(finished, axis, count, samples):
-        return None
-    assert finished.reference is not None
-    kept = (finished.lowest, finished.highest)[end][axis]
-    return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
-
-
-def is_cut_off(finished: Estimator, axis: int, count: int, samples: int) -> bool:
-    """
-    Tell whether so many samples of the record, or of a part of it, stand at an end by a limit.
-
-    Parameters
-    ----------
-    finished : Estimator
-        As `Estimator.finished` returns it; of it are the noise and the steps of the output.
-    axis : int
-        Its number.
-    count : int
-        Samples that stand at the end.
-    samples : int
-        Samples that there are, of the record or of the part.
-
-    Examples
-    --------
-    >>> estimator = Estimator()
-    >>> estimator.update(np.random.default_rng(1).normal(size=2000).round(1))
-    >>> [is_cut_off(estimator.finished(), 0, count, 500) for count in (1, 100)]
-    [False, True]
-
-    """
+    census, samples = finished.census, finished.measured
+    end = int(np.argmax(census.at_ends[:, axis]))
+    count = int(census.at_ends[end, axis])
     if (finished.reference is None or count < max(1, _LEAST_SHARE * samples)
-            or finished.lowest[axis] == finished.highest[axis]):
-        return False
+            or census.lowest[axis] == census.highest[axis]):
+        return None
     noises = _noise_over_times(finished, axis)
     # A vibration is less of it in means over its periods, and none in the long run.
     noise = float(noises.min(initial=np.inf))
-    step = float(finished.step[axis])
+    step = float(census.step[axis])
     if (not len(noises) or not step <= _COARSEST_STEP * noise
             or noises[:_SHAKEN_OCTAVES].max() > _SHAKEN * noise):
-        return False
+        return None
     share = max(count - _SURE * np.sqrt(count), 0.0) / samples
-    return bool(samples * ndtr(ndtri(share) - step / noise) >= _MISSED)
+    if samples * ndtr(ndtri(share) - step / noise) < _MISSED:
+        return None
+    kept = (census.lowest, census.highest)[end][axis]
+    return CutOff(float(finished.reference[axis] + kept), count / samples, bool(end))
 
 
 def _noise_over_times(finished: Estimator, axis: int) -> Array:

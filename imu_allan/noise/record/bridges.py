@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from imu_allan.block import NEIGHBOURS
+from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, dst
@@ -22,8 +23,6 @@ Array = NDArray[np.float64]
 LAGS = 256
 """Places apart: with two of three lost, what two stand-ins share ends after some hundred."""
 
-_DRAWN = 1 << 16
-"""Samples with losses drawn at random: what they share on average is known to a hundredth."""
 _LEAST = 1e-3
 """Of full power: where the covariances cut off at the last lag leave less, the fit would divide by
 nothing."""
@@ -97,8 +96,8 @@ def _places_apart() -> Array:
     return np.zeros(LAGS)
 
 
-@dataclass
-class BridgeSums:
+@dataclass(eq=False)
+class BridgeSums(Record):
     """
     Sums over the pairs of places of a record.
 
@@ -126,39 +125,12 @@ class BridgeSums:
         self.shared += other.shared
         self.pairs += other.pairs
 
-    def copy(self) -> 'BridgeSums':
-        """Return an independent copy."""
-        return BridgeSums(self.shared.copy(), self.pairs.copy())
-
-    @classmethod
-    def at_random(cls, share: float, samples: int) -> 'BridgeSums':
-        """Give what `samples` of which a `share` is lost at random would have summed up."""
-        sums = cls()
-        stand_ins = np.flatnonzero(np.random.default_rng(0).random(_DRAWN) < share)
-        sums.add(stand_ins.tolist(), _DRAWN)
-        return cls(*(sums.to_state() * (samples / _DRAWN)))
-
-    @classmethod
-    def from_state(cls, state: NDArray[np.generic]) -> 'BridgeSums':
-        """
-        Read what `to_state` gave.
-
-        Raises
-        ------
-        ValueError
-            If these are no such sums.
-
-        """
-        sums = np.array(state, dtype=np.float64)
+    def check(self) -> None:
+        """Raise ValueError where the sums cannot be those of a record."""
         # Written so that NaN fails.
-        if sums.shape != (2, LAGS) or not np.all((np.abs(sums[0]) <= sums[1])
-                                                 & (sums[1] < np.inf)):
+        if len(self.shared) != LAGS or len(self.pairs) != LAGS or not np.all(
+                (np.abs(self.shared) <= self.pairs) & (self.pairs < np.inf)):
             raise ValueError('sums over pairs of samples are out of range')
-        return cls(*sums)
-
-    def to_state(self) -> Array:
-        """Return both sums, shape (2, LAGS)."""
-        return np.array([self.shared, self.pairs])
 
     def bridges(self, share: float) -> Bridges:
         """Give the mean over all pairs, of samples of which a `share` stand in for others."""

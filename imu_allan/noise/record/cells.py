@@ -57,6 +57,13 @@ class Cells:
         """Return some of the cells."""
         return Cells(self.keys[part], self.sums[:, part], self.counts[part])
 
+    def check(self, axes: int) -> None:
+        """Raise ValueError where what was saved is no series of so many axes."""
+        if (self.keys.ndim != 1 or self.sums.shape != (axes, len(self.keys))
+                or self.counts.shape != self.keys.shape
+                or np.any(np.diff(self.keys) <= 0) or np.any(self.counts < 1)):
+            raise ValueError('cells do not fit together')
+
 
 def no_cells(axes: int) -> Cells:
     """Return an empty series of `axes` axes."""

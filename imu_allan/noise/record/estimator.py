@@ -3,42 +3,30 @@
 """The streaming estimator, in one class as every part takes in the same chunks of samples."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
 from itertools import pairwise
 
-from imu_allan.noise.record.alike import narrow_down, undecided
 from imu_allan.noise.record.bridges import Bridges, BridgeSums
 from imu_allan.noise.record.cells import MOST_RUNS
-from imu_allan.noise.record.extreme_values import count_ends, merge_ends
-from imu_allan.noise.record.near_zero import BINS, count_near_zero
+from imu_allan.noise.record.census import Census
 from imu_allan.noise.record.periodogram import BLOCK, Periodogram
 from imu_allan.noise.record.pyramid import Pyramid
+from imu_allan.noise.record.side_by_side import SideBySide
 from imu_allan.noise.record.signal_over_time import Signal
-from imu_allan.noise.record.steps import step_of
+from imu_allan.state import restored, State, state_of
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-State = dict[str, NDArray[np.generic]]
 
 CHUNK = 4 * BLOCK
 """Whole blocks of the spectrum, which numpy takes at once: 0.8 MB for six axes."""
-_RESOLUTION_SAMPLES = 65_536
-"""The least step of a coarse output shows in so many; to look on takes a tenth of the time."""
 
 
-@dataclass
-class _Counters:
-    samples: int = 0
-    bridged: int = 0
-    runs: int = 0
-    first: int = 0      # place of the first sample of the chunk that is being filled
-    held: int = 0       # samples in that chunk
-    resolved: int = 0   # samples that the search for a quantizer step has seen
-
-
-class Estimator:
+@dataclass(eq=False, repr=False)
+class Estimator(SideBySide):
     """
     Streaming estimator of several axes in constant memory.
 
@@ -56,6 +44,16 @@ class Estimator:
     ----------
     samples, bridged : int
         Samples taken in, and how many of them stand in for missing ones.
+    reference : ndarray, shape (axes,), or None
+        The first sample, which is subtracted from all.
+    pyramid, periodogram, signal, census, bridge_sums
+        What is kept of them.
+    chunk : ndarray, shape (axes, CHUNK)
+        Samples held back, `held` of them.
+    stand_ins : list of int
+        Rows of the chunk that stand in for missing samples, rising.
+    run, first : int
+        The run that is being taken in, and the place of the first sample of the chunk in it.
 
     Examples
     --------
@@ -69,57 +67,49 @@ class Estimator:
 
     """
 
-    def __init__(self, axes: int = 1) -> None:
-        if axes < 1:
-            raise ValueError(f'axes must be at least 1, not {axes}')
-        self.axes = axes
-        self.pyramid = Pyramid(axes)
-        self.periodogram = Periodogram(axes)
-        self.signal = Signal(axes)
-        self._bridges = BridgeSums()
-        self.reference: Array | None = None
-        self.lowest = np.full(axes, np.inf)
-        self.highest = np.full(axes, -np.inf)
-        self.step = np.full(axes, np.inf)
-        self.at_ends = np.zeros((2, axes), dtype=np.int64)
-        self.at_zero = np.zeros(axes, dtype=np.int64)
-        self.near_zero = np.zeros((axes, BINS), dtype=np.int64)
-        self.alike = undecided(axes)
-        self._chunk = np.zeros((axes, CHUNK))
-        self._stand_ins: list[int] = []     # their places in the chunk, rising
-        self._n = _Counters()
+    axes: int = 1
+    samples: int = 0
+    bridged: int = 0
+    run: int = 0
+    first: int = 0
+    held: int = 0
+    reference: Array | None = None
+    stand_ins: list[int] = field(default_factory=list)
+    bridge_sums: BridgeSums = field(default_factory=BridgeSums)
+    pyramid: Pyramid = field(init=False)
+    periodogram: Periodogram = field(init=False)
+    signal: Signal = field(init=False)
+    census: Census = field(init=False)
+    chunk: Array = field(init=False)
 
-    @property
-    def samples(self) -> int:
-        """How many samples were taken in."""
-        return self._n.samples
-
-    @property
-    def bridged(self) -> int:
-        """How many of the samples stand in for missing ones."""
-        return self._n.bridged
+    def begin(self) -> None:
+        """Begin with nothing."""
+        self.pyramid, self.periodogram = Pyramid(self.axes), Periodogram(self.axes)
+        self.signal, self.census = Signal(self.axes), Census(self.axes)
+        self.chunk = np.zeros((self.axes, CHUNK))
 
     @property
     def bridges(self) -> Bridges:
         """Tell what the samples that stand in for missing ones do to noise."""
-        return self._bridges.bridges(self.bridged / max(self.samples, 1))
+        return self.bridge_sums.bridges(self.bridged / max(self.samples, 1))
 
     @property
     def measured(self) -> int:
         """How many of the samples the sensor gave."""
-        return self._n.samples - self._n.bridged
+        return self.samples - self.bridged
 
     @property
     def constant(self) -> NDArray[np.bool_]:
         """Whether each axis has given one value so far, shape (axes,)."""
         held = self._without_stand_ins()
-        return np.asarray(np.maximum(self.highest, held.max(axis=1, initial=-np.inf))
-                          <= np.minimum(self.lowest, held.min(axis=1, initial=np.inf)))
+        return np.asarray(
+            np.maximum(self.census.highest, held.max(axis=1, initial=-np.inf))
+            <= np.minimum(self.census.lowest, held.min(axis=1, initial=np.inf)))
 
     @property
     def next_place(self) -> tuple[int, int]:
         """Return the run that is being taken in, by number, and the place of its next sample."""
-        return self._n.runs, self._n.first + self._n.held
+        return self.run, self.first + self.held
 
     def update(self, samples: ArrayLike, bridged: Sequence[int] | NDArray[np.int64] = ()
                ) -> None:
@@ -158,18 +148,18 @@ class Estimator:
             self.reference = block[0].copy()
         start = 0
         while start < len(block):
-            take = min(CHUNK - self._n.held, len(block) - start)
+            take = min(CHUNK - self.held, len(block) - start)
             np.subtract(block[start:start + take].T, self.reference[:, None],
-                        out=self._chunk[:, self._n.held:self._n.held + take])
+                        out=self.chunk[:, self.held:self.held + take])
             if stand_ins:
                 low, high = (bisect_left(stand_ins, end) for end in (start, start + take))
-                self._stand_ins += [self._n.held + row - start for row in stand_ins[low:high]]
-            self._n.held += take
+                self.stand_ins += [self.held + row - start for row in stand_ins[low:high]]
+            self.held += take
             start += take
-            if self._n.held == CHUNK:
+            if self.held == CHUNK:
                 self._absorb()
-        self._n.samples += len(block)
-        self._n.bridged += len(stand_ins)
+        self.samples += len(block)
+        self.bridged += len(stand_ins)
 
     def skip(self, missing: int) -> None:
         """
@@ -186,37 +176,22 @@ class Estimator:
         self._absorb()
         self.pyramid.start_stretch()
         self.signal.skip(missing)
-        self._n.first += missing
+        self.first += missing
 
     def start_run(self) -> None:
         """Begin a new run, whose distance in time from the one before is unknown."""
         self._absorb()
         self.pyramid.start_stretch()
-        self._n.runs += 1
-        self._n.first = 0
-        if self._n.runs >= MOST_RUNS:
-            self._n.runs = self.periodogram.renumber_runs()
+        self.run += 1
+        self.first = 0
+        if self.run >= MOST_RUNS:
+            self.run = self.periodogram.renumber_runs()
 
     def finished(self) -> 'Estimator':
         """Return a copy in which all samples have reached the sums, ready to be fitted."""
         twin = self.copy()
         twin._absorb()
         twin.periodogram.finish()
-        return twin
-
-    def copy(self) -> 'Estimator':
-        """Return an independent copy."""
-        twin = Estimator.__new__(Estimator)
-        twin.axes = self.axes
-        twin.pyramid, twin.periodogram = self.pyramid.copy(), self.periodogram.copy()
-        twin.signal, twin._bridges = self.signal.copy(), self._bridges.copy()
-        twin.reference = None if self.reference is None else self.reference.copy()
-        twin.lowest, twin.highest = self.lowest.copy(), self.highest.copy()
-        twin.step, twin.at_ends = self.step.copy(), self.at_ends.copy()
-        twin.at_zero, twin.near_zero = self.at_zero.copy(), self.near_zero.copy()
-        twin.alike = self.alike.copy()
-        twin._chunk, twin._stand_ins = self._chunk.copy(), self._stand_ins.copy()
-        twin._n = _Counters(**vars(self._n))
         return twin
 
     def taken(self, axes: Sequence[int]) -> 'Estimator':
@@ -236,24 +211,23 @@ class Estimator:
         array([4.])
 
         """
-        twin, some = self.copy(), list(axes)
-        twin.axes = len(some)
-        for part in (twin.pyramid, twin.periodogram, twin.signal):
-            part.keep(some)
-        twin.reference = None if self.reference is None else self.reference[some]
-        twin.lowest, twin.highest = self.lowest[some], self.highest[some]
-        twin.step, twin._chunk = self.step[some], self._chunk[some]
-        twin.at_ends = self.at_ends[:, some]
-        twin.at_zero, twin.near_zero = self.at_zero[some], self.near_zero[some]
-        twin.alike = np.triu(self.alike[np.ix_(some, some)], 1)
+        twin = self.copy()
+        twin.keep(list(axes))
         return twin
+
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.axes, self.chunk = len(axes), self.chunk[axes]
+        self.reference = None if self.reference is None else self.reference[axes]
+        for part in (self.pyramid, self.periodogram, self.signal, self.census):
+            part.keep(axes)
 
     @property
     def mean(self) -> Array:
         """Mean of every axis over all samples, shape (axes,); NaN before the first."""
         if self.reference is None:
             return np.full(self.axes, np.nan)
-        held = self._chunk[:, :self._n.held]
+        held = self.chunk[:, :self.held]
         series = self.periodogram.series
         total = series.sums.sum(axis=1) + held.sum(axis=1)
         return np.asarray(self.reference + total / (series.counts.sum() + held.shape[1]))
@@ -282,50 +256,38 @@ class Estimator:
         self.signal.merge(theirs.signal, shift)
         theirs.periodogram.shift(shift)
         runs = theirs.periodogram.renumber_runs()
-        if self._n.runs + runs >= MOST_RUNS:
-            self._n.runs = self.periodogram.renumber_runs()
-        self.periodogram.merge(theirs.periodogram, self._n.runs)
+        if self.run + runs >= MOST_RUNS:
+            self.run = self.periodogram.renumber_runs()
+        self.periodogram.merge(theirs.periodogram, self.run)
         self.pyramid.merge(theirs.pyramid)
-        self._bridges.merge(theirs._bridges)
-        merge_ends((self.lowest, self.highest, self.at_ends),
-                   (theirs.lowest + shift, theirs.highest + shift, theirs.at_ends))
-        self.step = np.minimum(self.step, theirs.step)
-        self.at_zero += theirs.at_zero
-        self.near_zero += theirs.near_zero
-        self.alike &= theirs.alike
-        self._n.samples += theirs.samples
-        self._n.bridged += theirs.bridged
-        self._n.runs += runs
+        self.bridge_sums.merge(theirs.bridge_sums)
+        self.census.merge(theirs.census, shift)
+        self.samples += theirs.samples
+        self.bridged += theirs.bridged
+        self.run += runs
 
     def _absorb(self) -> None:
         """Bring the samples held back into the sums."""
-        n = self._n
-        if not n.held:
+        if not self.held:
             return
         assert self.reference is not None
-        rows, own = self._chunk[:, :n.held], self._without_stand_ins()
+        rows, own = self.chunk[:, :self.held], self._without_stand_ins()
         if own.shape[1]:
-            count_ends(own, self.lowest, self.highest, self.at_ends)
-            count_near_zero(own, self.reference, self.at_zero, self.near_zero)
-            narrow_down(own, self.reference, self.alike)
-            if n.resolved < _RESOLUTION_SAMPLES:
-                n.resolved += own.shape[1]
-                np.minimum(self.step, step_of(own), out=self.step)
-        self._bridges.add(self._stand_ins, n.held)
+            self.census.count(own, self.reference)
+        self.bridge_sums.add(self.stand_ins, self.held)
         self.pyramid.absorb(rows)
-        self.periodogram.absorb(rows, n.runs, n.first)
+        self.periodogram.absorb(rows, self.run, self.first)
         self.signal.absorb(rows)
-        n.first += n.held
-        n.held = 0
-        self._stand_ins = []
+        self.first += self.held
+        self.held, self.stand_ins = 0, []
 
     def _without_stand_ins(self) -> Array:
         """Return the samples held back that the sensor gave."""
-        held = self._chunk[:, :self._n.held]
-        if not self._stand_ins:
+        held = self.chunk[:, :self.held]
+        if not self.stand_ins:
             return held
-        own = np.ones(held.shape[1], dtype=np.bool_)
-        own[self._stand_ins] = False
+        own = np.ones(self.held, dtype=np.bool_)
+        own[self.stand_ins] = False
         # Taken, the rows stay contiguous, as what reads them wants; deleted, they do not.
         return held.take(np.flatnonzero(own), axis=1)
 
@@ -339,76 +301,39 @@ class Estimator:
             Read back by `from_state`; no object arrays, so that it can be stored without pickle.
 
         """
-        state: State = {
-            'counters': np.array(list(vars(self._n).values())),
-            'chunk': self._chunk[:, :self._n.held].copy(),
-            'stand_ins': np.array(self._stand_ins, dtype=np.int64),
-            'range': np.array([self.lowest, self.highest, self.step]),
-            'at_ends': self.at_ends.copy(),
-            'at_zero': self.at_zero.copy(),
-            'near_zero': self.near_zero.copy(),
-            'alike': self.alike.copy(),
-            'bridges': self._bridges.to_state(),
-        }
-        if self.reference is not None:
-            state['reference'] = self.reference
-        for name, part in (('pyramid', self.pyramid), ('periodogram', self.periodogram),
-                           ('signal', self.signal)):
-            state.update({f'{name}/{key}': value for key, value in part.to_state().items()})
-        return state
+        return state_of(self.without_room())
+
+    def without_room(self) -> 'Estimator':
+        """Return what is to be saved of it: of the chunk the samples that are there."""
+        twin = copy(self)
+        twin.chunk = self.chunk[:, :self.held]
+        return twin
 
     @classmethod
-    def from_state(cls, state: State) -> 'Estimator':
+    def from_state(cls, state: Mapping[str, NDArray[np.generic]]) -> 'Estimator':
         """
         Return the estimator that `to_state` described.
 
         Raises
         ------
-        KeyError, ValueError
+        KeyError, TypeError, ValueError
             If the state is not one of an estimator.
 
         """
-        def part(name: str) -> State:
-            return {key[len(name) + 1:]: value for key, value in state.items()
-                    if key.startswith(f'{name}/')}
+        return restored(cls, state)
 
-        chunk = np.array(state['chunk'], dtype=np.float64)
-        ranges = np.array(state['range'], dtype=np.float64)
-        # A state of an earlier release has no counts: they begin here, and are too low then.
-        at_ends, at_zero, near_zero = (
-            np.array(state.get(key, np.zeros(shape)), dtype=np.int64) for key, shape in (
-                ('at_ends', (2, len(chunk))), ('at_zero', len(chunk)),
-                ('near_zero', (len(chunk), BINS))))
-        alike = np.array(state.get('alike', np.zeros((len(chunk), len(chunk)))), dtype=np.int8)
-        # ... and does not tell which of the samples held back stand in for others.
-        stand_ins = np.array(state.get('stand_ins', []), dtype=np.int64)
-        counters = _Counters(*(int(value) for value in state['counters']))
-        if (chunk.ndim != 2 or chunk.shape[1] != counters.held or counters.held >= CHUNK
-                or ranges.shape != (3, len(chunk)) or at_ends.shape != (2, len(chunk))
-                or at_zero.shape != (len(chunk),) or near_zero.shape != (len(chunk), BINS)
-                or alike.shape != (len(chunk), len(chunk)) or stand_ins.ndim != 1
-                or np.any(np.diff(stand_ins, prepend=-1, append=counters.held) <= 0)
-                or any(np.any((counts < 0) | (counts > counters.samples))
-                       for counts in (at_ends, at_zero, near_zero))
-                or not 0 <= counters.runs < MOST_RUNS
-                or not 0 <= counters.bridged <= counters.samples):
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        parts = self.pyramid, self.periodogram, self.signal, self.census
+        if (any(part.axes != self.axes for part in parts)
+                or self.chunk.shape != (self.axes, self.held) or self.held >= CHUNK
+                or (self.reference is None) != (self.samples == 0)
+                or (self.reference is not None and self.reference.shape != (self.axes,))
+                or any(later <= one for one, later in pairwise(
+                    [-1, *self.stand_ins, self.held]))
+                or not 0 <= self.run < MOST_RUNS or not 0 <= self.bridged <= self.samples
+                or self.held > self.samples or self.first < 0):
             raise ValueError('arrays of the estimator do not fit together')
-        self = cls(len(chunk))
-        self._n = counters
-        self._chunk[:, :counters.held], self._stand_ins = chunk, stand_ins.tolist()
-        (self.lowest, self.highest, self.step), self.at_ends = ranges.copy(), at_ends
-        self.at_zero, self.near_zero, self.alike = at_zero, near_zero, alike
-        if 'reference' in state:
-            self.reference = np.array(state['reference'], dtype=np.float64)
-        if 'bridges' in state:
-            self._bridges = BridgeSums.from_state(state['bridges'])
-        elif self.bridged:
-            # ... nor in which pattern: most losses are random.
-            self._bridges = BridgeSums.at_random(self.bridged / self.samples, self.samples)
-        self.pyramid = Pyramid.from_state(part('pyramid'))
-        self.periodogram = Periodogram.from_state(part('periodogram'))
-        self.signal = Signal.from_state(part('signal'))
-        if not (self.axes == self.pyramid.sums.shape[1] == self.periodogram.axes
-                == self.signal.axes):
-            raise ValueError('arrays of the estimator do not fit together')
-        return self
+        chunk = self.chunk
+        self.chunk = np.zeros((self.axes, CHUNK))
+        self.chunk[:, :self.held] = chunk

@@ -14,7 +14,7 @@ block are independent of those of its neighbours for white noise and random walk
 flicker.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from imu_allan.noise.record.cells import (
@@ -30,6 +30,8 @@ from imu_allan.noise.record.cells import (
 )
 from imu_allan.noise.record.gaps import filled, Gaps, NO_GAPS, noise_through_gaps, without_islands
 from imu_allan.noise.record.segments import Segments
+from imu_allan.noise.record.side_by_side import SideBySide
+from imu_allan.state import Record
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
@@ -53,6 +55,10 @@ HIGHEST_OF_MEANS = 0.25
 """Of their own rate: means fold what is faster, the more the nearer to half of it."""
 _MAX_FILLED_SHARE = 0.5
 """Beyond, the lines over the gaps are most of the record; what they do to noise is known."""
+_LENGTHS = tuple(BLOCK >> octave for octave in range((BLOCK // SHORTEST).bit_length()))
+"""Of the blocks, from the longest to the shortest."""
+_COARSEST = 1 << 36
+"""Samples in a cell, beyond which thousands of runs are a few samples each: the oldest go."""
 
 
 @dataclass(frozen=True)
@@ -97,14 +103,55 @@ class SpectrumPiece:
         return 1 / (2 * self.length * self.step * dt)
 
 
-class BlockPower:
-    """Sums of squared DCT-II coefficients over blocks, by block length."""
+@dataclass(eq=False)
+class BlockSum(Record):
+    """
+    Sum over the blocks of one length.
 
-    def __init__(self, axes: int) -> None:
-        self.axes = axes
-        self.power: dict[int, Array] = {}
-        self.blocks: dict[int, int] = {}
-        self.excess: dict[int, float] = {}
+    Attributes
+    ----------
+    power : ndarray, shape (axes, length)
+        Sum of squared DCT-II coefficients.
+    blocks : int
+    excess : float
+        Sum over the blocks of the variance that half-full points add to white noise of 1.
+
+    """
+
+    power: Array
+    blocks: int = 0
+    excess: float = 0.0
+
+    @property
+    def gaps(self) -> Gaps:
+        """Tell what half-full points do to the white noise."""
+        return Gaps(0.0, np.full(self.power.shape[1], 1 + self.excess / self.blocks)
+                    ) if self.excess else NO_GAPS
+
+
+@dataclass(eq=False)
+class Stage(SideBySide):
+    """
+    Blocks of samples, or of means: one stage of the spectrum.
+
+    Attributes
+    ----------
+    sums : dict of int to BlockSum
+        By block length.
+    waiting : Cells
+        Means that make no whole block yet.
+
+    """
+
+    sums: dict[int, BlockSum] = field(default_factory=dict)
+    waiting: Cells = field(init=False)
+
+    def begin(self) -> None:
+        """Begin with nothing."""
+        self.waiting = no_cells(self.axes)
+
+    def _of(self, length: int) -> BlockSum:
+        return self.sums.setdefault(length, BlockSum(np.zeros((self.axes, length))))
 
     def add(self, rows: Array, variance: Array | None = None) -> list[tuple[int, int, Array]]:
         """
@@ -124,65 +171,34 @@ class BlockPower:
 
         """
         added = []
-        start, length = 0, BLOCK
-        while length >= SHORTEST:
+        start = 0
+        for length in _LENGTHS:
             count = (rows.shape[1] - start) // length
-            if count:
-                part = rows[:, start:start + count * length].reshape(self.axes, count, length)
-                coefficients = dct(part, norm='ortho')
-                power = np.einsum('ijk,ijk->ik', coefficients, coefficients)
-                if length in self.power:
-                    self.power[length] += power
-                    self.blocks[length] += count
-                else:
-                    self.power[length], self.blocks[length] = power.copy(), count
-                if variance is not None:
-                    more = variance[start:start + count * length] - 1
-                    self.excess[length] = self.excess.get(length, 0.0) + float(more.sum()) / length
-                added.append((length, count, power))
-                start += count * length
-            length //= 2
+            if not count:
+                continue
+            part = rows[:, start:start + count * length].reshape(self.axes, count, length)
+            coefficients = dct(part, norm='ortho')
+            power = np.einsum('ijk,ijk->ik', coefficients, coefficients)
+            own = self._of(length)
+            own.power += power
+            own.blocks += count
+            if variance is not None:
+                more = variance[start:start + count * length] - 1
+                own.excess += float(more.sum()) / length
+            added.append((length, count, power))
+            start += count * length
         return added
 
-    def copy(self) -> 'BlockPower':
-        """Return an independent copy."""
-        twin = BlockPower(self.axes)
-        twin.power = {length: power.copy() for length, power in self.power.items()}
-        twin.blocks, twin.excess = dict(self.blocks), dict(self.excess)
-        return twin
-
-    def keep(self, axes: list[int]) -> None:
-        """Let go of all other axes."""
-        self.axes = len(axes)
-        self.power = {length: power[axes] for length, power in self.power.items()}
-
-    def gaps(self, length: int) -> Gaps:
-        """Tell what half-full points do to the white noise in the blocks of one length."""
-        excess = self.excess.get(length, 0.0)
-        return (Gaps(0.0, np.full(length, 1 + excess / self.blocks[length])) if excess
-                else NO_GAPS)
-
-    def merge(self, other: 'BlockPower') -> None:
-        """Add the sums of another record."""
-        for length, power in other.power.items():
-            self.power[length] = self.power.get(length, 0) + power
-            self.blocks[length] = self.blocks.get(length, 0) + other.blocks[length]
-        for length, excess in other.excess.items():
-            self.excess[length] = self.excess.get(length, 0.0) + excess
-
-
-class MeansStage:
-    """Blocks of means: one slower stage of the spectrum."""
-
-    def __init__(self, axes: int) -> None:
-        self.power = BlockPower(axes)
-        self.waiting = no_cells(axes)
-
-    def add(self, cells: Cells, size: int) -> None:
+    def take(self, cells: Cells, size: int) -> None:
         """Add cells of `size` samples; the last one waits, since it may still grow."""
         self.waiting = joined(self.waiting, cells)
         if len(self.waiting) > BLOCK + SHORTEST:
             self._transform(size, all_of_it=False)
+
+    def finish(self, size: int) -> None:
+        """Transform what waits."""
+        if len(self.waiting):
+            self._transform(size, all_of_it=True)
 
     def _transform(self, size: int, *, all_of_it: bool) -> None:
         growing = self.waiting.take(slice(len(self.waiting) - (not all_of_it), None))
@@ -195,40 +211,65 @@ class MeansStage:
         cut = np.flatnonzero(np.diff(held.keys) > 1) + 1
         for begin, end in pairwise([0, *cut.tolist(), len(held)]):
             stretch = held.take(slice(begin, end))
-            points, variance = stretch.means, size / stretch.counts
-            if end < len(held) or all_of_it:
-                self.power.add(points, variance)
-            else:
+            whole = len(stretch)
+            if end == len(held) and not all_of_it:
                 # The stretch goes on: only whole blocks are taken now.
-                whole = points.shape[1] // BLOCK * BLOCK
-                self.power.add(points[:, :whole], variance[:whole])
-                rest = stretch.take(stretch.keys - stretch.keys[0] >= whole)
-                self.waiting = joined(rest, growing)
+                whole -= whole % BLOCK
+                self.waiting = joined(stretch.take(slice(whole, None)), growing)
+            self.add(stretch.means[:, :whole], (size / stretch.counts)[:whole])
 
-    def finish(self, size: int) -> None:
-        """Transform what waits."""
-        if len(self.waiting):
-            self._transform(size, all_of_it=True)
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.axes = len(axes)
+        self.waiting = replace(self.waiting, sums=self.waiting.sums[axes])
+        for own in self.sums.values():
+            own.power = own.power[axes]
+
+    def merge(self, other: 'Stage') -> None:
+        """Add the sums of another finished record."""
+        for length, theirs in other.sums.items():
+            own = self._of(length)
+            own.power += theirs.power
+            own.blocks += theirs.blocks
+            own.excess += theirs.excess
+
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        self.waiting.check(self.axes)
+        for length, own in self.sums.items():
+            if (length not in _LENGTHS or own.power.shape != (self.axes, length)
+                    or own.blocks < 1 or not 0 <= own.excess <= own.blocks):
+                raise ValueError(f'blocks of {length} points do not fit together')
 
 
-class Periodogram:
+@dataclass(eq=False)
+class Periodogram(SideBySide):
     """
     The spectrum of several axes, block by block.
 
-    Parameters
+    Attributes
     ----------
-    axes : int
+    cell : int
+        Samples in a cell of the series.
+    samples : int
+    stages : list of Stage
+        The first of samples, the others of means.
+    series : Cells
+        The whole record.
+    segments : Segments
 
     """
 
-    def __init__(self, axes: int) -> None:
-        self.axes = axes
-        self.power = BlockPower(axes)
-        self.means: list[MeansStage] = []
-        self.series = no_cells(axes)
-        self.segments = Segments(axes)
-        self.cell = 1
-        self.samples = 0
+    cell: int = 1
+    samples: int = 0
+    stages: list[Stage] = field(init=False)
+    series: Cells = field(init=False)
+    segments: Segments = field(init=False)
+
+    def begin(self) -> None:
+        """Begin with nothing."""
+        self.stages, self.series = [Stage(self.axes)], no_cells(self.axes)
+        self.segments = Segments(self.axes)
 
     def absorb(self, rows: Array, run: int, first: int) -> None:
         """
@@ -245,39 +286,40 @@ class Periodogram:
 
         """
         self.samples += rows.shape[1]
-        self.segments.absorb(rows, self.power.add(rows))
+        self.segments.absorb(rows, self.stages[0].add(rows))
         cells = cells_of(rows, run, first, 2**STAGE_OCTAVES)
         octaves = self.cell.bit_length() - 1 - STAGE_OCTAVES
         self.series = joined(self.series, coarser(cells, octaves) if octaves >= 0 else
                              cells_of(rows, run, first, self.cell))
-        while len(self.series) > SERIES:
-            if self.cell > 1 << 36:
-                # Thousands of runs of a few samples each: the oldest go.
-                self.series = self.series.take(slice(-SERIES, None))
-                break
-            self.series = coarser(self.series, 1)
-            self.cell *= 2
-        for stage in range(_MAX_STAGES - 1):
-            if stage == len(self.means):
+        self._bound_series()
+        for number in range(1, _MAX_STAGES):
+            if number == len(self.stages):
                 # The stage is needed once the series is coarser than its points.
                 if self.samples < SERIES // 2:
                     break
-                self.means.append(MeansStage(self.axes))
-            self.means[stage].add(cells, 2**(STAGE_OCTAVES * (stage + 1)))
+                self.stages.append(Stage(self.axes))
+            self.stages[number].take(cells, 2**(STAGE_OCTAVES * number))
             cells = coarser(cells, STAGE_OCTAVES)
+
+    def _bound_series(self) -> None:
+        """Make the cells larger until they are few enough."""
+        while len(self.series) > SERIES and self.cell <= _COARSEST:
+            self.series = coarser(self.series, 1)
+            self.cell *= 2
+        self.series = self.series.take(slice(-SERIES, None))
 
     def renumber_runs(self) -> int:
         """Give the runs numbers without holes; return how many numbers that takes at most."""
         self.series, most = renumbered(self.series)
-        for stage in self.means:
+        for stage in self.stages:
             stage.waiting, count = renumbered(stage.waiting)
             most = max(most, count)
         return most
 
     def finish(self) -> None:
         """Transform what waits in every stage: the record has ended."""
-        for i, stage in enumerate(self.means):
-            stage.finish(2**(STAGE_OCTAVES * (i + 1)))
+        for number, stage in enumerate(self.stages):
+            stage.finish(2**(STAGE_OCTAVES * number))
 
     def pieces(self) -> list[SpectrumPiece]:
         """
@@ -299,43 +341,27 @@ class Periodogram:
         if self.cell == 1:
             return found
         border = top / self.cell
-        stages = [self.power, *(stage.power for stage in self.means)]
-        for i in reversed(range(len(stages))):
+        for i, stage in reversed([*enumerate(self.stages)]):
             step = 2**(STAGE_OCTAVES * i)
             if step >= self.cell:
                 continue
-            low = max(border * step, _LOWEST if i + 1 < len(stages) else 0)
+            low = max(border * step, _LOWEST if i + 1 < len(self.stages) else 0)
             high = HIGHEST_OF_MEANS if i else 0.5
-            for length, power in sorted(stages[i].power.items(), reverse=True):
+            for length, own in sorted(stage.sums.items(), reverse=True):
                 # Never empty: `low` is at most an eighth, a block has at least 16 points.
                 first = max(1, int(np.ceil(2 * length * low)))
                 last = int(np.ceil(2 * length * high))
-                blocks = stages[i].blocks[length]
-                found.append(SpectrumPiece(step, length, blocks, first, last, power / blocks,
-                                           gaps=stages[i].gaps(length)))
+                found.append(SpectrumPiece(step, length, own.blocks, first, last,
+                                           own.power / own.blocks, gaps=own.gaps))
             border = max(border, _LOWEST / step)
         return found
-
-    def copy(self) -> 'Periodogram':
-        """Return an independent copy."""
-        twin = Periodogram(self.axes)
-        twin.power, twin.segments = self.power.copy(), self.segments.copy()
-        for stage in self.means:
-            copied = MeansStage(self.axes)
-            copied.power, copied.waiting = stage.power.copy(), stage.waiting
-            twin.means.append(copied)
-        twin.series, twin.cell, twin.samples = self.series, self.cell, self.samples
-        return twin
 
     def keep(self, axes: list[int]) -> None:
         """Let go of all other axes."""
         self.axes = len(axes)
-        self.power.keep(axes)
-        self.segments.keep(axes)
         self.series = replace(self.series, sums=self.series.sums[axes])
-        for stage in self.means:
-            stage.power.keep(axes)
-            stage.waiting = replace(stage.waiting, sums=stage.waiting.sums[axes])
+        for part in (self.segments, *self.stages):
+            part.keep(axes)
 
     def shift(self, values: Array) -> None:
         """Add a value to all samples of every axis, shape (axes,), of a finished record."""
@@ -349,80 +375,26 @@ class Periodogram:
 
     def merge(self, other: 'Periodogram', runs: int) -> None:
         """Add another finished record, whose runs are counted on from `runs`."""
-        self.power.merge(other.power)
         self.segments.merge(other.segments)
-        for i, stage in enumerate(other.means):
-            if i == len(self.means):
-                self.means.append(MeansStage(self.axes))
-            self.means[i].power.merge(stage.power)
+        self.stages += [Stage(self.axes) for _ in other.stages[len(self.stages):]]
+        for mine, theirs in zip(self.stages, other.stages, strict=False):
+            mine.merge(theirs)
         cell = max(self.cell, other.cell)
         octaves = cell.bit_length()
-        mine = coarser(self.series, octaves - self.cell.bit_length())
-        theirs = coarser(other.series, octaves - other.cell.bit_length())
-        self.series, self.cell = joined(mine, moved(theirs, runs)), cell
-        while len(self.series) > SERIES and self.cell <= 1 << 36:
-            self.series = coarser(self.series, 1)
-            self.cell *= 2
+        self.series = joined(
+            coarser(self.series, octaves - self.cell.bit_length()),
+            moved(coarser(other.series, octaves - other.cell.bit_length()), runs))
+        self.cell = cell
+        self._bound_series()
         self.samples += other.samples
 
-    def to_state(self) -> dict[str, NDArray[np.generic]]:
-        """Return the state as plain arrays."""
-        state: dict[str, NDArray[np.generic]] = {
-            'shape': np.array([self.axes, self.cell, self.samples, len(self.means)]),
-            **_cells_state('series', self.series),
-            **{f'segments/{key}': value for key, value in self.segments.to_state().items()},
-        }
-        for i, power in enumerate([self.power, *(stage.power for stage in self.means)]):
-            for length, sums in power.power.items():
-                state[f'power{i}/{length}'] = sums.copy()
-                state[f'blocks{i}/{length}'] = np.array(power.blocks[length])
-                state[f'excess{i}/{length}'] = np.array(power.excess.get(length, 0.0))
-        for i, stage in enumerate(self.means):
-            state.update(_cells_state(f'waiting{i}', stage.waiting))
-        return state
-
-    @classmethod
-    def from_state(cls, state: dict[str, NDArray[np.generic]]) -> 'Periodogram':
-        """
-        Return the periodogram that `to_state` described.
-
-        Raises
-        ------
-        KeyError, ValueError
-            If the state is not one of a periodogram.
-
-        """
-        axes, cell, samples, stages = (int(value) for value in state['shape'])
-        if not 1 <= axes <= 64 or cell < 1 or cell & (cell - 1) or not 0 <= stages < _MAX_STAGES:
-            raise ValueError('shape of the periodogram is out of range')
-        self = cls(axes)
-        self.cell, self.samples = cell, samples
-        self.series = _cells_from(state, 'series', axes)
-        self.segments = Segments.from_state({
-            key.partition('/')[2]: value for key, value in state.items()
-            if key.startswith('segments/')})
-        if len(self.segments.power) != axes:
-            raise ValueError('segments have the wrong shape')
-        self.means = [MeansStage(axes) for _ in range(stages)]
-        for i, stage in enumerate(self.means):
-            stage.waiting = _cells_from(state, f'waiting{i}', axes)
-        powers = [self.power, *(stage.power for stage in self.means)]
-        for key, value in state.items():
-            name, _, text = key.partition('/')
-            if not name.startswith('power') or not text:
-                continue
-            power, length = powers[int(name[5:])], int(text)
-            sums = np.array(value, dtype=np.float64)
-            if sums.shape != (axes, length) or length not in _LENGTHS:
-                raise ValueError(f'{key} has the wrong shape')
-            power.power[length] = sums
-            power.blocks[length] = int(state[f'blocks{name[5:]}/{length}'])
-            excess = float(state[f'excess{name[5:]}/{length}'])
-            if not 0 <= excess <= power.blocks[length]:
-                raise ValueError(f'excess{name[5:]}/{length} is out of range')
-            if excess:
-                power.excess[length] = excess
-        return self
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        self.series.check(self.axes)
+        if (self.cell < 1 or self.cell & (self.cell - 1)
+                or not 1 <= len(self.stages) <= _MAX_STAGES
+                or any(part.axes != self.axes for part in (self.segments, *self.stages))):
+            raise ValueError('parts of the spectrum do not fit together')
 
 
 def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
@@ -461,22 +433,3 @@ def unbroken(cells: Cells, size: int) -> list[tuple[Array, Gaps, int]]:
             widest = int(np.argmax(np.diff(part.keys))) + 1
             parts[:0] = [part.take(slice(None, widest)), part.take(slice(widest, None))]
     return found
-
-
-_LENGTHS = {2**i for i in range(SHORTEST.bit_length() - 1, BLOCK.bit_length())}
-
-
-def _cells_state(name: str, cells: Cells) -> dict[str, NDArray[np.generic]]:
-    return {f'{name}/keys': cells.keys, f'{name}/sums': cells.sums,
-            f'{name}/counts': cells.counts}
-
-
-def _cells_from(state: dict[str, NDArray[np.generic]], name: str, axes: int) -> Cells:
-    keys = np.array(state[f'{name}/keys'], dtype=np.int64)
-    sums = np.array(state[f'{name}/sums'], dtype=np.float64)
-    counts = np.array(state[f'{name}/counts'], dtype=np.int64)
-    if keys.ndim != 1 or sums.shape != (axes, len(keys)) or counts.shape != keys.shape:
-        raise ValueError(f'{name} has the wrong shape')
-    if np.any(np.diff(keys) <= 0) or np.any(counts < 1):
-        raise ValueError(f'{name} is out of order')
-    return Cells(keys, sums, counts)

@@ -16,6 +16,9 @@ D. A. Howe, D. W. Allan, J. A. Barnes, "Properties of signal sources and measure
 
 """
 
+from dataclasses import dataclass, field
+
+from imu_allan.noise.record.side_by_side import SideBySide
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,14 +35,10 @@ _MAX_STAGES = 48
 """2**48 samples: 8,900 years at 1 kHz. Bounds what a state file may claim."""
 
 
-class Pyramid:
+@dataclass(eq=False)
+class Pyramid(SideBySide):
     """
     Octave sums of squared second differences of several axes.
-
-    Parameters
-    ----------
-    axes : int
-        How many axes are kept side by side.
 
     Attributes
     ----------
@@ -48,23 +47,32 @@ class Pyramid:
         sample units.
     counts : ndarray of int64, shape (octaves,)
         How many differences each sum holds.
+    newest : ndarray, shape (axes, n)
+        The last samples.
+    odd : list of int
+        Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd.
+    tails : list of ndarray, shape (axes, n)
+        Of the stages behind: the last sums.
 
     """
 
-    def __init__(self, axes: int) -> None:
-        self.sums: Array = np.zeros((OVERLAP_OCTAVE + 1, axes))
-        self.counts: NDArray[np.int64] = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
-        self._newest: Array = np.zeros((axes, 0))   # the last samples
-        # Of sums of `OVERLAP` samples, and of every stage behind: whether their number is odd,
-        # and of those behind the last ones.
-        self._odd: list[int] = [0]
-        self._tails: list[Array] = []
-        self._work: Array = np.empty((3, axes, 0))
+    sums: Array = field(init=False)
+    counts: NDArray[np.int64] = field(init=False)
+    newest: Array = field(init=False)
+    odd: list[int] = field(init=False)
+    tails: list[Array] = field(init=False)
+
+    def begin(self) -> None:
+        """Begin with nothing."""
+        self.sums = np.zeros((OVERLAP_OCTAVE + 1, self.axes))
+        self.counts = np.zeros(OVERLAP_OCTAVE + 1, dtype=np.int64)
+        self.newest, self.odd, self.tails = np.zeros((self.axes, 0)), [0], []
+        self._work = np.empty((3, self.axes, 0))
 
     def start_stretch(self) -> None:
         """Forget the last samples: no difference is taken across this point."""
-        self._newest = np.zeros((self.sums.shape[1], 0))
-        self._tails, self._odd = [self._newest] * len(self._tails), [0] * len(self._odd)
+        self.newest = np.zeros((self.axes, 0))
+        self.tails, self.odd = [self.newest] * len(self.tails), [0] * len(self.odd)
 
     def absorb(self, rows: Array) -> None:
         """
@@ -76,12 +84,15 @@ class Pyramid:
             In the unit of a sample.
 
         """
-        known, n = self._newest.shape[1], rows.shape[1]
-        # What is read lies in one of the last two arrays, what is written in the other.
-        room = self._room(known + n)
+        known, n = self.newest.shape[1], rows.shape[1]
+        # Memory that is used again takes a third of the time off. What is read lies in one of the
+        # last two arrays, what is written in the other.
+        if self._work.shape[2] < known + n:
+            self._work = np.empty((3, self.axes, known + n))
+        room = self._work
         window = room[2][:, :known + n]
-        window[:, :known], window[:, known:] = self._newest, rows
-        self._newest = window[:, -_TAIL:].copy()
+        window[:, :known], window[:, known:] = self.newest, rows
+        self.newest = window[:, -_TAIL:].copy()
         for octave in range(OVERLAP_OCTAVE):
             m = 2**octave
             # Differences that end at a sample already seen have been counted.
@@ -93,19 +104,16 @@ class Pyramid:
             known, end = track.shape[1] - new, max(track.shape[1] - OVERLAP, 0)
             first = end - self._add(OVERLAP_OCTAVE + stage, track, OVERLAP, new)
             # Every other pair, counted from the beginning of the stretch.
-            every = slice(first + (self._odd[stage] + known + first) % 2, end, 2)
-            low, high = track[:, every], track[:, OVERLAP:][:, every]
-            self._odd[stage] = (self._odd[stage] + new) % 2
-            new = low.shape[1]
+            every = slice(first + (self.odd[stage] + known + first) % 2, end, 2)
+            sums = track[:, every] + track[:, OVERLAP:][:, every]
+            self.odd[stage] = (self.odd[stage] + new) % 2
+            new = sums.shape[1]
             if not new:
                 break
-            if stage == len(self._tails):
+            if stage == len(self.tails):
                 self._grow(stage + 1)
-            known = self._tails[stage].shape[1]
-            track = room[2 - stage % 2][:, :known + new]
-            track[:, :known] = self._tails[stage]
-            np.add(low, high, out=track[:, known:])
-            self._tails[stage] = track[:, -OVERLAP:].copy()
+            track = np.concatenate((self.tails[stage], sums), axis=1)
+            self.tails[stage] = track[:, -OVERLAP:].copy()
 
     def _add(self, octave: int, track: Array, apart: int, new: int) -> int:
         """Add the differences of values `apart` that end at one of the `new` last; count them."""
@@ -118,83 +126,37 @@ class Pyramid:
             self.counts[octave] += new
         return new
 
-    def _room(self, length: int) -> Array:
-        """Return working memory for differences, sums, and the sums made of them."""
-        if self._work.shape[2] < length:
-            self._work = np.empty((3, self.sums.shape[1], length))
-        return self._work
-
     def _grow(self, stages: int) -> None:
         """Make room for more stages."""
-        axes, more = self.sums.shape[1], stages - len(self._tails)
-        self._tails += [np.zeros((axes, 0))] * more
-        self._odd += [0] * more
-        self.sums = np.concatenate((self.sums, np.zeros((more, axes))))
+        more = max(stages - len(self.tails), 0)
+        self.tails += [np.zeros((self.axes, 0))] * more
+        self.odd += [0] * more
+        self.sums = np.concatenate((self.sums, np.zeros((more, self.axes))))
         self.counts = np.append(self.counts, np.zeros(more, dtype=np.int64))
-
-    def copy(self) -> 'Pyramid':
-        """Return an independent copy."""
-        twin = Pyramid.__new__(Pyramid)
-        twin.sums, twin.counts, twin._newest = self.sums.copy(), self.counts.copy(), self._newest
-        twin._tails, twin._odd = list(self._tails), list(self._odd)
-        twin._work = self._work[:, :, :0]
-        return twin
 
     def keep(self, axes: list[int]) -> None:
         """Let go of all other axes."""
-        self.sums, self._newest = self.sums[:, axes], self._newest[axes]
-        self._tails = [tail[axes] for tail in self._tails]
-        self._work = np.empty((3, len(axes), 0))
+        self.axes, self.sums, self.newest = len(axes), self.sums[:, axes], self.newest[axes]
+        self.tails = [tail[axes] for tail in self.tails]
+        self._work = np.empty((3, self.axes, 0))
 
     def merge(self, other: 'Pyramid') -> None:
         """Add the sums of another record of the same axes."""
-        self._grow(max(len(self._tails), len(other._tails)))
+        self._grow(len(other.tails))
         octaves = len(other.counts)
         self.sums[:octaves] += other.sums
         self.counts[:octaves] += other.counts
         self.start_stretch()
 
-    def to_state(self) -> dict[str, NDArray[np.generic]]:
-        """Return the state as plain arrays."""
-        tails = np.zeros((len(self._tails), self.sums.shape[1], OVERLAP))
-        for padded, tail in zip(tails, self._tails, strict=True):
-            padded[:, :tail.shape[1]] = tail
-        return {
-            'sums': self.sums.copy(), 'counts': self.counts.copy(), 'newest': self._newest,
-            'odd': np.array(self._odd), 'clusters': tails,
-            'lengths': np.array([tail.shape[1] for tail in self._tails], dtype=np.int64),
-        }
-
-    @classmethod
-    def from_state(cls, state: dict[str, NDArray[np.generic]]) -> 'Pyramid':
-        """
-        Return the pyramid that `to_state` described.
-
-        Raises
-        ------
-        KeyError, ValueError
-            If the state is not one of a pyramid.
-
-        """
-        self = cls.__new__(cls)
-        self.sums = np.array(state['sums'], dtype=np.float64)
-        self.counts = np.array(state['counts'], dtype=np.int64)
-        self._newest = np.array(state['newest'], dtype=np.float64)
-        tails = np.array(state['clusters'], dtype=np.float64)
-        lengths = np.array(state['lengths'], dtype=np.int64)
-        odd = np.array(state['odd'], dtype=np.int64)
-        stages, axes = len(lengths), self.sums.shape[-1]
-        if (self.sums.shape != (OVERLAP_OCTAVE + 1 + stages, axes) or stages >= _MAX_STAGES
-                or self.counts.shape != self.sums.shape[:1]
-                or self._newest.ndim != 2 or len(self._newest) != axes
-                or self._newest.shape[1] > _TAIL or tails.shape != (stages, axes, OVERLAP)
-                or lengths.shape != (stages,) or np.any((lengths < 0) | (lengths > OVERLAP))
-                or odd.shape != (stages + 1,) or np.any((odd < 0) | (odd > 1))):
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        stages = len(self.tails)
+        if (stages >= _MAX_STAGES or self.sums.shape != (OVERLAP_OCTAVE + 1 + stages, self.axes)
+                or self.counts.shape != self.sums.shape[:1] or len(self.odd) != stages + 1
+                or not {0, 1}.issuperset(self.odd)
+                or any(part.shape != (self.axes, min(part.shape[-1], most)) for part, most in (
+                    (self.newest, _TAIL), *((tail, OVERLAP) for tail in self.tails)))):
             raise ValueError('arrays of the pyramid do not fit together')
-        self._tails = [tail[:, :n].copy() for tail, n in zip(tails, lengths, strict=True)]
-        self._odd = odd.tolist()
-        self._work = np.empty((3, axes, 0))
-        return self
 
 
 def _square_sums(rows: Array) -> Array:

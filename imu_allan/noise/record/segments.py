@@ -10,15 +10,16 @@ and its cells are shared out among the segments when somebody asks.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
+from imu_allan.noise.record.side_by_side import SideBySide
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
 Array = NDArray[np.float64]
-State = dict[str, NDArray[np.generic]]
 
 SEGMENTS = 16
 """Most segments: halves and quarters of a record are whole segments, and each still has many
@@ -88,14 +89,10 @@ def layout(length: int, step: int) -> Layout:
     return Layout(first, last, starts, band[starts], np.diff(np.append(starts, len(band))))
 
 
-class Segments:
+@dataclass(eq=False)
+class Segments(SideBySide):
     """
     Power by segment and band.
-
-    Parameters
-    ----------
-    axes : int
-        How many axes are kept side by side.
 
     Attributes
     ----------
@@ -110,11 +107,15 @@ class Segments:
 
     """
 
-    def __init__(self, axes: int) -> None:
-        self.width = SHORTEST_SEGMENT
-        self.samples = 0
-        self.power = np.zeros((axes, SEGMENTS, _BANDS))
-        self.dof: NDArray[np.int64] = np.zeros((SEGMENTS, _BANDS), np.int64)
+    width: int = SHORTEST_SEGMENT
+    samples: int = 0
+    power: Array = field(init=False)
+    dof: NDArray[np.int64] = field(init=False)
+
+    def begin(self) -> None:
+        """Begin with nothing."""
+        self.power = np.zeros((self.axes, SEGMENTS, _BANDS))
+        self.dof = np.zeros((SEGMENTS, _BANDS), np.int64)
 
     @property
     def used(self) -> int:
@@ -153,8 +154,7 @@ class Segments:
     def _widen(self) -> None:
         """Add neighbouring segments in pairs."""
         half = SEGMENTS // 2
-        axes = len(self.power)
-        power = self.power.reshape(axes, half, 2, _BANDS).sum(axis=2)
+        power = self.power.reshape(self.axes, half, 2, _BANDS).sum(axis=2)
         self.power = np.concatenate((power, np.zeros_like(power)), axis=1)
         dof = self.dof.reshape(half, 2, _BANDS).sum(axis=1)
         self.dof = np.concatenate((dof, np.zeros_like(dof)))
@@ -176,41 +176,14 @@ class Segments:
             self.dof[at] += theirs.dof[number]
         self.samples += theirs.samples
 
-    def copy(self) -> 'Segments':
-        """Return an independent copy."""
-        twin = Segments(len(self.power))
-        twin.width, twin.samples = self.width, self.samples
-        twin.power, twin.dof = self.power.copy(), self.dof.copy()
-        return twin
-
     def keep(self, axes: list[int]) -> None:
         """Let go of all other axes."""
-        self.power = self.power[axes]
+        self.axes, self.power = len(axes), self.power[axes]
 
-    def to_state(self) -> State:
-        """Return the state as plain arrays."""
-        return {'shape': np.array([self.width, self.samples]), 'power': self.power.copy(),
-                'dof': self.dof.copy()}
-
-    @classmethod
-    def from_state(cls, state: State) -> 'Segments':
-        """
-        Return the segments that `to_state` described.
-
-        Raises
-        ------
-        KeyError, ValueError
-            If the state is not one of segments.
-
-        """
-        width, samples = (int(value) for value in state['shape'])
-        power = np.array(state['power'], dtype=np.float64)
-        dof = np.array(state['dof'], dtype=np.int64)
-        if power.shape[1:] != dof.shape or dof.shape != (SEGMENTS, _BANDS):
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        if (self.power.shape != (self.axes, SEGMENTS, _BANDS)
+                or self.dof.shape != (SEGMENTS, _BANDS) or (self.dof < 0).any()
+                or self.width < SHORTEST_SEGMENT or self.width & (self.width - 1)
+                or not 0 <= self.samples <= SEGMENTS * self.width):
             raise ValueError('arrays of the segments do not fit together')
-        if width < SHORTEST_SEGMENT or width & (width - 1) or not (
-                0 <= samples <= SEGMENTS * width) or (dof < 0).any():
-            raise ValueError('counts of the segments do not fit together')
-        self = cls(len(power))
-        self.width, self.samples, self.power, self.dof = width, samples, power, dof
-        return self

@@ -8,13 +8,14 @@ are merged in pairs and the width doubles, so that a second and a month cost the
 borders of the columns lie depends on the places alone and not on how the samples arrived.
 """
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from imu_allan.noise.record.side_by_side import SideBySide
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-State = dict[str, NDArray[np.generic]]
 
 COLUMNS = 512
 """Most columns: finer than a figure across a page shows, and 60 KB of JSON for six axes."""
@@ -100,34 +101,40 @@ def stood_still(columns: Columns, axis: int) -> tuple[int, int] | None:
     return first * columns.width, (int(known[last]) + 1 - first) * columns.width
 
 
-class Signal:
+@dataclass(eq=False)
+class Signal(SideBySide):
     """
     Lowest, mean and highest value of several axes over time.
 
-    Parameters
+    Attributes
     ----------
-    axes : int
-        How many axes are kept side by side.
+    width : int
+        Places of the grid to a column.
+    place : int
+        Of the next sample.
+    counts : ndarray of int64, shape (COLUMNS,)
+        Samples in each column.
+    sums, low, high : ndarray, shape (axes, COLUMNS)
+        Of them; merging columns needs nothing else.
 
     """
 
-    def __init__(self, axes: int) -> None:
-        self._width = 1
-        self._place = 0     # of the next sample
-        self._counts: NDArray[np.int64] = np.zeros(COLUMNS, dtype=np.int64)
-        # Sums, lows and highs; merging columns needs nothing else.
-        self._sums: Array = np.zeros((axes, COLUMNS))
-        self._low: Array = np.full((axes, COLUMNS), np.inf)
-        self._high: Array = np.full((axes, COLUMNS), -np.inf)
+    width: int = 1
+    place: int = 0
+    counts: NDArray[np.int64] = field(init=False)
+    sums: Array = field(init=False)
+    low: Array = field(init=False)
+    high: Array = field(init=False)
 
-    @property
-    def axes(self) -> int:
-        """How many axes are kept."""
-        return len(self._sums)
+    def begin(self) -> None:
+        """Begin with nothing."""
+        self.counts = np.zeros(COLUMNS, dtype=np.int64)
+        self.sums = np.zeros((self.axes, COLUMNS))
+        self.low, self.high = self.sums + np.inf, self.sums - np.inf
 
     def skip(self, places: int) -> None:
         """Leave `places` of the grid empty."""
-        self._place += places
+        self.place += places
 
     def absorb(self, rows: Array) -> None:
         """
@@ -140,35 +147,35 @@ class Signal:
 
         """
         n = rows.shape[1]
-        while self._place + n > COLUMNS * self._width:
+        while self.place + n > COLUMNS * self.width:
             self._widen()
         begin = 0
         while begin < n:
-            column, inside = divmod(self._place, self._width)
-            whole = (n - begin) // self._width
+            column, inside = divmod(self.place, self.width)
+            whole = (n - begin) // self.width
             if inside or not whole:
-                take, whole = min(self._width - inside, n - begin), 1
+                take, whole = min(self.width - inside, n - begin), 1
             else:
-                take = whole * self._width
+                take = whole * self.width
             part = rows[:, begin:begin + take].reshape(self.axes, whole, -1)
             here = slice(column, column + whole)
-            self._counts[here] += take // whole
-            self._sums[:, here] += part.sum(axis=2)
-            np.minimum(self._low[:, here], part.min(axis=2), out=self._low[:, here])
-            np.maximum(self._high[:, here], part.max(axis=2), out=self._high[:, here])
-            self._place += take
+            self.counts[here] += take // whole
+            self.sums[:, here] += part.sum(axis=2)
+            np.minimum(self.low[:, here], part.min(axis=2), out=self.low[:, here])
+            np.maximum(self.high[:, here], part.max(axis=2), out=self.high[:, here])
+            self.place += take
             begin += take
 
     def columns(self) -> Columns:
         """Return the columns up to the last sample."""
-        used = int(np.flatnonzero(self._counts)[-1]) + 1 if self._counts.any() else 0
-        counts = self._counts[:used]
+        used = int(np.flatnonzero(self.counts)[-1]) + 1 if self.counts.any() else 0
+        counts = self.counts[:used]
         empty = counts == 0
-        low, high = self._low[:, :used].copy(), self._high[:, :used].copy()
+        low, high = self.low[:, :used].copy(), self.high[:, :used].copy()
         low[:, empty] = high[:, empty] = np.nan
-        mean = self._sums[:, :used] / np.where(empty, 1, counts)
+        mean = self.sums[:, :used] / np.where(empty, 1, counts)
         mean[:, empty] = np.nan
-        return Columns(self._width, counts.copy(), low, mean, high)
+        return Columns(self.width, counts.copy(), low, mean, high)
 
     def merge(self, other: 'Signal', shift: Array) -> None:
         """
@@ -183,69 +190,41 @@ class Signal:
 
         """
         theirs = other.copy()
-        while self._width < theirs._width:
+        while self.width < theirs.width:
             self._widen()
-        while theirs._width < self._width:
+        while theirs.width < self.width:
             theirs._widen()
-        while -(-self._place // self._width) + -(-theirs._place // theirs._width) > COLUMNS:
+        while -(-self.place // self.width) + -(-theirs.place // theirs.width) > COLUMNS:
             self._widen()
             theirs._widen()
-        begin, count = -(-self._place // self._width), -(-theirs._place // theirs._width)
+        begin, count = -(-self.place // self.width), -(-theirs.place // theirs.width)
         there = slice(begin, begin + count)
-        self._counts[there] = theirs._counts[:count]
-        self._sums[:, there] = theirs._sums[:, :count] + shift[:, None] * theirs._counts[:count]
-        self._low[:, there] = theirs._low[:, :count] + shift[:, None]
-        self._high[:, there] = theirs._high[:, :count] + shift[:, None]
-        self._place = begin * self._width + theirs._place
+        self.counts[there] = theirs.counts[:count]
+        self.sums[:, there] = theirs.sums[:, :count] + shift[:, None] * theirs.counts[:count]
+        self.low[:, there] = theirs.low[:, :count] + shift[:, None]
+        self.high[:, there] = theirs.high[:, :count] + shift[:, None]
+        self.place = begin * self.width + theirs.place
 
     def keep(self, axes: list[int]) -> None:
         """Let go of all other axes."""
-        self._sums, self._low, self._high = self._sums[axes], self._low[axes], self._high[axes]
+        self.axes = len(axes)
+        self.sums, self.low, self.high = self.sums[axes], self.low[axes], self.high[axes]
 
-    def copy(self) -> 'Signal':
-        """Return an independent copy."""
-        return Signal.from_state(self.to_state())
-
-    def to_state(self) -> State:
-        """Return the state as plain arrays."""
-        return {'places': np.array([self._width, self._place]), 'counts': self._counts.copy(),
-                'sums': self._sums.copy(), 'low': self._low.copy(), 'high': self._high.copy()}
-
-    @classmethod
-    def from_state(cls, state: State) -> 'Signal':
-        """
-        Return the signal that `to_state` described.
-
-        Raises
-        ------
-        KeyError, ValueError
-            If the state is not one of a signal.
-
-        """
-        sums = np.array(state['sums'], dtype=np.float64)
-        low = np.array(state['low'], dtype=np.float64)
-        high = np.array(state['high'], dtype=np.float64)
-        counts = np.array(state['counts'], dtype=np.int64)
-        places = np.array(state['places'], dtype=np.int64)
-        if (sums.ndim != 2 or not sums.shape == low.shape == high.shape == (len(sums), COLUMNS)
-                or counts.shape != (COLUMNS,) or places.shape != (2,)):
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        if (any(part.shape != (self.axes, COLUMNS) for part in (self.sums, self.low, self.high))
+                or self.counts.shape != (COLUMNS,) or self.width < 1 or self.place < 0
+                or (self.counts < 0).any() or (self.counts > self.width).any()):
             raise ValueError('arrays of the signal do not fit together')
-        width, place = (int(value) for value in places)
-        if width < 1 or place < 0 or (counts < 0).any() or (counts > width).any():
-            raise ValueError('counts of the signal do not fit together')
-        self = cls(len(sums))
-        self._width, self._place = width, place
-        self._counts, self._sums, self._low, self._high = counts, sums, low, high
-        return self
 
     def _widen(self) -> None:
         """Merge neighbouring columns in pairs."""
         half = COLUMNS // 2
-        pairs = self._counts.reshape(half, 2).sum(axis=1)
-        self._counts = np.concatenate([pairs, np.zeros(half, dtype=np.int64)])
+        pairs = self.counts.reshape(half, 2).sum(axis=1)
+        self.counts = np.concatenate([pairs, np.zeros(half, dtype=np.int64)])
         shape = (self.axes, half, 2)
         room = np.zeros((self.axes, half))
-        self._sums = np.hstack([self._sums.reshape(shape).sum(axis=2), room])
-        self._low = np.hstack([self._low.reshape(shape).min(axis=2), room + np.inf])
-        self._high = np.hstack([self._high.reshape(shape).max(axis=2), room - np.inf])
-        self._width *= 2
+        self.sums = np.hstack([self.sums.reshape(shape).sum(axis=2), room])
+        self.low = np.hstack([self.low.reshape(shape).min(axis=2), room + np.inf])
+        self.high = np.hstack([self.high.reshape(shape).max(axis=2), room - np.inf])
+        self.width *= 2

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.axis_fit import fit_axes
 from imu_allan.noise.faults.deadband import deadband
+from imu_allan.noise.record.census import BINS_PER_OCTAVE, end_of_hole
 from imu_allan.noise.record.estimator import Estimator
-from imu_allan.noise.record.near_zero import BINS_PER_OCTAVE, end_of_hole
 import numpy as np
 import pytest
 
@@ -79,10 +79,10 @@ def test_zeros_are_counted_however_samples_arrive():
     merged.merge(shown(rows[9001:]))
     bits = bits.finished()
     for other in (bits, merged):
-        assert other.at_zero.tolist() == whole.at_zero.tolist()
-    assert bits.near_zero.tolist() == whole.near_zero.tolist()
-    upto = end_of_hole(whole.near_zero[0]) + BINS_PER_OCTAVE + 1
-    assert merged.near_zero[:, :upto].sum() == whole.near_zero[:, :upto].sum() > 0
+        assert other.census.zeros.tolist() == whole.census.zeros.tolist()
+    assert bits.census.sizes.tolist() == whole.census.sizes.tolist()
+    upto = end_of_hole(whole.census.sizes[0]) + BINS_PER_OCTAVE + 1
+    assert merged.census.sizes[:, :upto].sum() == whole.census.sizes[:, :upto].sum() > 0
     assert deadband(merged, 0).width == pytest.approx(1.0, rel=0.1)
 
 
@@ -90,13 +90,13 @@ def test_an_output_that_steps_is_looked_at_no_longer_than_it_takes():
     noise = 3 * np.random.default_rng(8).normal(size=400_000)
     stepped = shown(np.round(noise))
     assert deadband(stepped, 0) is None
-    assert stepped.at_zero[0] == np.count_nonzero(np.round(noise) == 0)
+    assert stepped.census.zeros[0] == np.count_nonzero(np.round(noise) == 0)
     ones = np.count_nonzero(np.abs(np.round(noise)) == 1)
-    assert 10_000 < stepped.near_zero[0].max() < 0.5 * ones
+    assert 10_000 < stepped.census.sizes[0].max() < 0.5 * ones
     # A deadband of two steps has values between one and two of its widths.
     narrow = shown(without_small(np.round(2 * noise) / 2, 1.0))
     assert deadband(narrow, 0).width == pytest.approx(1.0)
-    assert narrow.near_zero[0].max() > 0.5 * np.count_nonzero(np.abs(np.round(2 * noise)) == 2)
+    assert narrow.census.sizes[0].max() > 0.5 * np.count_nonzero(np.abs(np.round(2 * noise)) == 2)
 
 
 def test_an_axis_with_a_deadband_has_no_fit():

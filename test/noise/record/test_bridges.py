@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from repeated import combined
 from scipy.fft import dct
-from whole_lines import refused
 
 SAMPLES = 1024
 
@@ -96,20 +95,6 @@ def test_the_noise_density_of_a_record_with_stand_ins_is_right(pattern):
     assert sum(density.ci95[0] < 1.0 < density.ci95[1] for density in found) >= 5
 
 
-def test_a_state_of_an_earlier_release_is_taken_for_losses_at_random():
-    rng, estimator = np.random.default_rng(4), Estimator(axes=6)
-    for _ in range(24):
-        there = rng.random(SAMPLES) >= 0.3
-        there[[0, -1]] = True
-        estimator.update(with_stand_ins(rng.standard_normal((SAMPLES, 6)), there),
-                         np.flatnonzero(~there))
-    state = estimator.to_state()
-    del state['bridges']
-    for axis, _ in axis_results(Estimator.from_state(state), 1.0, [Quantity.ANGULAR_VELOCITY] * 6):
-        # As if none were missing it was a fifth too low.
-        assert axis.coefficients['noise_density'].value == pytest.approx(1.0, rel=0.03)
-
-
 def test_any_split_into_batches_and_a_state_between_give_the_same_sums():
     rng, there = np.random.default_rng(6), received(0.2)
     rows = with_stand_ins(rng.standard_normal((SAMPLES, 1)), there)
@@ -119,17 +104,7 @@ def test_any_split_into_batches_and_a_state_between_give_the_same_sums():
         for low, high in ((0, 1), (1, 300), (300, 997), (997, SAMPLES)):
             parts.update(rows[low:high], np.flatnonzero(~there[low:high]))
             parts = Estimator.from_state(parts.to_state())
-    np.testing.assert_array_equal(parts.to_state()['bridges'], whole.to_state()['bridges'])
-
-
-def test_sums_over_pairs_are_those_of_both_records_and_come_back_from_their_state():
-    one, other = (sums_of(received(share)) for share in (0.1, 0.4))
-    both = one.copy()
-    both.merge(other)
-    np.testing.assert_array_equal(both.to_state(), one.to_state() + other.to_state())
-    np.testing.assert_array_equal(BridgeSums.from_state(both.to_state()).to_state(),
-                                  both.to_state())
-    for damaged in (np.full((2, LAGS), np.nan), np.full((2, LAGS), np.inf), np.zeros((2, 3)),
-                    both.to_state()[::-1]):
-        with refused('sums over pairs of samples are out of range', ValueError):
-            BridgeSums.from_state(damaged)
+    expected = whole.finished().bridges.covariance
+    np.testing.assert_array_equal(parts.finished().bridges.covariance, expected)
+    parts.merge(whole)
+    np.testing.assert_array_equal(parts.bridges.covariance, expected)

@@ -1,6 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from itertools import pairwise
+import re
 
 from characterized import one_axis
 from hypothesis import given, settings, strategies as st
@@ -12,7 +13,6 @@ from imu_allan.noise.simulate import simulate
 from imu_allan.noise.terms import Quantity
 import numpy as np
 import pytest
-from whole_lines import refused, Varying
 
 SENSOR = {'noise_density': 1e-3, 'bias_instability': 3e-4, 'rate_random_walk': 5e-5}
 GYRO = [Quantity.ANGULAR_VELOCITY]
@@ -100,27 +100,13 @@ def test_sample_rate_only_stretches_time():
         np.sqrt(2) * fast.coefficients['noise_density'].value, rel=1e-4)
 
 
-def test_a_ramp_gives_exactly_its_allan_variance():
-    slope, rate = 0.25, 10.0
-    curve = characterize(slope * np.arange(20_000) / rate, rate).curve
-    tau = np.array(curve.tau_s)
-    np.testing.assert_allclose(curve.adev, slope * tau / np.sqrt(2), rtol=1e-6)
-
-
-def test_no_difference_is_taken_across_a_gap():
+@pytest.mark.parametrize('interrupt', [lambda estimator: estimator.skip(20), Estimator.start_run])
+def test_no_difference_is_taken_across_an_interruption(interrupt):
     # A step between two noiseless stretches would show if it were.
-    estimator = Estimator()
-    estimator.update(np.zeros(500))
-    estimator.skip(20)
-    estimator.update(np.ones(500))
-    np.testing.assert_array_equal(octaves(estimator.finished()).avar, 0)
-
-
-def test_new_run_keeps_runs_apart():
     estimator = Estimator()
     for level in (0.0, 5.0):
         estimator.update(np.full(3000, level))
-        estimator.start_run()
+        interrupt(estimator)
     assert not octaves(estimator.finished()).avar.any()
 
 
@@ -151,21 +137,6 @@ def test_merging_two_records_adds_their_information():
     assert np.diff(both) / np.diff(alone) == pytest.approx(np.sqrt(0.5), rel=0.25)
 
 
-def test_merged_curve_is_the_pooled_curve():
-    first, second = (simulate(SENSOR, 5_000, 100, seed) for seed in (11, 12))
-    one, other = Estimator(), Estimator()
-    one.update(first)
-    other.update(second)
-    together = Estimator()
-    together.update(first)
-    together.start_run()
-    together.update(second)
-    one.merge(other)
-    a, b = octaves(one.finished()), octaves(together.finished())
-    np.testing.assert_array_equal(a.count, b.count)
-    np.testing.assert_allclose(a.avar, b.avar, rtol=1e-9)
-
-
 def test_merged_records_and_what_follows_stay_apart():
     records = [simulate(SENSOR, 600, 100, seed)[:, None] for seed in range(5)]
     together, merged, second = Estimator(), Estimator(), Estimator()
@@ -189,6 +160,8 @@ def test_merged_records_and_what_follows_stay_apart():
                                b.periodogram.series.sums + b.reference[:, None])
     for one, other in zip(a.periodogram.pieces(), b.periodogram.pieces(), strict=True):
         np.testing.assert_allclose(one.power[:, 1:], other.power[:, 1:], rtol=1e-7)
+    np.testing.assert_array_equal(octaves(a).count, octaves(b).count)
+    np.testing.assert_allclose(octaves(a).avar, octaves(b).avar, rtol=1e-9)
     assert axis_results(merged, 100, GYRO)[0][0].mean == pytest.approx(np.mean(records))
 
 
@@ -198,9 +171,9 @@ def test_merged_records_about_different_levels_keep_what_each_saw():
     other.update([-3.0, -2.0, -3.0, -3.25])
     one.merge(other)
     finished = one.finished()
-    assert finished.reference + finished.lowest == pytest.approx([-3.25])
-    assert finished.reference + finished.highest == pytest.approx([5.5])
-    assert finished.step == pytest.approx([0.25])
+    assert finished.reference + finished.census.lowest == pytest.approx([-3.25])
+    assert finished.reference + finished.census.highest == pytest.approx([5.5])
+    assert finished.census.step == pytest.approx([0.25])
     assert finished.mean == pytest.approx([np.mean([5, 5, 5.5, 5, -3, -2, -3, -3.25])])
 
 
@@ -247,62 +220,56 @@ def test_thousands_of_tiny_runs_stay_bounded():
     assert estimator.samples == 18_000
 
 
-@pytest.mark.parametrize(('bad', 'wanted'), [
-    (np.zeros((3, 2)), 'have shape (n, 1), not (3, 2)'),
-    (np.zeros((2, 2, 2)), 'have shape (n, 1), not (2, 2, 2)'),
-    ([np.nan], 'be finite'), ([np.inf], 'be finite')])
-def test_samples_that_are_not_samples_are_refused(bad, wanted):
-    with refused(f'samples must {wanted}', ValueError):
-        Estimator().update(bad)
+@pytest.mark.parametrize('wrong', [
+    lambda: Estimator(0), lambda: Estimator().skip(-1), lambda: Estimator(2).merge(Estimator(3)),
+    *(lambda samples=samples: Estimator().update(samples) for samples in (
+        np.zeros((3, 2)), np.zeros((2, 2, 2)), [np.nan], [np.inf])),
+    *(lambda rows=rows: Estimator().update(np.ones(5), rows) for rows in (
+        [5], [-1], [3, 1], [1, 3, 2, 4], [2, 2]))])
+def test_what_an_estimator_cannot_do_is_refused(wrong):
+    with pytest.raises(ValueError, match=r'must|cannot'):
+        wrong()
 
 
-@pytest.mark.parametrize('axes', [1, 6])
-def test_state_of_any_number_of_axes_is_read_back(axes):
-    estimator = Estimator(axes)
-    estimator.update(np.random.default_rng(1).standard_normal((20_000, axes)))
-    same_state(Estimator.from_state(estimator.to_state()), estimator)
+DAMAGE = {
+    'pyramid/sums': [np.zeros(3), np.zeros((3, 2))],
+    'pyramid/tails/0': [np.zeros((2, 9)), np.zeros((1, 2)), np.zeros(2)],
+    'pyramid/counts': [np.zeros(2, int)],
+    'periodogram/series/keys': [lambda keys: keys[:-1], lambda keys: keys[::-1]],
+    'periodogram/series/sums': [lambda sums: sums[:, :-1]],
+    'periodogram/series/counts': [lambda counts: counts[:-1], lambda counts: counts * 0],
+    'periodogram/stages/0/sums/4096/power': [lambda power: power[:, :-1]],
+    'periodogram/segments/power': [lambda power: power[:, :-1]],
+    'periodogram/segments/dof': [lambda dof: -dof - 1],
+    'periodogram': ['"cell": 0', '"cell": 3', '"axes": 0', '"axes": 3', '"width": 16385',
+                    '"excess": 99.0', '"4095": {'],
+    'signal/counts': [np.zeros(3, int), lambda counts: counts * 99],
+    'signal/low': [np.zeros((3, 512))], 'signal': ['"width": 0'],
+    'bridge_sums/shared': [lambda sums: sums * np.nan, lambda sums: sums + np.inf],
+    'bridge_sums/pairs': [np.zeros(3), lambda pairs: pairs - pairs.max()],
+    'census/zeros': [lambda zeros: zeros - 1, lambda zeros: zeros + 10**6],
+    'census/sizes': [lambda sizes: sizes[:, 1:]],
+    'chunk': [np.zeros((3, 0)), lambda chunk: chunk[:, 1:]],
+    'reference': [np.zeros(3)], 'stand_ins': [np.array('[9, 9]'), np.array('[99999]')],
+    'run': [np.array('-1'), np.array(str(MOST_RUNS))], 'bridged': [np.array('99999')]}
 
 
-def test_foreign_state_is_refused():
-    state = Estimator(2).to_state()
-    state['chunk'] = np.zeros((3, 0))
-    with refused('arrays of the estimator do not fit together', ValueError):
+@pytest.mark.parametrize(('key', 'spoil'), [
+    (key, spoil) for key, ways in DAMAGE.items() for spoil in ways])
+def test_a_state_whose_parts_do_not_fit_is_refused(key, spoil):
+    estimator = lived(RECORD, 10_000)
+    estimator.update(np.ones((20, 2)), [3])
+    state = estimator.to_state()
+    before = state[key]
+    if isinstance(spoil, str):
+        field = re.escape(spoil.partition(':')[0]) if spoil[1].isalpha() else '"4096"'
+        text = re.sub(rf'{field}: ([\d.]+|{{)', spoil, str(before), count=1)
+        assert text != str(before)
+        state[key] = np.array(text)
+    else:
+        state[key] = spoil(before) if callable(spoil) else spoil
+    with pytest.raises((KeyError, TypeError, ValueError)):
         Estimator.from_state(state)
-
-
-@pytest.mark.parametrize(('part', 'values', 'complaint'), [
-    ('pyramid/sums', [np.zeros(3), np.zeros((3, 2))], 'arrays of the pyramid do not fit together'),
-    ('pyramid/lengths', [np.zeros((1, 3), int), np.array([[-1, 0]]), np.array([[0, 2]]),
-                         np.array([[99, 0]])], 'arrays of the pyramid do not fit together'),
-    ('pyramid/counts', [np.zeros(2, int)], 'arrays of the pyramid do not fit together'),
-    ('periodogram/shape', [np.array([0, 1, 0, 0]), np.array([2, 3, 0, 0]),
-                           np.array([2, 0, 0, 0]), np.array([2, 1, 0, 999])],
-     'shape of the periodogram is out of range')])
-def test_a_state_whose_arrays_do_not_fit_is_refused(part, values, complaint):
-    for value in values:
-        state = Estimator(2).to_state()
-        assert part in state
-        state[part] = value
-        with refused(complaint, ValueError):
-            Estimator.from_state(state)
-
-
-def test_parts_of_states_with_other_axes_are_refused():
-    state, other = Estimator(2).to_state(), Estimator(3).to_state()
-    for key in other:
-        if key.startswith('periodogram/'):
-            state[key] = other[key]
-    with refused('arrays of the estimator do not fit together', ValueError):
-        Estimator.from_state(state)
-
-
-def test_what_an_estimator_cannot_do_is_refused():
-    with refused('axes must be at least 1, not 0', ValueError):
-        Estimator(0)
-    with refused('missing must not be negative: -1', ValueError):
-        Estimator().skip(-1)
-    with refused('cannot merge 3 axes into 2', ValueError):
-        Estimator(2).merge(Estimator(3))
 
 
 def test_merging_with_nothing_changes_nothing():
@@ -315,22 +282,6 @@ def test_merging_with_nothing_changes_nothing():
         np.testing.assert_allclose(octaves(other.finished()).avar, expected.avar)
         np.testing.assert_array_equal(octaves(other.finished()).count, expected.count)
         np.testing.assert_allclose(other.mean, one.mean)
-
-
-@pytest.mark.parametrize(('part', 'spoil', 'complaint'), [
-    ('periodogram/series/keys', lambda keys: keys[:-1], 'series has the wrong shape'),
-    ('periodogram/series/sums', lambda sums: sums[:, :-1], 'series has the wrong shape'),
-    ('periodogram/series/counts', lambda counts: counts[:-1], 'series has the wrong shape'),
-    ('periodogram/series/keys', lambda keys: keys[::-1], 'series is out of order'),
-    ('periodogram/series/counts', lambda counts: counts * 0, 'series is out of order'),
-    ('power', lambda power: power[:, :-1], 'power0/<number> has the wrong shape')])
-def test_a_series_or_a_spectrum_that_does_not_fit_is_refused(part, spoil, complaint):
-    state = lived(RECORD).to_state()
-    key = part if part in state else next(
-        key for key in state if key.startswith(f'periodogram/{part}') and '/' in key[12:])
-    state[key] = spoil(state[key])
-    with refused(Varying(complaint), ValueError):
-        Estimator.from_state(state)
 
 
 def test_a_record_with_a_long_hole_gives_what_its_parts_give():
@@ -372,7 +323,10 @@ def test_some_of_the_axes_go_on_alone_as_if_they_had_always_been():
     state, expected = taken.finished().to_state(), alone.finished().to_state()
     assert state.keys() == expected.keys()
     for key, value in expected.items():
-        np.testing.assert_allclose(state[key], value, rtol=1e-12, err_msg=key)
+        if value.dtype.kind == 'U':
+            assert state[key] == value
+        else:
+            np.testing.assert_allclose(state[key], value, rtol=1e-12, err_msg=key)
     assert together.axes == 5
     assert together.samples == 40_000
 
@@ -393,10 +347,10 @@ def test_stand_ins_are_no_values_of_the_sensor_however_they_arrive():
     own = np.delete(samples, rows, axis=0)
     for one in (whole.finished(), bits.finished()):
         assert (one.samples, one.measured) == (len(samples), len(own))
-        assert np.array_equal(one.reference + one.lowest, own.min(axis=0))
-        assert np.array_equal(one.reference + one.highest, own.max(axis=0))
-        assert np.array_equal(one.at_zero, np.count_nonzero(own == 0, axis=0))
-        assert one.step.tolist() == [1.0, 1.0]
+        assert np.array_equal(one.reference + one.census.lowest, own.min(axis=0))
+        assert np.array_equal(one.reference + one.census.highest, own.max(axis=0))
+        assert np.array_equal(one.census.zeros, np.count_nonzero(own == 0, axis=0))
+        assert one.census.step.tolist() == [1.0, 1.0]
     assert {key: value.tobytes() for key, value in whole.to_state().items()} == {
         key: value.tobytes() for key, value in bits.to_state().items()}
 
@@ -404,7 +358,5 @@ def test_stand_ins_are_no_values_of_the_sensor_however_they_arrive():
 def test_nothing_but_stand_ins_is_no_range():
     estimator = Estimator()
     estimator.update(np.ones(5), range(5))
-    assert (estimator.finished().measured, estimator.finished().highest[0]) == (0, -np.inf)
-    for rows in ([5], [-1], [3, 1], [1, 3, 2, 4], [2, 2]):
-        with refused(f'bridged must be rising rows of the 5 samples, not {rows}', ValueError):
-            estimator.update(np.ones(5), rows)
+    finished = estimator.finished()
+    assert (finished.measured, finished.census.highest[0]) == (0, -np.inf)

@@ -9,7 +9,6 @@ from imu_allan.noise.record.segments import SEGMENTS, Segments, SHORTEST_SEGMENT
 from imu_allan.noise.simulate import simulate
 import numpy as np
 import pytest
-from whole_lines import refused
 
 SENSOR = {'noise_density': 1e-3, 'bias_instability': 1e-3, 'rate_random_walk': 1e-4}
 DT = 0.01
@@ -93,14 +92,3 @@ def test_merged_segments_stay_those_of_the_cells():
     assert segments.dof.sum() == pytest.approx(400_000, rel=0.01)
     assert sum(part_cells(one.periodogram, number, number + 1).counts.sum()
                for number in range(segments.used)) == 400_000
-
-
-@pytest.mark.parametrize(('part', 'spoil', 'what'), [
-    ('power', lambda power: power[:, :-1], 'arrays'), ('dof', lambda dof: -dof - 1, 'counts'),
-    ('shape', lambda shape: shape + 1, 'counts'),
-    ('shape', lambda shape: shape * [1, 100], 'counts')])
-def test_damaged_segments_are_refused(finished, part, spoil, what):
-    state = finished.segments.to_state()
-    assert Segments.from_state(state).to_state().keys() == state.keys()
-    with refused(f'{what} of the segments do not fit together', ValueError):
-        Segments.from_state({**state, part: spoil(state[part])})

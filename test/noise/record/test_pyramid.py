@@ -27,21 +27,3 @@ def test_every_octave_holds_the_differences_at_an_eighth_of_its_size(parts):
         expected = second_differences(RECORD, size, max(1, size // 8))
         assert count == expected.shape[1]
         np.testing.assert_allclose(pyramid.sums[octave], np.sum(expected**2, axis=1))
-
-
-def test_a_pyramid_read_back_goes_on_as_if_nothing_had_happened():
-    one = Pyramid(2)
-    one.absorb(RECORD[:, :333])
-    other = Pyramid.from_state(one.to_state())
-    for pyramid in (one, other):
-        pyramid.absorb(RECORD[:, 333:])
-    np.testing.assert_array_equal(one.sums, other.sums)
-    np.testing.assert_array_equal(one.counts, other.counts)
-
-
-def test_a_copy_leaves_the_original_alone():
-    one = Pyramid(2)
-    one.absorb(RECORD[:, :333])
-    before = one.sums.copy()
-    one.copy().absorb(RECORD[:, 333:])
-    np.testing.assert_array_equal(one.sums, before)

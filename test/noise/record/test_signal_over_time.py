@@ -8,7 +8,6 @@ from imu_allan.noise.record.estimator import Estimator
 from imu_allan.noise.record.signal_over_time import COLUMNS, Signal
 import numpy as np
 import pytest
-from whole_lines import refused
 
 ROWS = np.random.default_rng(1).normal([[5.0], [-3.0]], 1.0, (2, 9000))
 
@@ -31,13 +30,7 @@ def test_columns_hold_the_mean_and_extremes_of_their_samples(cuts, length):
         assert columns.high[:, column].tolist() == part.max(axis=1).tolist()
         assert columns.mean[:, column] == pytest.approx(part.mean(axis=1))
     assert len(columns.counts) * columns.width >= length
-
-
-def test_memory_is_the_same_for_a_second_and_for_a_day():
-    sizes = {sum(part.nbytes for part in taken(ROWS[:, :length]).to_state().values())
-             for length in (1, 600, 9000)}
-    assert len(sizes) == 1
-    assert len(taken(ROWS).columns().counts) <= COLUMNS
+    assert len(columns.counts) <= COLUMNS
 
 
 def test_missing_places_are_empty_columns():
@@ -49,24 +42,6 @@ def test_missing_places_are_empty_columns():
     assert columns.counts.tolist() == [8] * 125 + [0] * 125 + [8] * 125
     assert np.isnan(columns.mean[:, 125:250]).all()
     assert np.isfinite(columns.mean[:, 250:]).all()
-
-
-def test_a_saved_signal_goes_on_as_if_nothing_had_happened():
-    first = taken(ROWS[:, :4321])
-    again = Signal.from_state(first.to_state())
-    for signal in (first, again):
-        signal.absorb(ROWS[:, 4321:])
-    for one, other in zip(first.columns(), again.columns(), strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.parametrize(('damage', 'what'), [
-    ({'counts': np.zeros(3, dtype=np.int64)}, 'arrays'), ({'places': np.array([0, 5])}, 'counts'),
-    ({'counts': np.full(COLUMNS, 99)}, 'counts'), ({'low': np.zeros((3, COLUMNS))}, 'arrays')])
-def test_a_damaged_state_is_refused(damage, what):
-    state = taken(ROWS[:, :100]).to_state()
-    with refused(f'{what} of the signal do not fit together', ValueError):
-        Signal.from_state({**state, **damage})
 
 
 def test_a_merged_record_stands_behind_the_first():

@@ -1,7 +1,7 @@
 # Copyright 2026 The imu_allan authors
 # SPDX-License-Identifier: Apache-2.0
 from imu_allan.noise.axis_fit import copies
-from imu_allan.noise.record.alike import OPPOSITE, pairs, SAME
+from imu_allan.noise.record.census import OPPOSITE, SAME
 from imu_allan.noise.record.estimator import Estimator
 import numpy as np
 
@@ -48,13 +48,7 @@ def test_copies_are_found_however_samples_arrive():
     merged.merge(shown(rows[9001:]))
     for found in (bits.finished(), merged):
         assert copies(found) == [(1, 3, OPPOSITE)]
-    assert pairs(bits.finished().taken([3, 1]).alike) == []
-    assert pairs(bits.finished().taken([1, 3]).alike) == [(0, 1, OPPOSITE)]
+    assert bits.finished().taken([3, 1]).census.copies() == []
+    assert bits.finished().taken([1, 3]).census.copies() == [(0, 1, OPPOSITE)]
     merged.merge(shown(WHITE))
     assert copies(merged) == []
-
-
-def test_a_state_without_pairs_finds_none():
-    state = shown(WHITE[:, [0, 0]]).to_state()
-    del state['alike']
-    assert copies(Estimator.from_state(state)) == []

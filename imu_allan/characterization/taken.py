@@ -1,0 +1,204 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""What was taken in of one IMU: axes that come and go together, and what is fitted of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from imu_allan.block import EvenBlock
+from imu_allan.characterization.thermometer import Temperature, Thermometer
+from imu_allan.noise.courses.temperature import TemperatureCourse
+from imu_allan.noise.record.estimator import Estimator
+from imu_allan.noise.terms import AXES
+from imu_allan.state import Record
+from imu_allan.timeline import TimelineSummary
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass
+class Group(Record):
+    """
+    Axes that have always been there together.
+
+    Attributes
+    ----------
+    columns : ndarray of int64
+        Their numbers among the six.
+    estimator : Estimator
+    thermometer : Thermometer
+        With the places of the samples of these axes.
+    end : int
+        Place on the grid behind the newest sample.
+    new_run : bool
+        A run has begun since.
+    away : bool
+        The newest block did not have these axes.
+
+    """
+
+    columns: NDArray[np.int64]
+    estimator: Estimator
+    thermometer: Thermometer
+    end: int = 0
+    new_run: bool = False
+    away: bool = False
+
+    def check(self) -> None:
+        """Raise ValueError where axes and their names differ in number."""
+        if self.columns.shape != (self.estimator.axes,):
+            raise ValueError('axes of an estimator and their names differ in number')
+
+    def part(self, some: NDArray[np.bool_]) -> Group:
+        """Give some of the axes, which go on alone."""
+        return replace(self, columns=self.columns[some],
+                       estimator=self.estimator.taken(np.flatnonzero(some).tolist()),
+                       thermometer=self.thermometer.copy())
+
+    def add(self, block: EvenBlock, epoch_ns: int | None, interval_ns: float | None) -> None:
+        """
+        Add a block that has these axes.
+
+        Parameters
+        ----------
+        block : EvenBlock
+            Of which other axes are left aside.
+        epoch_ns : int or None
+            Stamp of the clock in use at time zero of the block's `start_s`.
+        interval_ns : float or None
+            From one sample to the next, by the clock.
+
+        """
+        estimator, skipped = self.estimator, 0
+        if not estimator.samples:
+            # What was left out at the very beginning is time, too.
+            estimator.signal.skip(block.first_index)
+            skipped = block.first_index
+        elif block.new_run or self.new_run:
+            estimator.start_run()
+        elif block.first_index > self.end:
+            skipped = block.first_index - self.end
+            estimator.skip(skipped)
+        self.new_run = self.away = False
+        first = last = None
+        if epoch_ns is not None and interval_ns is not None:
+            first = epoch_ns + round(block.start_s * 1e9)
+            last = first + round((len(block) - 1) * interval_ns)
+        self.thermometer.place(*estimator.next_place, len(block), skipped, first, last)
+        samples = block.samples
+        if len(self.columns) < samples.shape[1]:
+            samples = samples[:, self.columns]
+        estimator.update(samples, block.bridged)
+        self.end = block.first_index + len(block)
+
+    def finished(self, rate_hz: float) -> FinishedGroup:
+        """Return what can be fitted."""
+        estimator = self.estimator.finished()
+        spectrum = estimator.periodogram
+        return FinishedGroup(
+            [list(AXES)[column] for column in self.columns], estimator,
+            self.thermometer.temperature(spectrum.series, spectrum.cell, 1 / rate_hz))
+
+
+@dataclass(frozen=True)
+class FinishedGroup:
+    """
+    Axes that were always there together.
+
+    Attributes
+    ----------
+    names : list of str
+    estimator : Estimator
+        Finished, of these axes.
+    heat : Temperature or None
+        Over the same samples.
+
+    """
+
+    names: list[str]
+    estimator: Estimator
+    heat: Temperature | None = None
+
+    @property
+    def temperature(self) -> TemperatureCourse | None:
+        """Return the course of the temperature, if it is known and changes."""
+        return None if self.heat is None else self.heat.course
+
+    def only(self, name: str) -> Estimator:
+        """Return the estimator of one axis."""
+        return (self.estimator if self.names == [name]
+                else self.estimator.taken([self.names.index(name)]))
+
+
+@dataclass(frozen=True)
+class FinishedRecord:
+    """
+    What was taken in, ready to be fitted and put together with other records.
+
+    Attributes
+    ----------
+    summary : TimelineSummary
+    rate_hz : float
+        Samples per second.
+    groups : tuple of FinishedGroup
+        All but always one.
+
+    """
+
+    summary: TimelineSummary
+    rate_hz: float
+    groups: tuple[FinishedGroup, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Of all axes, in the order of `AXES`."""
+        known = {name for group in self.groups for name in group.names}
+        return [name for name in AXES if name in known]
+
+    @property
+    def samples(self) -> int:
+        """How many samples the axes have that have most."""
+        return max(group.estimator.samples for group in self.groups)
+
+    def group_of(self, name: str) -> FinishedGroup:
+        """Return the group that an axis belongs to."""
+        return next(group for group in self.groups if name in group.names)
+
+
+def groups_of(groups: Sequence[Group], there: NDArray[np.bool_], readings: Thermometer
+              ) -> list[Group]:
+    """
+    Divide groups, and add one, where some of their axes have left or come.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        Which are left as they are where nothing changes.
+    there : ndarray of bool, shape (6,)
+        The axes that the next block has.
+    readings : Thermometer
+        With all readings so far, and no samples: of a new group.
+
+    Returns
+    -------
+    list of Group
+
+    """
+    found: list[Group] = []
+    for group in groups:
+        stays = there[group.columns]
+        if group.away and stays.any():
+            # Who comes back and gave one value before was dead, and begins anew.
+            kept = ~(stays & group.estimator.constant)
+            if not kept.any():
+                continue
+            group, stays = group.part(kept), stays[kept]
+        whole = stays.all() or not stays.any()
+        found += [group] if whole else [group.part(stays), group.part(~stays)]
+    new = np.setdiff1d(np.flatnonzero(there), [
+        column for group in found for column in group.columns.tolist()])
+    if len(new):
+        found.append(Group(new, Estimator(len(new)), readings))
+    return found

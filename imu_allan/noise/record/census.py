@@ -1,0 +1,230 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What values the samples of a record have, in constant memory: what shows whether an axis measures.
+
+Counted are the samples at the lowest and at the highest value, those that are zero, and where
+these are many the magnitudes of the others, in bins of constant ratio. Kept are the least step of
+the output, and which axes give the same samples.
+"""
+
+from dataclasses import dataclass, field
+
+from imu_allan.noise.record.side_by_side import SideBySide
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+SAME, OPPOSITE = 1, -1     # the sign between two axes
+_KINDS = {SAME: 1, OPPOSITE: 2}
+"""Bits of both in the flags of a pair."""
+_ROUNDING = 1e-12
+"""Of a value, or of 1: the same value twice, or about two references, may differ by so much."""
+BINS_PER_OCTAVE = 8
+"""Steps of 9 %: they tell 2 from 3 units of a step, and both from 4."""
+_LOWEST_OCTAVE, _OCTAVES = -40, 64
+"""From 1e-12 to 1e7, in any unit that a sample has."""
+_BINS = BINS_PER_OCTAVE * _OCTAVES
+FEWEST = 20
+"""Samples beyond a hole about zero, and fewer in it: so many are no chance, nor strays."""
+_MANY = 0.01
+"""Share of zeros in a chunk from which on magnitudes are looked at, which takes its time."""
+_REACH = BINS_PER_OCTAVE + 2
+"""Bins from the end of the hole on that are looked at, an octave, and one more for rounding."""
+_STEPS = 10_000
+"""Samples next to zero, and none within the octave beyond: an output of steps, without a hole."""
+_RESOLUTION_SAMPLES = 65_536
+"""The least step of a coarse output shows in so many; to look on takes a tenth of the time."""
+_OFF_STEPS = 0.05
+"""
+Share of the changes that may lie off the steps, as those to a few odd readings do; smooth noise
+seems to step by a tenth of it then, which is far below what a step matters from.
+"""
+
+
+@dataclass(eq=False)
+class Census(SideBySide):
+    """
+    What was seen of the values of several axes, about a reference of each.
+
+    Attributes
+    ----------
+    samples : int
+        How many were counted.
+    lowest, highest : ndarray, shape (axes,)
+    at_ends : ndarray of int64, shape (2, axes)
+        How many samples stand at the lowest and at the highest.
+    step : ndarray, shape (axes,)
+        The least change from a sample to the next, but for few that are smaller; infinite where
+        nothing changes.
+    zeros : ndarray of int64, shape (axes,)
+        How many samples are zero.
+    sizes : ndarray of int64, shape (axes, bins)
+        How many are of each magnitude, see `lower_edge`, up to an octave beyond the end of the
+        hole about zero.
+    alike : ndarray of int8, shape (axes, axes)
+        Flags of pairs that nothing has told apart.
+
+    Examples
+    --------
+    >>> census = Census(3)
+    >>> census.count(np.array([[0.0, 1, 1], [0, 1, 1], [0, -1, -1]]), np.array([5.0, 5, -5]))
+    >>> census.copies(), census.at_ends[1].tolist(), census.step.tolist()
+    ([(0, 1, 1), (0, 2, -1), (1, 2, -1)], [2, 2, 1], [1.0, 1.0, 1.0])
+
+    """
+
+    samples: int = 0
+    lowest: Array = field(init=False)
+    highest: Array = field(init=False)
+    at_ends: Counts = field(init=False)
+    step: Array = field(init=False)
+    zeros: Counts = field(init=False)
+    sizes: Counts = field(init=False)
+    alike: NDArray[np.int8] = field(init=False)
+
+    def begin(self) -> None:
+        """Begin with nothing."""
+        axes = self.axes
+        self.lowest, self.highest = np.full(axes, np.inf), np.full(axes, -np.inf)
+        self.at_ends = np.zeros((2, axes), np.int64)
+        self.step = np.full(axes, np.inf)
+        self.zeros, self.sizes = np.zeros(axes, np.int64), np.zeros((axes, _BINS), np.int64)
+        self.alike = np.triu(np.full((axes, axes), sum(_KINDS.values()), dtype=np.int8), 1)
+
+    def count(self, rows: Array, reference: Array) -> None:
+        """
+        Count the next samples.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (axes, n)
+            About `reference`, one at least.
+        reference : ndarray, shape (axes,)
+            What was subtracted.
+
+        """
+        self._count_ends(rows)
+        self._count_near_zero(rows, -reference)
+        # Of all sensors but broken ones no pair is left after a few samples.
+        for one, other in np.argwhere(self.alike):
+            for sign, bit in _KINDS.items():
+                if self.alike[one, other] & bit and not (
+                        reference[one] == sign * reference[other]
+                        and np.array_equal(rows[one], sign * rows[other])):
+                    self.alike[one, other] &= ~bit
+        if self.samples < _RESOLUTION_SAMPLES:
+            np.minimum(self.step, _step_of(rows), out=self.step)
+        self.samples += rows.shape[1]
+
+    def _count_ends(self, rows: Array) -> None:
+        """Move the extremes on; samples are counted only where a block reaches one of them."""
+        low, high = rows.min(axis=1), rows.max(axis=1)
+        for count, kept, found, reached, beyond in (
+                (self.at_ends[0], self.lowest, low, low <= self.lowest, low < self.lowest),
+                (self.at_ends[1], self.highest, high, high >= self.highest, high > self.highest)):
+            for axis in np.flatnonzero(reached):
+                here = np.count_nonzero(rows[axis] == found[axis])
+                count[axis] = here + (0 if beyond[axis] else count[axis])
+            kept[reached] = found[reached]
+
+    def _count_near_zero(self, rows: Array, zero: Array) -> None:
+        """
+        Count the samples that are zero, and where these are many the magnitudes of the others.
+
+        The hole can only become narrower: what lies far beyond it is not counted any more, and
+        nothing once the output is seen to step, as most do: the step is no hole.
+        """
+        for row, nothing, sizes, axis in zip(rows, zero, self.sizes, range(self.axes),
+                                             strict=True):
+            here = np.count_nonzero(row == nothing)
+            self.zeros[axis] += here
+            if here < _MANY * len(row):
+                continue
+            ends = end_of_hole(sizes)
+            if ends is not None and sizes[ends:ends + 2].sum() > _STEPS and not sizes[
+                    ends + 2:ends + BINS_PER_OCTAVE - 1].any():
+                continue
+            farthest = np.inf if ends is None else lower_edge(ends + _REACH)
+            magnitude = np.abs(row - nothing)
+            some = magnitude[(magnitude > 0) & (magnitude < farthest)]
+            places = np.floor(BINS_PER_OCTAVE * (np.log2(some) - _LOWEST_OCTAVE))
+            sizes += np.bincount(np.clip(places, 0, _BINS - 1).astype(np.intp), minlength=_BINS)
+
+    def copies(self) -> list[tuple[int, int, int]]:
+        """Return the pairs of axes that give the same samples, by number, with their sign."""
+        return [(int(one), int(other), sign) for one, other in np.argwhere(self.alike)
+                for sign, bit in _KINDS.items() if self.alike[one, other] & bit]
+
+    def merge(self, other: 'Census', shift: Array) -> None:
+        """Add the samples of another record, moved by `shift` as its reference is another."""
+        for end, mine, theirs, sign in ((0, self.lowest, other.lowest + shift, -1.0),
+                                        (1, self.highest, other.highest + shift, 1.0)):
+            ahead = sign * (theirs - mine)
+            same = np.abs(ahead) <= _ROUNDING * np.maximum(1, np.abs(theirs))
+            self.at_ends[end] = np.where(same, self.at_ends[end] + other.at_ends[end], np.where(
+                ahead > 0, other.at_ends[end], self.at_ends[end]))
+            mine[:] = np.where(ahead > 0, theirs, mine)
+        self.step = np.minimum(self.step, other.step)
+        self.zeros += other.zeros
+        self.sizes += other.sizes
+        self.alike &= other.alike
+        self.samples += other.samples
+
+    def keep(self, axes: list[int]) -> None:
+        """Let go of all other axes."""
+        self.axes = len(axes)
+        self.lowest, self.highest = self.lowest[axes], self.highest[axes]
+        self.at_ends, self.step = self.at_ends[:, axes], self.step[axes]
+        self.zeros, self.sizes = self.zeros[axes], self.sizes[axes]
+        self.alike = np.triu(self.alike[np.ix_(axes, axes)], 1)
+
+    def check(self) -> None:
+        """Raise ValueError where fields that were saved do not belong together."""
+        new = Census(self.axes)
+        if (any(part.shape != vars(new)[name].shape for name, part in vars(self).items()
+                if isinstance(part, np.ndarray))
+                or any(np.any((counts < 0) | (counts > self.samples))
+                       for counts in (self.at_ends, self.zeros, self.sizes))):
+            raise ValueError('counts of the samples do not fit together')
+
+
+def _step_of(rows: Array) -> Array:
+    """Return the least change of some samples, shape (axes,)."""
+    steps = np.full(len(rows), np.inf)
+    changes = np.abs(np.diff(rows, axis=1))
+    there = changes >= _ROUNDING * np.maximum(1, np.abs(rows[:, 1:]))
+    for axis, count in enumerate(there.sum(axis=1).tolist()):
+        if count:
+            place = int(_OFF_STEPS * count)
+            steps[axis] = np.partition(changes[axis, there[axis]], place)[place]
+    return steps
+
+
+def end_of_hole(sizes: Counts) -> int | None:
+    """
+    Return the first bin up to which there are more than `FEWEST` samples, else None.
+
+    Examples
+    --------
+    >>> end_of_hole(np.array([0, 3, 0, 18, 50]))
+    3
+
+    """
+    beyond = np.cumsum(sizes) > FEWEST
+    return int(np.argmax(beyond)) if beyond[-1] else None
+
+
+def lower_edge(place: int) -> float:
+    """
+    Return the least magnitude in a bin.
+
+    Examples
+    --------
+    >>> lower_edge(320)
+    1.0
+
+    """
+    return float(2.0**(_LOWEST_OCTAVE + place / BINS_PER_OCTAVE))
