@@ -166,8 +166,7 @@ CODES: Mapping[str, Code] = {
     'many_definitions': _know(),
     'no_metadata': _know(reason=Text | None),
     'unfinished_recording': _know(
-        fault=Literal['killed', 'unusable', 'not_regular'], file=Text, reason=Text | None),
-    'unpacked_in_memory': _know(bytes=Count, folder=Text),
+        fault=Literal['unusable', 'not_regular'], file=Text, reason=Text | None),
 }
 """Of every code, in the order in which findings of one severity are shown."""
 

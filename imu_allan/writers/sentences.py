@@ -304,11 +304,8 @@ def _ignored_columns(f: Any) -> str:
 def _unfinished_recording(f: Any) -> str:
     if f.fault == 'not_regular':
         return f'{f.file} beside it is not a regular file and was not used'
-    if f.fault == 'unusable':
-        return (f'{f.file} beside it could not be used ({f.reason}); the last messages before the '
-                'recorder was killed are missing or damaged')
-    return (f'{f.file} beside it tells that the recorder was killed; what it was about to write '
-            'then is missing')
+    return (f'{f.file} beside it could not be used ({f.reason}); the last messages before the '
+            'recorder was killed are missing or damaged')
 
 
 _RAW_LOG = ('set LOG_BITMASK (IMU_RAW) or INS_RAW_LOG_OPT in the autopilot for raw samples at the '
@@ -780,10 +777,5 @@ WORDS: Mapping[str, Words] = {
         'unfinished recording', 'The recorder was killed; its last messages may be missing.',
         'A journal of the database lies beside it.',
         says=_unfinished_recording),
-    'unpacked_in_memory': Words(
-        'unpacked in memory', 'The recording was unpacked to a folder that takes memory.',
-        'The temporary folder is in memory.',
-        says=lambda f: f'its {f.bytes:,} bytes were unpacked to {f.folder}, which is in memory',
-        do='name a folder on a disk with TMPDIR'),
 }
 """In the order in which findings are shown."""

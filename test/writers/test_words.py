@@ -270,10 +270,8 @@ SAID = [
     finding('merged_messages', count=1),
     finding('many_topics', what='topics', listed=65_536), finding('many_definitions'),
     finding('no_metadata', reason=None), finding('no_metadata', reason='cut'),
-    finding('unfinished_recording', fault='killed', file='a.db3-journal'),
     finding('unfinished_recording', fault='unusable', file='a.db3-journal', reason='cut'),
-    finding('unfinished_recording', fault='not_regular', file='a.db3-wal'),
-    finding('unpacked_in_memory', bytes=7000, folder='/dev/shm')]
+    finding('unfinished_recording', fault='not_regular', file='a.db3-wal')]
 """Findings of every code, with each figure that changes the sentence."""
 
 

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-import re
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
@@ -23,10 +22,6 @@ _PIECE = 1 << 22
 """So much is held at a time, and written before a bound is seen to be overrun."""
 _LONGEST_FRAME_HEAD = 18
 """Magic number and frame header of zstd: 4 + 14 bytes at most (RFC 8878, 3.1.1.1)."""
-_TOLD_BYTES = 1 << 26
-"""Bytes in memory from which on the user is warned; less does not matter beside the analysis."""
-_IN_MEMORY = frozenset({'tmpfs', 'ramfs'})
-_MOUNTS = Path('/proc/self/mountinfo')
 
 
 class CompressedRecording(Recording):
@@ -90,9 +85,6 @@ class CompressedRecording(Recording):
                     out.write(data)
             except DamagedData as error:
                 reason = printable(error)
-        if written >= _TOLD_BYTES and _in_memory(self._folder):
-            self.remark(
-                'unpacked_in_memory', bytes=written, folder=printable(self._folder.parent))
         if written < declared:
             # The library ends a frame that is cut short without a word.
             reason = reason or f'{declared - written} of {declared} bytes are missing'
@@ -101,25 +93,4 @@ class CompressedRecording(Recording):
                 f'{printable(self.path)}: a damaged compressed file ({reason or "empty"}); '
                 'nothing can be read of it')
         if reason:
-            self.remark(
-                'truncated_recording', fault='compressed', reason=reason)
-
-
-def _in_memory(folder: Path) -> bool:
-    """Whether a folder takes memory, as far as Linux tells; False elsewhere."""
-    try:
-        lines = _MOUNTS.read_text('utf-8', 'surrogateescape').splitlines()
-    except OSError:
-        return False
-    folder = folder.resolve()
-    places = [folder, *folder.parents]
-    nearest, kind = len(places), ''
-    for line in lines:
-        # Number, parent, device, root, place, options, any number of tags, a dash, type.
-        mounted, _, described = line.partition(' - ')
-        place = Path(re.sub(r'\\([0-7]{3})', lambda code: chr(int(code[1], 8)),
-                            mounted.split(' ')[4]))
-        # Of two at one place the later one is seen.
-        if place in places and places.index(place) <= nearest:
-            nearest, kind = places.index(place), described.split(' ')[0]
-    return kind in _IN_MEMORY
+            self.remark('truncated_recording', fault='compressed', reason=reason)

@@ -11,7 +11,7 @@ from imu_allan.recordings.formats.decompress import (
     decompress_frame,
 )
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.piece import Piece, pieces_of
 import numpy as np
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
@@ -42,14 +42,12 @@ def unpacked(pieces: Iterable[Piece], effort: Effort) -> Iterator[Piece]:
         if not compressed:
             yield from group
             continue
-        messages = ((unpacked_message(row.tobytes(), effort), stamp)
-                    for piece in group
-                    for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True))
-        for size, run in groupby(messages, lambda item: len(item[0])):
-            while some := list(islice(run, _TOGETHER)):
-                data, stamps = zip(*some, strict=True)
-                yield Piece(np.frombuffer(b''.join(data), np.uint8).reshape(len(data), size),
-                            np.array(stamps, np.int64))
+        rows = ((row.tobytes(), stamp) for piece in group
+                for row, stamp in zip(piece.rows, piece.receive_ns.tolist(), strict=True))
+        while some := list(islice(rows, _TOGETHER)):
+            messages, stamps = zip(*some, strict=True)
+            yield from pieces_of([unpacked_message(message, effort) for message in messages],
+                                 np.array(stamps, np.int64))
 
 
 def _holds_compressed(piece: Piece) -> bool:

@@ -3,19 +3,21 @@
 """
 The .db3 files of rosbag2's sqlite3 storage.
 
-A recording is never written to: where SQLite would have to, for what a killed recorder left beside
-the file, that is done in a copy.
+A recording is never written to: where SQLite would have to, for the log that a killed recorder
+left beside the file, that is done in a copy.
 """
 
+from __future__ import annotations
+
 from array import array
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from itertools import pairwise
 import os
 from pathlib import Path
+import shutil
 import sqlite3
+import stat
 from struct import unpack_from
 import tempfile
 
@@ -28,32 +30,25 @@ from imu_allan.recordings.formats.message_compression import is_compressed, unpa
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.formats.untrusted_database import (
     Budget,
-    copy_plain,
-    left_beside,
     LONGEST_VALUE,
     require_plain_tables,
     untrusted_database,
-    use_what_is_beside,
 )
-from imu_allan.recordings.imu_topic import MalformedMessages
+from imu_allan.recordings.imu_topic import ImuTopic, MalformedMessages
 from imu_allan.recordings.messages.definitions import Definition, FORMS
-from imu_allan.recordings.messages.piece import Piece
+from imu_allan.recordings.messages.piece import pieces_of
 from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording
 import numpy as np
 
 _FETCH = 64
 """Rows fetched at a time: few enough to be held where each is as large as it may be."""
-_DECODE, _HELD_BYTES = 1 << 13, 1 << 24
-"""Messages decoded at a time, and their bytes where they are large."""
+_DECODE, _HELD_BYTES = 1 << 11, 1 << 24
+"""Messages decoded at a time, which stay in the cache, and their bytes where they are large."""
 _STRETCHES = 200
 """Statements for all rows, so that it is known how far reading has come."""
-_LONGEST_STEP = 1 << 40
-"""Rows that are passed over at most in search of a page that is not damaged."""
 _MOST_PLACES = 1000
 """Damaged places behind which reading goes on."""
-_COUNTED_BYTES = 1 << 26
-"""Bytes of a file whose messages are counted on opening."""
 _MOST_TOPICS = 1 << 16
 """Topics that are listed: as many as an MCAP file can number."""
 _MOST_NUMBERS = 500
@@ -74,14 +69,10 @@ class SqliteRecording(FileRecording):
         self._copy: Path | None = None
         self._numbers: dict[str, list[int]] = {}
         self._tolerant = False
-        beside, strange = left_beside(self._stored)
         # Bytes that file and log have for rows: none of them can take more.
-        self._room = self.size_bytes + sum(file.stat().st_size for file in beside)
+        self._room = self.size_bytes
         try:
-            if strange:
-                self.remark('unfinished_recording', fault='not_regular',
-                            file=printable(strange[0].name))
-            self._open([] if strange else beside)
+            self._open(self._log_beside())
         except BaseException:
             self.close()
             raise
@@ -95,31 +86,52 @@ class SqliteRecording(FileRecording):
         """Read blocks in the order of recording, each with the bytes consumed so far."""
         imu = self.imu(topic)
         decode, malformed = imu.messages.decoder(), MalformedMessages()
+        effort = Effort(self.path, 0)
         with self._database() as (database, budget):
-            for pieces, position in self._pieces(database, budget, topic, malformed):
-                for block in decode(pieces, malformed):
+            for stamps, messages, position in self._batches(database, budget, imu, malformed):
+                if is_compressed(messages[0]):
+                    messages = [unpacked_message(message, effort) for message in messages]
+                for block in decode(pieces_of(messages, np.array(stamps)), malformed):
                     yield block, position
         malformed.report(imu, self.remark)
 
     # ---------------------------------------------------------------------------- what is there
 
-    def _open(self, beside: list[Path]) -> None:
+    def _log_beside(self) -> Path | None:
+        """Find the write-ahead log of a killed recorder; a journal is left alone."""
+        for kind in ('journal', 'wal'):
+            path = self._stored.with_name(f'{self._stored.name}-{kind}')
+            with suppress(OSError):
+                status = path.lstat()
+                if not stat.S_ISREG(status.st_mode):
+                    self.remark('unfinished_recording', fault='not_regular',
+                                file=printable(path.name))
+                elif status.st_size and kind == 'wal':
+                    self._room += status.st_size
+                    return path
+                elif status.st_size:
+                    # It may name another file, which SQLite then removes.
+                    self.remark('unfinished_recording', fault='unusable',
+                                file=printable(path.name), reason='rosbag2 leaves none')
+        return None
+
+    def _open(self, log: Path | None) -> None:
         """List the topics, with as much tolerance as the file needs."""
         reason: Exception
         try:
-            if beside:
-                self._work_on_copy(beside)
-                use_what_is_beside(self._stored)
-            else:
+            if log is None:
                 self._cut_last_page()
+            else:
+                self._work_on_copy(log)
+                with untrusted_database(self._stored, 0, 'mode=rw'):
+                    # The first look into the file has taken in the log.
+                    pass
             self._list_topics()
-            if any(file.name.endswith('-journal') for file in beside):
-                self.remark('unfinished_recording', fault='killed', file=printable(beside[0].name))
             return
         except (sqlite3.Error, OSError) as error:
             reason = error
-        if beside:
-            self.remark('unfinished_recording', fault='unusable', file=printable(beside[0].name),
+        if log is not None:
+            self.remark('unfinished_recording', fault='unusable', file=printable(log.name),
                         reason=printable(reason))
         self._tolerant = True
         try:
@@ -128,14 +140,14 @@ class SqliteRecording(FileRecording):
             raise ImuAllanError(f'{printable(self.path)}: not a readable rosbag2 database '
                                 f'({printable(reason)})') from reason
 
-    def _work_on_copy(self, beside: list[Path]) -> None:
+    def _work_on_copy(self, *beside: Path) -> None:
         if self._room > room_in(tempfile.gettempdir()):
             raise OSError(f'no room for a copy in {tempfile.gettempdir()}; name a larger folder '
                           'with TMPDIR')
         self._copy = make_folder()
-        for file in beside:
-            copy_plain(file, self._copy)
-        self._stored = copy_plain(self._stored, self._copy)
+        for file in (*beside, self._stored):
+            shutil.copyfile(file, self._copy / file.name, follow_symlinks=False)
+        self._stored = self._copy / self._stored.name
 
     def _cut_last_page(self) -> None:
         """Work on a copy without its last page where that is incomplete: SQLite would pad it."""
@@ -154,12 +166,11 @@ class SqliteRecording(FileRecording):
         self._tolerant = True
         if missing % page_size:
             try:
-                self._work_on_copy([])
+                self._work_on_copy()
             except OSError as error:
                 raise ImuAllanError(f'{printable(self.path)}: cut short, and {printable(error)}'
                                     ) from error
-            with self._stored.open('rb+') as file:
-                file.truncate(self.size_bytes // page_size * page_size)
+            os.truncate(self._stored, self.size_bytes // page_size * page_size)
 
     @contextmanager
     def _database(self) -> Iterator[tuple[sqlite3.Connection, Budget]]:
@@ -191,42 +202,23 @@ class SqliteRecording(FileRecording):
             definitions = _definitions(database, set(kinds.values()), self._room)
             for name, kind in kinds.items():
                 self.list_topic(name, kind, 'cdr', None, definitions.get(kind))
-            if self.size_bytes > _COUNTED_BYTES or self._tolerant or not self.topics:
-                return
-            with suppress(sqlite3.Error):
-                counts = Counter(number for [number] in database.execute(
-                    "SELECT CASE typeof(topic_id) WHEN 'integer' THEN topic_id END "
-                    'FROM messages NOT INDEXED'))
-                self.topics = [replace(imu, count=sum(
-                    counts[number] for number in self._numbers[imu.topic])) for imu in self.topics]
 
     # ------------------------------------------------------------------------------ going through
 
-    def _pieces(self, database: sqlite3.Connection, budget: Budget, topic: str,
-                malformed: MalformedMessages) -> Iterator[tuple[list[Piece], int]]:
-        """Join messages of equal size that follow each other; yields thousands, and the place."""
-        effort = Effort(self.path, 0)
+    def _batches(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
+                 malformed: MalformedMessages) -> Iterator[tuple[array[int], list[bytes], int]]:
+        """Join rows to thousands of stamps and messages, with the bytes consumed so far."""
         left = self._room
-        pieces: list[Piece] = []
-        parts: list[bytes] = []
-        stamps = array('q')
-        size = held = held_bytes = position = 0
-
-        def end_piece() -> None:
-            if stamps:
-                pieces.append(Piece(np.frombuffer(b''.join(parts), np.uint8).reshape(
-                    len(stamps), size), np.array(stamps)))
-                parts.clear()
-                del stamps[:]
-
-        for rows, position in self._fetched(database, budget, topic):
-            if held >= _DECODE or held_bytes >= _HELD_BYTES:
-                end_piece()
-                yield pieces, position
-                pieces, held, held_bytes = [], 0, 0
+        stamps: array[int] = array('q')
+        messages: list[bytes] = []
+        held = position = 0
+        for rows, position in self._fetched(database, budget, imu):
+            if len(messages) >= _DECODE or held >= _HELD_BYTES:
+                yield stamps, messages, position
+                stamps, messages, held = array('q'), [], 0
             times, data = zip(*rows, strict=True)
             try:
-                joined, received = b''.join(data), array('q', times)
+                size, received = len(b''.join(data)), array('q', times)
             except TypeError:
                 left -= sum(len(str(value)) for row in rows for value in row)
                 kept = [(stamp if isinstance(stamp, int) else 0, message)
@@ -234,94 +226,72 @@ class SqliteRecording(FileRecording):
                 if len(kept) < len(rows):
                     malformed(len(rows) - len(kept), _NO_MESSAGE)
                 data = tuple(message for _, message in kept)
-                joined, received = b''.join(data), array('q', [stamp for stamp, _ in kept])
-            left -= len(joined)
+                size, received = len(b''.join(data)), array('q', [stamp for stamp, _ in kept])
+            left -= size
             if left < 0:
-                self.remark('damaged_recording', fault='database', places=1, read=held,
+                self.remark('damaged_recording', fault='database', places=1, read=len(messages),
                             reason='its messages have more bytes than the file',
-                            topic=printable(topic))
+                            topic=printable(imu.name))
                 break
-            if data and is_compressed(data[0]):
-                data = tuple(unpacked_message(message, effort) for message in data)
-                joined = b''.join(data)
-            longest = max(map(len, data), default=0)
-            alike = longest * len(data) == len(joined)
-            for length, part, some in [(longest, joined, received)] if alike else zip(
-                    map(len, data), data, zip(received, strict=True), strict=True):
-                if length != size:
-                    end_piece()
-                size = length
-                parts.append(part)
-                stamps.extend(some)
-            held, held_bytes = held + len(data), held_bytes + len(joined)
-        end_piece()
-        yield pieces, position
+            stamps += received
+            messages += data
+            held += size
+        if messages:
+            yield stamps, messages, position
 
-    def _fetched(self, database: sqlite3.Connection, budget: Budget, topic: str,
+    def _fetched(self, database: sqlite3.Connection, budget: Budget, imu: ImuTopic,
                  ) -> Iterator[tuple[list[Row], int]]:
         """Fetch rows, and how far that is; reading goes on behind damaged pages."""
-        numbers = self._numbers[self.imu(topic).topic]
+        numbers = self._numbers[imu.topic]
         if len(numbers) > _MOST_NUMBERS:
-            self.remark('damaged_recording', fault='entries', topic=printable(topic),
+            self.remark('damaged_recording', fault='entries', topic=printable(imu.name),
                         entries=len(numbers), read=_MOST_NUMBERS)
             numbers = numbers[:_MOST_NUMBERS]
+        rows_of = ('FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
+                   "AND typeof(topic_id) = 'integer' "
+                   f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
         # The length is known without the value, however long that is.
-        query = (f'SELECT timestamp, CASE WHEN length(data) <= {LONGEST_VALUE} THEN data END{{}} '
-                 'FROM messages NOT INDEXED WHERE rowid BETWEEN ? AND ? '
-                 "AND typeof(topic_id) = 'integer' "
-                 f'AND topic_id IN ({",".join(map(str, numbers))}) ORDER BY rowid')
+        query = ('SELECT timestamp, '
+                 f'CASE WHEN length(data) <= {LONGEST_VALUE} THEN data END {rows_of}')
         ends = [0, 0]
         for end, order in enumerate(('ASC', 'DESC')):
             with suppress(sqlite3.Error):
                 for [ends[end]] in database.execute(
                         f'SELECT rowid FROM messages NOT INDEXED ORDER BY rowid {order} LIMIT 1'):
                     pass
-        first, last = ends
-        stretch = max(last - first, 0) // _STRETCHES + 1
+        first, last = sorted(ends)
+        stretch = (last - first) // _STRETCHES + 1
         # In a damaged file rows may lie beyond its ends.
-        edges = [-2**63, *range(first + stretch, last + 1, stretch), 2**63]
-        messages = before = position = 0
-        start = first
-        try:
-            for place, (start, stop) in enumerate(pairwise(edges)):
-                before = messages
-                position = self.size_bytes * place // (len(edges) - 1)
-                cursor = database.execute(query.format(''), (start, stop - 1))
-                while rows := cursor.fetchmany(_FETCH):
-                    messages += len(rows)
-                    yield rows, position
-            return
-        except sqlite3.Error as error:
-            reason = error
-        # Again from the last statement on, one by one: what fails takes the rows before it along.
-        seen = messages - before
-        number, step, places = max(start, first) - 1, 0, 0
-        while step < _LONGEST_STEP and places < _MOST_PLACES and not budget.exhausted:
-            rows = []
-            try:
-                for *row, found in database.execute(query.format(', rowid'), (
-                        min(number + step + 1, 2**63 - 1), 2**63 - 1)):
-                    # Damaged pages may lead back to rows that were read already.
-                    if found <= number:
-                        continue
-                    number, step = found, 0
-                    if seen:
-                        seen -= 1
-                        continue
-                    rows.append((row[0], row[1]))
-                    if len(rows) == _FETCH:
-                        messages += len(rows)
+        edges = [first, *range(first + stretch, last + 1, stretch), 2**63]
+        messages = places = 0
+        step = 1
+        reason: sqlite3.Error | None = None
+        for place, (start, stop) in enumerate(pairwise(edges)):
+            position = self.size_bytes * place // (len(edges) - 1)
+            most = _FETCH
+            while start < stop and places < _MOST_PLACES and not budget.exhausted:
+                seen = 0
+                try:
+                    cursor = database.execute(query, (start, stop - 1))
+                    while rows := cursor.fetchmany(most):
+                        seen, step = seen + len(rows), 1
                         yield rows, position
-                        rows = []
-                step = _LONGEST_STEP
-            except sqlite3.Error:
-                places += step == 0
-                step = max(2 * step, 1)
-            if rows:
-                messages += len(rows)
-                yield rows, position
-        self.remark('damaged_recording', fault='database', places=places, reason=printable(reason),
-                    read=messages, topic=printable(topic))
+                    start = stop
+                except sqlite3.Error as error:
+                    reason = reason or error
+                    if seen:
+                        start = database.execute(
+                            f'SELECT rowid + 1 {rows_of} LIMIT 1 OFFSET {seen - 1}',
+                            (start, stop - 1)).fetchone()[0]
+                    elif most == 1:
+                        places += step == 1
+                        start, step = start + step, 2 * step
+                    # What fails takes the rows before it along, if they are fetched together.
+                    most = 1
+                messages += seen
+        if reason is not None:
+            self.remark('damaged_recording', fault='database', places=places,
+                        reason=printable(reason), read=messages, topic=printable(imu.name))
 
 
 def _definitions(database: sqlite3.Connection, kinds: set[str], room: int,

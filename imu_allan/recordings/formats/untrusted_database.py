@@ -8,21 +8,14 @@ end. An overflow page that follows itself is a gigabyte, and a tree whose branch
 more rows than the disk. So only plain tables are read, every statement has a budget of steps that
 no honest file of its size uses up, and values are bounded. After https://sqlite.org/security.html,
 as far as Python reaches.
-
-A journal may name another file, the super-journal of a transaction over several databases, which
-SQLite removes once the journal is undone: whichever file that is. rosbag2 writes to one database,
-so a journal that names another file is not used at all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-import os
+from contextlib import contextmanager
 from pathlib import Path
-import shutil
 import sqlite3
-import stat
 
 from imu_allan.errors import printable, shorten
 
@@ -47,8 +40,6 @@ _STEPS_AT_LEAST, _STEPS_PER_BYTE = 20_000_000, 2
 _STEPS_AT_A_TIME = 1000
 """Between two calls into Python, which cost nothing beside so many; the budget ends as exactly."""
 _MAY_STAND = ('create table ', 'create index ', 'create unique index ')
-_JOURNAL_MAGIC = bytes.fromhex('d9d505f920a163d7')
-"""At the very end of a journal: the name of a super-journal stands before it."""
 
 
 class Budget:
@@ -124,43 +115,3 @@ def _require_plain_schema(database: sqlite3.Connection) -> None:
         if schema.exhausted:
             raise sqlite3.DatabaseError('its schema has thousands of entries') from error
         raise
-
-
-# ---------------------------------------------------------------- what a killed recorder left
-
-def left_beside(file: Path) -> tuple[list[Path], list[Path]]:
-    """Find log and journal that are not empty, and what has such a name but is no file."""
-    usable, strange = [], []
-    for path in (file.with_name(f'{file.name}-{kind}') for kind in ('wal', 'journal')):
-        with suppress(OSError):
-            status = path.lstat()
-            if not stat.S_ISREG(status.st_mode):
-                strange.append(path)
-            elif status.st_size:
-                usable.append(path)
-    return usable, strange
-
-
-def copy_plain(file: Path, folder: Path) -> Path:
-    """Copy a regular file; what became a link or a pipe in the meantime raises OSError."""
-    copy = folder / file.name
-    handle = os.open(file, os.O_RDONLY | getattr(os, 'O_NOFOLLOW', 0)
-                     | getattr(os, 'O_NONBLOCK', 0))
-    with os.fdopen(handle, 'rb') as source, copy.open('xb') as target:
-        if not stat.S_ISREG(os.fstat(source.fileno()).st_mode):
-            raise OSError(None, 'not a regular file', os.fspath(file))
-        shutil.copyfileobj(source, target, 1 << 20)
-    return copy
-
-
-def use_what_is_beside(copy: Path) -> None:
-    """Let SQLite take in the log, or undo by the journal, copied with a database."""
-    journal = copy.with_name(f'{copy.name}-journal')
-    if journal.exists():
-        with journal.open('rb') as file:
-            file.seek(max(journal.stat().st_size - len(_JOURNAL_MAGIC), 0))
-            if file.read() == _JOURNAL_MAGIC:
-                raise sqlite3.DatabaseError('it names another file, which rosbag2 never does')
-    with untrusted_database(copy, 0, 'mode=rw'):
-        # The first look into the file has done it.
-        pass

@@ -11,10 +11,10 @@ import stat
 from bags import assert_same, block, joined, read, told, write_db3
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
-from imu_allan.errors import ImuAllanError
-from imu_allan.recordings import choose_topic, open_recording
+from imu_allan.recordings import open_recording
 import numpy as np
 import pytest
+from whole_lines import refused
 
 MESSAGES = block(5000)
 
@@ -33,7 +33,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_every_bit_of_the_old_schema_is_read(tmp_path):
     path = write_db3(tmp_path / 'a.db3', MESSAGES, [('/chatter', 'std_msgs/msg/String')])
     with open_recording(path) as recording:
-        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', 5000)]
+        assert [(topic.name, topic.count) for topic in recording.topics] == [('/imu', None)]
         assert recording.other_topics == {'/chatter': 'std_msgs/msg/String'}
     after, remarks = read(path)
     assert_same(MESSAGES, after)
@@ -113,26 +113,6 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
     assert contents(killed) == before
 
 
-def test_an_unfinished_transaction_is_rolled_back_in_a_copy(tmp_path):
-    path = write_db3(tmp_path / 'a.db3', MESSAGES)
-    killed = tmp_path / 'killed'
-    killed.mkdir()
-    database = sqlite3.connect(path)
-    database.execute('PRAGMA cache_size = 5')
-    database.execute('BEGIN')
-    database.execute('DELETE FROM messages WHERE id < 1000')
-    for name in ('a.db3', 'a.db3-journal'):
-        shutil.copy(tmp_path / name, killed / name)
-    database.rollback()
-    database.close()
-    before = contents(killed)
-    after, [remark] = read(killed / 'a.db3')
-    assert_same(MESSAGES, after)
-    assert remark == told(killed / 'a.db3', 'unfinished_recording', fault='killed',
-                          file='a.db3-journal')
-    assert contents(killed) == before
-
-
 @pytest.mark.parametrize('share', [0.1, 0.5, 0.9, 0.999])
 def test_a_truncated_database_gives_what_is_there(tmp_path, share):
     path = write_db3(tmp_path / 'a.db3', MESSAGES)
@@ -184,9 +164,8 @@ def test_a_tree_whose_ends_are_exchanged_gives_what_can_be_found(tmp_path):
 def test_what_is_no_database_is_refused(tmp_path, data, reason):
     path = tmp_path / 'a.db3'
     path.write_bytes(data)
-    with pytest.raises(ImuAllanError) as error:
+    with refused(f'{path}: not a readable rosbag2 database ({reason})'):
         open_recording(path)
-    assert str(error.value) == f'{path}: not a readable rosbag2 database ({reason})'
 
 
 def test_another_database_is_refused(tmp_path):
@@ -194,10 +173,8 @@ def test_another_database_is_refused(tmp_path):
     with sqlite3.connect(path) as database:
         database.execute('CREATE TABLE birds(name TEXT)')
     database.close()
-    with pytest.raises(ImuAllanError) as error:
+    with refused(f'{path}: not a readable rosbag2 database (no such table: messages)'):
         open_recording(path)
-    assert str(error.value) == (
-        f'{path}: not a readable rosbag2 database (no such table: messages)')
 
 
 def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
@@ -217,10 +194,8 @@ def test_columns_of_the_wrong_type_are_malformed_messages(tmp_path):
 
 def test_a_topic_without_messages_is_named(tmp_path):
     path = write_db3(tmp_path / 'a.db3', block(0))
-    with open_recording(path) as recording, pytest.raises(ImuAllanError) as error:
-        choose_topic(recording)
-    assert str(error.value) == (
-        f'{path}: topic /imu has no messages; record it while the IMU driver runs')
+    with refused(f'{path}: topic /imu holds no readable message; --topic names another'):
+        read(path)
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ, reason='IMU_ALLAN_DATA is not set')
@@ -228,10 +203,11 @@ def test_a_real_recording_agrees_with_its_rows():
     [path] = Path(os.environ['IMU_ALLAN_DATA'], 'robot_localization_test1_2imu_xsens').glob(
         '*.db3')
     with open_recording(path) as recording:
-        assert {topic.name: topic.count for topic in recording.topics} == {
-            '/xsens/imu_data': 13334, '/my_odometry2imu/imu_data': 13333}
+        assert {topic.name for topic in recording.topics} == {
+            '/xsens/imu_data', '/my_odometry2imu/imu_data'}
     messages, remarks = read(path, '/xsens/imu_data')
     assert remarks == []
+    assert len(messages) == 13334
     with sqlite3.connect(f'{path.as_uri()}?immutable=1', uri=True) as database:
         rows = database.execute(
             'SELECT timestamp, data FROM messages WHERE topic_id = (SELECT id FROM topics WHERE '

@@ -9,11 +9,11 @@ import sqlite3
 
 from bags import assert_same, block, read, told, write_db3
 from hostile_databases import HOSTILE
-from imu_allan.errors import ImuAllanError
 from imu_allan.recordings import open_recording
 from measured_command import run
 import pytest
 from repeated import slow
+from whole_lines import refused
 
 LONGEST_S = 10.0
 LARGEST_KB = 300_000
@@ -49,9 +49,8 @@ def test_a_hostile_database_costs_the_process_little_time_and_memory(tmp_path, n
     ('no numbers', 'no such column: rowid')])
 def test_what_is_not_read_is_told(tmp_path, name, reason):
     path = HOSTILE[name](tmp_path)
-    with pytest.raises(ImuAllanError) as error:
+    with refused(f'{path}: not a readable rosbag2 database ({reason})'):
         open_recording(path)
-    assert str(error.value) == f'{path}: not a readable rosbag2 database ({reason})'
 
 
 def test_topics_whose_definitions_are_not_looked_into_are_told(tmp_path):
@@ -123,9 +122,10 @@ def test_no_file_that_a_journal_names_is_deleted(tmp_path, lines):
     assert (status, err) == (0, '')
     assert victim.read_bytes() == lines
     assert files_in(path.parent) == before
-    _, remarks = read(path)
-    assert remarks[0] == told(path, 'unfinished_recording', fault='unusable',
-                              file='a.db3-journal', reason=remarks[0].values['reason'])
+    after, [remark, *_] = read(path)
+    assert len(after) > 3000
+    assert remark == told(path, 'unfinished_recording', fault='unusable', file='a.db3-journal',
+                          reason='rosbag2 leaves none')
     assert victim.read_bytes() == lines
 
 
