@@ -63,7 +63,9 @@ def command(*arguments: object, file_limit: int | None = None) -> subprocess.Com
         if file_limit is not None:
             # Beyond it a write fails with EFBIG, where the signal is ignored as Python does.
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
-    return subprocess.run([sys.executable, '-m', 'imu_allan', *map(str, arguments)],
+    # Under the limit Python would keep half a compiled module for the next command.
+    cached = [] if file_limit is None else ['-B']
+    return subprocess.run([sys.executable, *cached, '-m', 'imu_allan', *map(str, arguments)],
                           capture_output=True, text=True, timeout=60, check=False,
                           preexec_fn=limit)
 

@@ -14,7 +14,7 @@ NAMES = {'bias_instability': 'B, K', 'rate_random_walk': 'B, K', 'quantization_n
          'gauss_markov': 'Gauss-Markov process', 'power_law': 'exponent',
          'recursive_mean': 'recursive mean', 'output_noise': 'white noise of the output',
          'high_pass': 'high-pass', 'warm_up': 'warm-up', 'bend': 'bend', 'bias_step': 'bias step',
-         'slow_cycle': 'slow cycle'}
+         'slow_cycle': 'slow cycle', 'smooth_drift': 'smooth drift'}
 OTHERS = 'moving mean, Butterworth 1 to 4, Gauss'
 
 

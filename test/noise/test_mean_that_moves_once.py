@@ -28,9 +28,11 @@ def coefficients(terms, seed, course=0.0):
     return characterized(simulate(terms, TWO_HOURS, RATE, seed) + course, RATE)[0].coefficients
 
 
-@pytest.mark.parametrize('course', ['warms up evenly', slow('turns round')])
-def test_a_mean_that_moves_once_is_seldom_a_random_walk(course):
-    found = [coefficients(STILL, seed, COURSES[course](30)) for seed in range(3, 9)]
+@pytest.mark.parametrize(('course', 'size'), [
+    ('warms up evenly', 30), ('goes over from one level to another', 300),
+    slow('turns round', 30)])
+def test_a_mean_that_moves_once_is_seldom_a_random_walk(course, size):
+    found = [coefficients(STILL, seed, COURSES[course](size)) for seed in range(3, 9)]
     assert sum(one['rate_random_walk'].observable for one in found) <= 1
     assert sum(not holds(one['bias_instability'], B) for one in found) <= 2
 

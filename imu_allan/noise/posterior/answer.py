@@ -18,7 +18,14 @@ from imu_allan.noise.posterior.likelihood import (
     spectrum,
 )
 from imu_allan.noise.posterior.posterior import Drawn, Posterior
-from imu_allan.noise.posterior.shapes import cubic, GENTLE, LOW_PASSES, TERMS
+from imu_allan.noise.posterior.shapes import (
+    cubic,
+    GENTLE,
+    LOW_PASSES,
+    OUTPUT_NOISE,
+    SMOOTH_DRIFT,
+    TERMS,
+)
 from imu_allan.noise.terms import TERMS as SYMBOLS
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +33,8 @@ from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
-OBSERVABLE = 0.6
-"""Presence from which a term is reported: about 1 in 100 clean records has a false one."""
+OBSERVABLE = 0.5
+"""Presence from which a term is reported: below 1 in 100 clean records has a false one."""
 REPORTED = 0.8
 """The same of what kind of noise it is, of a filter, and of what moves the mean."""
 CERTAIN_RAMP = 0.005
@@ -38,7 +45,9 @@ _ENDS = (0.025, 0.5, 0.975)
 """Shares at the lower end, the value and the upper end of a 95 % interval."""
 _KEYS = [shape.key for shape in TERMS]
 _FLICKER, _WALK = _KEYS.index('bias_instability'), _KEYS.index('rate_random_walk')
-_OUTPUT = _KEYS.index('output_noise')
+_OUTPUT = _KEYS.index(OUTPUT_NOISE)
+_SLOWER = [_WALK, _KEYS.index(SMOOTH_DRIFT), PLAIN, PLAIN + 2]
+"""Slots of what is slower than flicker, and of another exponent."""
 _REGRESSED = 64
 """Draws of a model about which the mean is regressed."""
 _QUANTILE = -float(ndtri(_ENDS[0]))
@@ -209,8 +218,7 @@ def _bends(model: Drawn) -> bool:
 
 def _drifts(model: Drawn) -> bool:
     """Whether a model has anything slower than flicker."""
-    return bool(model.row.has[0, 3] or model.row.has[0, PLAIN] or model.row.has[0, PLAIN + 2]
-                or model.courses)
+    return bool(model.row.has[0, _SLOWER].any() or model.courses)
 
 
 def _amplitudes(posterior: Posterior, x: Array, has: NDArray[np.bool_]

@@ -54,6 +54,8 @@ _WALL = 0.05
 """How far a nuisance may stand beyond the end of its range, one sigma."""
 _SMALL = 1e-300
 """Power that is none, of which there is a logarithm."""
+_RIDGE = 1e-10
+"""Relative; far above rounding and far below what any two different regressors leave."""
 _COSTLY = np.array([*np.flatnonzero(OUTPUT), *NUISANCES])
 """Slots that a batch is computed the faster without."""
 _SOME = 1e-3
@@ -306,12 +308,14 @@ def mean(spectra: Spectra, of: Index, weight: Array) -> tuple[Array, Array, Arra
     target = products[:, :, :count]
     gram = products[:, :, count:].reshape(*target.shape, count)
     if count == 1:
-        single = np.maximum(gram[..., 0], _SMALL)
+        single = np.where(gram[..., 0] > 0, gram[..., 0], 1.0)
         gain = 0.5 * (target**2 / single - np.log(single)).sum(axis=(1, 2))
         return gain, target / single, (1 / single)[..., None]
     norm = np.einsum('...ii->...i', gram)
     scale = np.sqrt(np.where(norm > 0, norm, 1.0))
-    unit = gram / (scale[..., :, None] * scale[..., None, :]) + 1e-10 * np.eye(count)
+    # What no group sees, or nothing but rounding, is left out.
+    ridge = np.where(norm > 0, _RIDGE, 1.0)[..., None] * np.eye(count)
+    unit = gram / (scale[..., :, None] * scale[..., None, :]) + ridge
     covariance = np.linalg.inv(unit) / (scale[..., :, None] * scale[..., None, :])
     size = np.einsum('...ij,...j->...i', covariance, target)
     gain = 0.5 * np.einsum('mri,mri->m', target, size) - 0.5 * (

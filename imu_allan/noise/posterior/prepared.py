@@ -19,7 +19,6 @@ from imu_allan.noise.posterior.regression import about_blocks, explained_by_regr
 from imu_allan.noise.posterior.shapes import (
     FEWEST_GROUPS,
     FREE_TERMS,
-    OUTPUT_NOISE,
     Table,
     tables,
     TERMS,
@@ -32,8 +31,8 @@ Array = NDArray[np.float64]
 
 _KEYS = [shape.key for shape in TERMS]
 _WHITE = _KEYS.index('noise_density')
-_COLUMNS = [_WHITE if key == OUTPUT_NOISE else _KEYS.index(key) for key in _KEYS]
-"""Of a design, by term: noise of the output is white, too."""
+_COLUMNS = [_KEYS.index(shape.like or shape.key) for shape in TERMS]
+"""Of a design, by term: its own, or that of the term it is like."""
 _OCTAVE = 0.5
 """Half of the width in octaves over which a spectrum is smoothed to say what can be seen in it."""
 _LEAK_KNOWN = 2e-3
@@ -94,7 +93,10 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
         levels.append(np.maximum(smoothed(one, residual_power(one, first.theta), expected),
                                  rounding))
     level = np.stack(levels)
-    design = np.stack([one.design[:, _COLUMNS].T for one in groups])
+    nu = np.minimum(groups[0].frequency * dt, 0.5)
+    ratio = np.stack([shape.power(nu, 0.0) / TERMS[own].power(nu, 0.0)
+                      for shape, own in zip(TERMS, _COLUMNS, strict=True)])
+    design = np.stack([one.design[:, _COLUMNS].T * ratio for one in groups])
     whole = np.stack([one.dof for one in groups])
     passed = _passed(groups[0].frequency * dt, design[:, _WHITE], whole, np.stack(power), level)
     doubt = np.where(passed < _STOPPED, _LEAK_KNOWN / passed, 0.0)
@@ -104,7 +106,6 @@ def prepared(groups: Sequence[Groups], dt: float) -> tuple[Spectra, list[Start]]
     seen = np.where(OUTPUT[:, None], (whole / 2 / level**2)[:, None], information[:, None])
     unit = 1 / np.sqrt(np.einsum('atg,atg->at', design**2, seen))
     table = tables(groups[0].frequency, dt)
-    nu = np.minimum(groups[0].frequency * dt, 0.5)
     like = np.stack([np.log(np.maximum(
         design[:, _KEYS.index(shape.like)]
         / (TERMS[_KEYS.index(shape.like)].power(nu, 0.0) * _scale(shape.like, dt)), 1e-300))

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-Q, N, B, K, OUTPUT = range(PLAIN)
+Q, N, B, K, OUTPUT, SMOOTH = range(PLAIN)
 LAW, ALPHA, PROCESS, TIME = range(PLAIN, PLAIN + 4)
 _TOP, _PER_HALF_OCTAVE = float(np.log(0.02)), -0.2
 """Logarithm of the prior of a top that no filter explains, and its change per half-octave."""
@@ -40,6 +40,8 @@ _MOST_FAST, _MOST_SLOW, MOST = 5, 8, 16
 """Fast ends kept for the slow noise, slow noises crossed with them, and models in all."""
 FAST = (Q, OUTPUT, LOW)
 """Slots of what bends the fast end."""
+_SMOOTH = (1.0, 4.0)
+"""Logarithms of the amplitude of a smooth drift at which a climb begins."""
 _BESIDE_EDGE = ('recursive_mean', 'butterworth_2')
 """Filters that may fall below an edge already."""
 
@@ -135,7 +137,7 @@ def _with(x: Array, **values: float) -> Array:
 
 
 _SLOT = {'white': N, 'law': LAW, 'alpha': ALPHA, 'process': PROCESS, 'time': TIME, 'low': LOW,
-         'high': HIGH, 'output': OUTPUT, 'flicker': B, 'walk': K}
+         'high': HIGH, 'output': OUTPUT, 'flicker': B, 'walk': K, 'smooth': SMOOTH}
 
 
 def _fast_ends(spectra: Spectra, axis: int, start: Start, dt: float) -> Rows:
@@ -254,8 +256,10 @@ def _slow_noises(spectra: Spectra, axis: int, start: Start, end: Rows) -> Rows:
 
     process, high = spectra.tables.terms[1], spectra.tables.high_pass
     for walk in ((), (K,)):
-        add(*walk)
-        add(B, *walk)
+        for flicker in ((), (B,)):
+            add(*flicker, *walk)
+            for smooth in _SMOOTH:
+                add(*flicker, SMOOTH, *walk, smooth=smooth)
         for time in np.linspace(process.first[0] + 0.4, process.last[0] - 0.2, 6):
             add(PROCESS, TIME, *walk, time=time, process=1.5)
             add(B, PROCESS, TIME, *walk, time=time, process=1.0)

@@ -107,18 +107,24 @@ def _high_pass(nu: Array, corner: float) -> Array:
 
 WHITE, FLICKER, WALK, QUANTIZATION = 'noise_density', 'bias_instability', 'rate_random_walk', \
     'quantization_noise'
-OUTPUT_NOISE = 'output_noise'
+OUTPUT_NOISE, SMOOTH_DRIFT = 'output_noise', 'smooth_drift'
 PROCESS, POWER_LAW, HIGH_PASS = 'gauss_markov', 'power_law', 'high_pass'
 GENTLE = 'recursive_mean'
 
 TERMS = (
-    Shape(QUANTIZATION, 0.25, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
+    Shape(QUANTIZATION, 0.2, lambda nu, _: spectrum.quantization(nu, 1.0), at_output=True),
     Shape(WHITE, 1.0, lambda nu, _: spectrum.white(nu, 1.0)),
     Shape(FLICKER, 0.15, lambda nu, _: spectrum.flicker(nu, 1.0)),
     Shape(WALK, 0.15, lambda nu, _: spectrum.random_walk(nu, 1.0)),
-    Shape(OUTPUT_NOISE, 0.02, lambda nu, _: spectrum.white(nu, 1.0), at_output=True),
+    Shape(OUTPUT_NOISE, 0.02, lambda nu, _: spectrum.white(nu, 1.0), at_output=True, like=WHITE),
+    Shape(SMOOTH_DRIFT, 0.03, lambda nu, _: spectrum.random_walk(nu, 1.0)**2, like=WALK),
 )
-"""Terms without a nuisance; white noise is in every model, that of the output behind a filter."""
+"""
+Terms without a nuisance; white noise is in every model, that of the output behind a filter.
+
+A mean that moves smoothly in a way that no course of the list describes has a spectrum of f^-4,
+like the integral of a random walk.
+"""
 
 FREE_TERMS = (
     Shape(POWER_LAW, 0.15, lambda nu, alpha: spectrum.power_law(nu, 1.0, alpha),
