@@ -24,6 +24,8 @@ from imu_allan.recordings.options import RecordingOptions
 from imu_allan.recordings.recording import FileRecording, Recording
 from imu_allan.wording import counted
 
+LARGEST_CHUNK = 1 << 28
+"""Bytes before and after decompression; recorders write 768 kB unless asked otherwise."""
 _UNWRITTEN = 'what was not yet written is missing'
 _SERIALIZATIONS: dict[str, Serialization] = {'cdr': 'cdr', 'ros1': 'ros1'}
 

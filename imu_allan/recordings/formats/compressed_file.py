@@ -7,12 +7,7 @@ from pathlib import Path
 
 from imu_allan.block import ImuBlock
 from imu_allan.errors import ImuAllanError, printable
-from imu_allan.recordings.formats.decompress import (
-    Bounded,
-    DamagedData,
-    declared_size,
-    decompressing,
-)
+from imu_allan.recordings.formats.decompress import DamagedData, declared_size, decompressing
 from imu_allan.recordings.formats.effort import MOST_RATIO, PLAIN_BYTES
 from imu_allan.recordings.formats.temporary_folder import make_folder, remove_folder, room_in
 from imu_allan.recordings.options import RecordingOptions
@@ -69,9 +64,9 @@ class CompressedRecording(Recording):
         with self.path.open('rb') as file, stored.open('wb') as out:
             declared = declared_size(file.read(_LONGEST_FRAME_HEAD))
             file.seek(0)
-            plain = decompressing('zstd', Bounded(file, self.size_bytes))
+            read = decompressing(file)
             try:
-                while data := plain.read(_PIECE):
+                while data := read(_PIECE):
                     written += len(data)
                     if written > PLAIN_BYTES + MOST_RATIO * self.size_bytes:
                         raise ImuAllanError(

@@ -5,7 +5,7 @@
 import bz2
 from collections.abc import Callable
 import threading
-from typing import BinaryIO, cast, Protocol
+from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
@@ -17,34 +17,11 @@ except ImportError:
     from zlib import crc32
 
 __all__ = [
-    'Bounded', 'DamagedData', 'Readable', 'crc32', 'declared_size', 'decompress',
-    'decompress_frame', 'decompressing',
-]
+    'DamagedData', 'crc32', 'declared_size', 'decompress', 'decompress_frame', 'decompressing']
 
 
 class DamagedData(ValueError):
     """Data that cannot be what it is declared to be; the message tells why."""
-
-
-class Readable(Protocol):
-    """Something that is read front to back."""
-
-    def read(self, size: int, /) -> bytes:
-        """Return at most `size` bytes, none at the end."""
-
-
-class Bounded:
-    """The next `size` bytes of a file, whatever is asked for."""
-
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        self._file = file
-        self._left = size
-
-    def read(self, size: int = -1, /) -> bytes:
-        """Return at most `size` bytes, none at the end."""
-        data = self._file.read(self._left if size < 0 else min(size, self._left))
-        self._left -= len(data)
-        return data
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:
@@ -77,29 +54,17 @@ def declared_size(head: bytes) -> int:
         return 0
 
 
-def decompressing(compression: str, source: Bounded) -> Readable:
-    """Decompress a stream; this and its reads raise DamagedData."""
-    if compression in ('', 'none'):
-        return source
-    if compression == 'zstd':
-        return _Translated(_LOCAL.zstd.stream_reader(
-            cast(BinaryIO, source), read_across_frames=True))
-    if compression == 'lz4':
-        return _Translated(lz4.frame.LZ4FrameFile(source))
-    raise DamagedData(f'compression {compression[:20]!r} is not supported')
+def decompressing(file: BinaryIO) -> Callable[[int], bytes]:
+    """Return what reads plain bytes of a zstd file; it raises DamagedData."""
+    stream = _LOCAL.zstd.stream_reader(file, read_across_frames=True)
 
-
-class _Translated:
-    """A stream whose library's exceptions become DamagedData."""
-
-    def __init__(self, stream: Readable) -> None:
-        self._stream = stream
-
-    def read(self, size: int, /) -> bytes:
+    def read(size: int) -> bytes:
         try:
-            return self._stream.read(size)
-        except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError, EOFError) as error:
+            return stream.read(size)
+        except (zstandard.ZstdError, MemoryError) as error:
             raise DamagedData(str(error)) from error
+
+    return read
 
 
 def _store(data: bytes, _size: int) -> bytes:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
 from itertools import chain, pairwise
 from struct import Struct
 
+from imu_allan.cdr import rows_like_first
 from imu_allan.recordings.formats.decompress import DamagedData
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.messages.piece import Piece
@@ -98,7 +99,7 @@ def gather(
             # Two probes ahead are cheap; the comparison of a whole run is not.
             run = (buffer[at + stride:at + stride + _KEY] == key
                    and buffer[at + 8 * stride:at + 8 * stride + _KEY] == key)
-            count = _equal_records(buffer, at, stride, key) if run else 1
+            count = equal_records(buffer, at, stride, [(0, _KEY)]) if run else 1
             if not run and index is not None:
                 steps_left -= 1
                 if steps_left == 0:
@@ -154,18 +155,18 @@ def in_batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
         raise failure
 
 
-def _equal_records(buffer: bytes, at: int, stride: int, key: bytes) -> int:
-    """Count the records from `at` on that begin with `key`, each `stride` after the one before."""
+def equal_records(buffer: bytes, at: int, stride: int, spans: Iterable[tuple[int, int]]) -> int:
+    """Count the records from `at` on, `stride` apart, whose bytes in `spans` are the same."""
     most = (len(buffer) - at) // stride
-    count, span = 1, 64
+    count, more = 1, 64
     while count < most:
-        span = min(span, most - count)
-        keys = np.ndarray((span,), f'V{_KEY}', buffer, at + count * stride, (stride,)).tobytes()
-        if keys != key * span:
-            rows = np.frombuffer(keys, np.uint8).reshape(span, _KEY)
-            return count + int(np.argmax((rows != np.frombuffer(key, np.uint8)).any(axis=1)))
-        count += span
-        span *= 16
+        more = min(more, most - count)
+        last = at + (count - 1) * stride
+        like = rows_like_first(np.ndarray((more + 1, stride), np.uint8, buffer, last), spans)
+        if like is not None:
+            return count - 1 + int(np.argmin(like))
+        count += more
+        more *= 16
     return count
 
 

@@ -14,8 +14,8 @@ MCAP format specification, https://mcap.dev/spec
 
 """
 
-from collections.abc import Callable, Iterable, Iterator, Set as AbstractSet
-from io import BytesIO
+from collections.abc import Callable, Iterator, Set as AbstractSet
+from io import BytesIO, SEEK_CUR
 from pathlib import Path
 from struct import error as StructError, Struct
 from typing import BinaryIO, TypeVar
@@ -27,21 +27,14 @@ from imu_allan.recordings.formats.chunked_file import (
     ChunkedRecording,
     Damage,
     Decode,
+    LARGEST_CHUNK,
     Part,
 )
-from imu_allan.recordings.formats.decompress import (
-    Bounded,
-    crc32,
-    DamagedData,
-    decompress,
-    decompressing,
-    Readable,
-)
+from imu_allan.recordings.formats.decompress import crc32, DamagedData, decompress
 from imu_allan.recordings.formats.effort import Effort
 from imu_allan.recordings.formats.gather import gather
 from imu_allan.recordings.formats.message_compression import unpacked
 from imu_allan.recordings.messages.definitions import Definition, FORMS
-from imu_allan.recordings.messages.piece import Piece
 from imu_allan.recordings.options import RecordingOptions
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -52,8 +45,10 @@ from numpy.typing import NDArray
 
 MAGIC = b'\x89MCAP0\r\n'
 
-Decoded = TypeVar('Decoded')
 Record = TypeVar('Record')
+Index = Callable[[], NDArray[np.int64]]
+Gathered = Callable[..., tuple[list[ImuBlock], int]]
+"""Takes a buffer, and where its message index says that messages are; decodes and counts bytes."""
 
 _FRAME = Struct('<BQ')
 _CHUNK_HEAD = Struct('<QQQII')
@@ -68,10 +63,8 @@ _MOST_DESCRIPTIONS = 1 << 18
 """Channel and Schema records that are read; there are 65,536 numbers of each."""
 _LARGEST_SUMMARY = 1 << 28
 """Two million indexes of 100 bytes; a larger one is not held, the file is scanned instead."""
-LARGEST_CHUNK = 1 << 26
-"""Bytes of a chunk, before and after decompression, that are held whole."""
 WINDOW = 1 << 22
-"""Bytes taken at a time from what is larger."""
+"""Bytes taken at a time of what stands outside of chunks."""
 _STEPS_AT_LEAST = 100_000
 """Records of a chunk that are stepped through whatever its size; they take a fifth of a second."""
 
@@ -94,8 +87,21 @@ class McapRecording(ChunkedRecording):
             if number is not None:
                 enter(number)
 
-        return decoded_blocks(file, part, wanted, describe,
-                              lambda pieces: decode(unpacked(pieces, effort)), effort)
+        def gathered(buffer: bytes, index: Index | None = None) -> tuple[list[ImuBlock], int]:
+            pieces, consumed = gather(buffer, wanted, describe, index, effort)
+            return decode(unpacked(pieces, effort)), consumed
+
+        file.seek(part.start)
+        effort.begin(part.length)
+        if not part.is_chunk:
+            yield from _stream(file, part.length, gathered)
+            return
+        # No buffer is alive while the caller works: memory that is freed before the next buffer is
+        # asked for is used again, which spares a quarter of the time that decompression takes.
+        blocks, rest = _chunk(file, part, gathered, effort)
+        yield blocks
+        if rest:
+            raise DamagedData(f'{rest} bytes at its end are not whole records')
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Take channels, counts and chunk places from the summary; False where there is none."""
@@ -203,23 +209,9 @@ class McapRecording(ChunkedRecording):
             yield part
 
 
-def decoded_blocks(
-    file: BinaryIO, part: Part, wanted: AbstractSet[int],
-    describe: Callable[[int, bytes], object],
-    decode: Callable[[Iterable[Piece]], Decoded], effort: Effort,
-) -> Iterator[Decoded]:
-    """
-    Decode a part of the file, whole where it is small, else a few MiB at a time.
-
-    No buffer is alive while the caller works: memory that is freed before the next buffer is asked
-    for is used again, which spares a quarter of the time that decompression takes.
-    """
-    file.seek(part.start)
-    effort.begin(part.length)
-    if not part.is_chunk:
-        yield from _stream(
-            Bounded(file, part.length), part.length, wanted, describe, decode, effort)
-        return
+def _chunk(file: BinaryIO, part: Part, gathered: Gathered, effort: Effort,
+           ) -> tuple[list[ImuBlock], int]:
+    """Decode a chunk; returns also how many bytes at its end are no records."""
     head = file.read(min(_CHUNK_HEAD.size, part.length))
     if len(head) < _CHUNK_HEAD.size:
         raise DamagedData('a chunk record without a header')
@@ -231,36 +223,15 @@ def decoded_blocks(
     stored = int.from_bytes(file.read(8), 'little')
     if stored > rest - 8 - text:
         raise DamagedData(f'{stored} bytes declared in a record of {part.length}')
+    if max(size, stored) > LARGEST_CHUNK:
+        raise DamagedData(f'{max(size, stored)} bytes are more than a chunk may have')
     if compression not in ('', 'none'):
         effort.expand(size)
-    if max(size, stored) > LARGEST_CHUNK:
-        start = file.tell()
-        if crc:
-            # Twice through it: what is wrong must be known before any of it is used.
-            _verify(decompressing(compression, Bounded(file, stored)), size, crc)
-        file.seek(start)
-        source = decompressing(compression, Bounded(file, stored))
-        yield from _stream(source, size, wanted, describe, decode, effort)
-        return
-    blocks, rest = _whole(
-        decompress(compression, file.read(stored), size), crc, wanted, describe, decode,
-        lambda: _message_places(file, part), effort)
-    yield blocks
-    if rest:
-        raise DamagedData(f'{rest} bytes at its end are not whole records')
-
-
-def _whole(
-    data: bytes, crc: int, wanted: AbstractSet[int],
-    describe: Callable[[int, bytes], object],
-    decode: Callable[[Iterable[Piece]], Decoded],
-    index: Callable[[], NDArray[np.int64]], effort: Effort,
-) -> tuple[Decoded, int]:
-    """Decode a decompressed chunk; returns also the bytes at its end that are no records."""
+    data = decompress(compression, file.read(stored), size)
     if crc and crc32(data) != crc:
         raise DamagedData('its checksum does not match')
-    pieces, consumed = gather(data, wanted, describe, index, effort)
-    return decode(pieces), len(data) - consumed
+    blocks, consumed = gathered(data, lambda: _message_places(file, part))
+    return blocks, len(data) - consumed
 
 
 def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
@@ -273,32 +244,18 @@ def _message_places(file: BinaryIO, part: Part) -> NDArray[np.int64]:
     return np.concatenate(places)
 
 
-def _verify(source: Readable, size: int, crc: int) -> None:
-    """Read `size` bytes; raises DamagedData where they are fewer or differ from the checksum."""
-    checksum = 0
-    while size:
-        data = _window(source, size)
-        checksum = crc32(data, checksum)
-        size -= len(data)
-    if checksum != crc:
-        raise DamagedData('its checksum does not match')
-
-
-def _stream(
-    source: Readable, size: int, wanted: AbstractSet[int],
-    describe: Callable[[int, bytes], object],
-    decode: Callable[[Iterable[Piece]], Decoded], effort: Effort,
-) -> Iterator[Decoded]:
-    """Decode `size` bytes of records, a window at a time."""
-    kept, left = b'', size
+def _stream(file: BinaryIO, left: int, gathered: Gathered) -> Iterator[list[ImuBlock]]:
+    """Decode records outside of chunks, a window at a time."""
+    kept = b''
     while left:
-        window = _window(source, left)
+        window = file.read(min(WINDOW, left))
+        if not window:
+            raise DamagedData(f'it ends {left} bytes early')
         left -= len(window)
         window = kept + window
-        pieces, consumed = gather(window, wanted, describe, effort=effort)
+        blocks, consumed = gathered(window)
         kept = window[consumed:]
-        blocks = decode(pieces)
-        del window, pieces
+        del window
         yield blocks
         if len(kept) > _FRAME.size:
             _, length = _FRAME.unpack_from(kept)
@@ -309,18 +266,9 @@ def _stream(
                 # Too large for an Imu message: an image or a point cloud.
                 kept = b''
                 left -= missing
-                while missing:
-                    missing -= len(_window(source, missing))
+                file.seek(missing, SEEK_CUR)
     if kept:
         raise DamagedData(f'{len(kept) + left} bytes at its end are not whole records')
-
-
-def _window(source: Readable, most: int) -> bytes:
-    """Read the next bytes; raises DamagedData where there are none."""
-    data = source.read(min(WINDOW, most))
-    if not data:
-        raise DamagedData(f'it ends {most} bytes early')
-    return data
 
 
 def _parsed(read: Callable[[ReadDataStream], Record], body: bytes) -> Record | None:

@@ -17,7 +17,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass
-from struct import Struct
 from typing import BinaryIO
 
 from imu_allan.block import ImuBlock
@@ -27,12 +26,12 @@ from imu_allan.recordings.formats.chunked_file import (
     ChunkedRecording,
     Damage,
     Decode,
+    LARGEST_CHUNK,
     Part,
 )
 from imu_allan.recordings.formats.decompress import DamagedData, decompress
 from imu_allan.recordings.formats.effort import Effort
-from imu_allan.recordings.formats.gather import collect, in_batches
-from imu_allan.recordings.formats.ros1_header import DamagedHeader, Operation, Ros1Header
+from imu_allan.recordings.formats.gather import collect, equal_records, in_batches
 from imu_allan.recordings.messages.definitions import Definition
 from imu_allan.recordings.messages.piece import Piece
 import numpy as np
@@ -40,15 +39,14 @@ from numpy.typing import NDArray
 
 MAGIC = b'#ROSBAG V2.0\n'
 
-_UINT = Struct('<I')
+_MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in (2, 4, 5, 6, 7))
+"""What a record is: its field `op`."""
 _LARGEST_HEADER = 1 << 20
 """It holds a topic and a few numbers; more is damage, and not allocated."""
 _LARGEST_DEFINITION = 1 << 22
 """As in MCAP, far more than any definition has."""
 _MOST_CONNECTIONS = 1 << 16
 """One to each publisher of each topic; a hostile bag may have one to each 50 bytes."""
-_LARGEST_CHUNK = 1 << 28
-"""rosbag writes 768 kB unless asked otherwise; one number shall not fill the memory."""
 _REMEMBERED_HEADS = 16
 """Connections whose messages are known by a comparison; they are tried in turn."""
 _STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
@@ -57,6 +55,8 @@ _STEPS_AT_LEAST, _BYTES_PER_STEP = 20_000, 4
 A step takes 10 to 20 us; a chunk of 768 kB, as rosbag writes them, holds 13,000 records at most.
 """
 _TIME = np.dtype([('sec', '<u4'), ('nsec', '<u4')])
+
+_Fields = dict[str, bytes]
 
 
 class Ros1Recording(ChunkedRecording):
@@ -85,23 +85,22 @@ class Ros1Recording(ChunkedRecording):
         bag_header = _record(file, len(MAGIC), self.size_bytes)
         if bag_header is None:
             return False
-        if bag_header.header.get('encryptor'):
+        if bag_header.fields.get('encryptor'):
             raise ImuAllanError(f'{printable(self.path)}: encrypted; decrypt it with: '
                                 'rosbag decrypt')
         at = 0
-        with suppress(DamagedHeader):
-            at = bag_header.header.number('index_pos', 8)
+        with suppress(DamagedData):
+            at = _number(bag_header.fields, 'index_pos', 8)
             counts: Counter[int] = Counter()
             while 0 < at < self.size_bytes:
                 record = _record(file, at, self.size_bytes)
                 if record is None:
                     return False
-                op = record.header.operation()
-                if op == Operation.CONNECTION:
-                    self._describe(record.header, file.read(
+                if record.operation == _CONNECTION:
+                    self._describe(record.fields, file.read(
                         min(record.length, _LARGEST_DEFINITION)))
-                elif op == Operation.CHUNK_INFO:
-                    place = record.header.number('chunk_pos', 8)
+                elif record.operation == _CHUNK_INFO:
+                    place = _number(record.fields, 'chunk_pos', 8)
                     if place < self.size_bytes:
                         self._chunk_starts.append(place)
                     pairs = np.frombuffer(file.read(record.length // 8 * 8), '<u4').reshape(-1, 2)
@@ -114,22 +113,23 @@ class Ros1Recording(ChunkedRecording):
             self._counts, self._counted = dict(counts), bool(counts)
         return bool(self._channels) and at == self.size_bytes
 
-    def _describe(self, header: Ros1Header, data: bytes) -> int | None:
+    def _describe(self, fields: _Fields, data: bytes) -> int | None:
         """Remember a connection record; returns the number of a new one."""
-        with suppress(DamagedHeader):
-            number = header.number('conn', 4)
+        with suppress(DamagedData):
+            number = _number(fields, 'conn', 4)
             if number in self._channels:
                 return None
-            topic = header.text('topic')
+            topic = _text(fields, 'topic')
             if not self.keeps(len(topic) + len(data)):
                 return None
             if len(self._channels) == _MOST_CONNECTIONS:
                 self.remark('many_topics', what='connections', listed=_MOST_CONNECTIONS)
                 return None
-            fields = Ros1Header(data)
-            text = fields.get('message_definition').decode('utf-8', 'replace')
+            described = _fields_of(data)
+            text = described.get('message_definition', b'').decode('utf-8', 'replace')
             self._channels[number] = Channel(
-                topic, fields.text('type'), 'ros1', Definition(text) if text.strip() else None)
+                topic, _text(described, 'type'), 'ros1',
+                Definition(text) if text.strip() else None)
             return number
         return None
 
@@ -139,24 +139,23 @@ class Ros1Recording(ChunkedRecording):
         part: Part | None = None
         while True:
             record = _record(file, at, self._next_chunk(at) or self.size_bytes)
-            op = _operation(record)
-            if record is not None and op == Operation.INDEX and part is not None:
-                with suppress(DamagedHeader):
-                    part.counts[record.header.number('conn', 4)] = (
-                        record.header.number('count', 4))
+            if record is not None and record.operation == _INDEX and part is not None:
+                with suppress(DamagedData):
+                    part.counts[_number(record.fields, 'conn', 4)] = _number(
+                        record.fields, 'count', 4)
             elif part is not None:
                 yield part
                 part = None
-            if record is None or op is None:
+            if record is None:
                 known = self._passed_over(at, damage)
                 if known is None:
                     break
                 at = known
                 continue
-            if op == Operation.CHUNK:
+            if record.operation == _CHUNK:
                 part = Part(at, record.start + record.length - at, is_chunk=True)
                 damage.chunks += 1
-            elif op in (Operation.CONNECTION, Operation.CHUNK_INFO):
+            elif record.operation in (_CONNECTION, _CHUNK_INFO):
                 break
             at = record.start + record.length
 
@@ -185,7 +184,11 @@ class Ros1Recording(ChunkedRecording):
             except DamagedData as error:
                 failure = error
                 break
-            count = _equal_records(buffer, at, head)
+            # Two probes ahead are cheap; the comparison of a whole run is not.
+            count = 1
+            if (head.stands_at(buffer, at + head.stride)
+                    and head.stands_at(buffer, at + 8 * head.stride)):
+                count = equal_records(buffer, at, head.stride, head.spans)
             if head.connection in wanted:
                 if scattered_head is not None and (count > 1 or head is not scattered_head):
                     yield _scattered(buffer, scattered, scattered_head)
@@ -205,18 +208,14 @@ class Ros1Recording(ChunkedRecording):
     def _gather_connection(self, buffer: bytes, at: int) -> tuple[int, int | None]:
         """Remember the connection record at `at`; returns its end, and its number if new."""
         start = at + 8 + int.from_bytes(buffer[at:at + 4], 'little')
-        try:
-            if start > len(buffer):
-                raise DamagedHeader('cut short')
-            header = Ros1Header(buffer[at + 4:start - 4])
-            operation = header.operation()
-        except DamagedHeader as error:
-            raise DamagedData(f'no record at byte {at} of it') from error
+        if start > len(buffer):
+            raise DamagedData(f'no record at byte {at} of it')
+        fields = _fields_of(buffer[at + 4:start - 4])
         end = start + int.from_bytes(buffer[start - 4:start], 'little')
         if end > len(buffer):
             raise DamagedData(f'the record at byte {at} of it is cut short')
-        if operation == Operation.CONNECTION and end - start <= _LARGEST_DEFINITION:
-            return end, self._describe(header, buffer[start:end])
+        if fields.get('op') == _CONNECTION and end - start <= _LARGEST_DEFINITION:
+            return end, self._describe(fields, buffer[start:end])
         return end, None
 
 
@@ -224,7 +223,8 @@ class Ros1Recording(ChunkedRecording):
 class _Record:
     """A record of the file: its header, and the place of its data."""
 
-    header: Ros1Header
+    fields: _Fields
+    operation: bytes
     start: int
     length: int
 
@@ -260,6 +260,11 @@ class _MessageHead:
         """Bytes before the data."""
         return len(self.before) + 8 + len(self.after)
 
+    @property
+    def spans(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Places of `before` and `after` in the record."""
+        return (0, self.time_at), (self.time_at + 8, self.size)
+
     def stands_at(self, buffer: bytes, at: int) -> bool:
         """Whether a whole record with this head stands at `at`."""
         return (buffer.startswith(self.before, at)
@@ -267,42 +272,60 @@ class _MessageHead:
                 and at + self.stride <= len(buffer))
 
 
+def _fields_of(header: bytes) -> _Fields:
+    """Take the header of a record apart, fields of ``name=value``; raises DamagedData."""
+    fields: _Fields = {}
+    at = 0
+    while at < len(header):
+        stop = at + 4 + int.from_bytes(header[at:at + 4], 'little')
+        name, equals, value = header[at + 4:stop].partition(b'=')
+        if stop > len(header) or not equals or not name.isascii():
+            raise DamagedData(f'no field at byte {at} of a record header')
+        fields[name.decode()] = value
+        at = stop
+    return fields
+
+
+def _number(fields: _Fields, name: str, size: int) -> int:
+    """Return a field of `size` bytes as unsigned number; raises DamagedData."""
+    value = fields.get(name, b'')
+    if len(value) != size:
+        raise DamagedData(f'no field {name} of that size in the record header')
+    return int.from_bytes(value, 'little')
+
+
+def _text(fields: _Fields, name: str) -> str:
+    """Return a field as text; raises DamagedData."""
+    try:
+        return fields[name].decode()
+    except (KeyError, UnicodeDecodeError) as error:
+        raise DamagedData(f'no text in field {name} of the record header') from error
+
+
 def _record(file: BinaryIO, at: int, end: int) -> _Record | None:
     """Read the header of the record at `at`; None where no whole record is there."""
     file.seek(at)
-    head = file.read(4)
-    size = _UINT.unpack(head)[0] if len(head) == 4 else _LARGEST_HEADER + 1
+    size = int.from_bytes(file.read(4), 'little')
     if size > min(_LARGEST_HEADER, end - at - 8):
         return None
-    try:
-        header = Ros1Header(file.read(size))
-    except DamagedHeader:
-        return None
-    [length] = _UINT.unpack(file.read(4))
-    start = at + 8 + size
-    return _Record(header, start, length) if start + length <= end else None
-
-
-def _operation(record: _Record | None) -> Operation | None:
-    """Tell what a record is; None where it is none."""
-    try:
-        return None if record is None else record.header.operation()
-    except DamagedHeader:
-        return None
+    with suppress(DamagedData):
+        fields = _fields_of(file.read(size))
+        length = int.from_bytes(file.read(4), 'little')
+        start = at + 8 + size
+        if 'op' in fields and start + length <= end:
+            return _Record(fields, fields['op'], start, length)
+    return None
 
 
 def _chunk_data(file: BinaryIO, part: Part, effort: Effort) -> bytes:
     """Decompress a chunk, and begin the effort that it may take; raises DamagedData."""
     effort.begin(part.length)
     record = _record(file, part.start, part.start + part.length)
-    try:
-        if record is None:
-            raise DamagedData('no header')
-        size = record.header.number('size', 4)
-        compression = record.header.text('compression')
-    except DamagedHeader as error:
-        raise DamagedData(str(error)) from error
-    if max(size, record.length) > _LARGEST_CHUNK:
+    if record is None:
+        raise DamagedData('no header')
+    size = _number(record.fields, 'size', 4)
+    compression = _text(record.fields, 'compression')
+    if max(size, record.length) > LARGEST_CHUNK:
         raise DamagedData(f'{max(size, record.length)} bytes are more than a chunk may have')
     if compression != 'none':
         effort.expand(size)
@@ -318,14 +341,15 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
     if not at + 8 <= header_end + 4 <= len(buffer) or header_end - at > 256:
         return None
     try:
-        header = Ros1Header(buffer[at + 4:header_end])
-        if header.operation() != Operation.MESSAGE:
-            return None
-        connection = header.number('conn', 4)
-        header.value('time', 8)
-    except DamagedHeader:
+        fields = _fields_of(buffer[at + 4:header_end])
+        connection = _number(fields, 'conn', 4)
+    except DamagedData:
         return None
-    time_at = at + 4 + header.place('time')
+    # Its length, 13, stands before name and value.
+    time_field = buffer.find(b'\x0d\0\0\0time=', at, header_end)
+    if fields.get('op') != _MESSAGE or time_field < 0:
+        return None
+    time_at = time_field + 9
     length = int.from_bytes(buffer[header_end:header_end + 4], 'little')
     head = _MessageHead(
         connection, buffer[at:time_at],
@@ -335,27 +359,6 @@ def _head_at(buffer: bytes, at: int, known: list[_MessageHead]) -> _MessageHead 
     if len(known) < _REMEMBERED_HEADS:
         known.append(head)
     return head
-
-
-def _equal_records(buffer: bytes, at: int, head: _MessageHead) -> int:
-    """Count the records from `at` on that differ in time and data only."""
-    # Two probes ahead are cheap; the comparison of a whole run is not.
-    if not (head.stands_at(buffer, at + head.stride)
-            and head.stands_at(buffer, at + 8 * head.stride)):
-        return 1
-    most = (len(buffer) - at) // head.stride
-    count, span = 1, 64
-    while count < most:
-        span = min(span, most - count)
-        heads = np.ndarray(
-            (span, head.size), np.uint8, buffer, at + count * head.stride, (head.stride, 1))
-        same = (heads[:, :head.time_at] == np.frombuffer(head.before, np.uint8)).all(axis=1)
-        same &= (heads[:, head.time_at + 8:] == np.frombuffer(head.after, np.uint8)).all(axis=1)
-        if not same.all():
-            return count + int(np.argmin(same))
-        count += span
-        span *= 16
-    return count
 
 
 def _piece(records: NDArray[np.uint8], head: _MessageHead) -> Piece:
