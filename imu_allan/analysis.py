@@ -9,8 +9,8 @@ Several recordings of one IMU give one result.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
-from dataclasses import fields, replace
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from heapq import merge
 from itertools import count as naturals
 from operator import itemgetter
@@ -39,16 +39,70 @@ if TYPE_CHECKING:
 _WHOLE_PART = 0.99
 """Of the length asked for: who asks for 20 min of 19 min 59 s has the whole."""
 
-Taken = tuple['Stream', 'Characterization', list[Finding]]
-Opening = Callable[[], AbstractContextManager[Recording]]
+AnyPath = str | PathLike[str]
+Progress = Callable[[int], None] | None
 
 
-def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *,
+@dataclass(frozen=True)
+class Choice:
+    """What is taken of a recording, and how it is read: arguments of `analyze`."""
+
+    topic: str | None = None
+    options: TimelineOptions = TimelineOptions()  # noqa: RUF009
+    reading: RecordingOptions = RecordingOptions()  # noqa: RUF009
+    start_s: float | Literal['auto'] = 0.0
+    duration_s: float | None = None
+
+    def opened(self, path: AnyPath) -> Recording:
+        """Open a recording, to be used as a context manager."""
+        return open_recording(Path(path), rate_hz=self.options.rate_hz, options=self.reading)
+
+    def said(self) -> dict[str, str]:
+        """
+        Return what is chosen otherwise than by default, by the names that `analyze` gives it.
+
+        Examples
+        --------
+        >>> Choice('/imu', TimelineOptions(motion='keep'), duration_s=60.0).said()
+        {'topic': '/imu', 'motion': 'keep', 'duration_s': '60.0'}
+
+        """
+        chosen: dict[str, object] = {'topic': self.topic}
+        for group, default in ((self.options, TimelineOptions()),
+                               (self.reading, RecordingOptions())):
+            chosen |= {part.name: value for part in fields(group)
+                       if (value := getattr(group, part.name)) != getattr(default, part.name)}
+        chosen |= {'start_s': self.start_s or None, 'duration_s': self.duration_s}
+        return {name: str(value) for name, value in chosen.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What is read of a topic of a recording, and what was made of it so far."""
+
+    recording: Recording
+    stream: Stream
+    unit: AccelerationUnit
+    blocks: Iterable[ImuBlock]
+    characterization: Characterization
+    shortfall: list[Finding]
+
+    def remarks(self) -> list[Finding]:
+        """Return what is to be said of the recording: all once the blocks are through."""
+        return [*self.recording.remarks, *self.unit.remarks, *self.shortfall]
+
+    def take_temperature(self) -> None:
+        """Read the thermometer beside the samples, by the clock that these turned out to have."""
+        for stamps, celsius in temperatures(self.recording, self.stream.topic,
+                                            self.characterization.summary().clock):
+            self.characterization.take_temperature(stamps, celsius)
+
+
+def analyze(path: AnyPath | Sequence[AnyPath], topic: str | None = None, *,
             options: TimelineOptions = TimelineOptions(),  # noqa: B008
             reading: RecordingOptions = RecordingOptions(),  # noqa: B008
             start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None,
-            progress: Callable[[int], None] | None = None,
-            opening: Opening | None = None) -> Result:
+            progress: Progress = None) -> Result:
     """
     Characterize the IMU of a recording, or one IMU from several recordings.
 
@@ -71,8 +125,6 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
         Seconds to use from there; all when left out.
     progress : callable, optional
         Called with the bytes read so far, of all recordings together.
-    opening : callable, optional
-        Lends the recording, where it is open for several of its topics (`Recording.again`).
 
     Returns
     -------
@@ -90,86 +142,49 @@ def analyze(path: str | Path | Sequence[str | Path], topic: str | None = None, *
             isinstance(each, (str, PathLike)) for each in given):
         raise TypeError(f'analyze takes the path of a recording, not {type(path).__name__}; for '
                         'samples in an array: imu_allan.characterize(samples, sample_rate_hz)')
-    # What is written to it meanwhile is another recording.
-    files = files_digest(path) if isinstance(path, (str, Path)) else None
-    if start_s == 'auto':
-        if not isinstance(path, (str, Path)):
-            raise ImuAllanError('--start auto finds the warm-up of one recording; for several '
-                                'give the time to leave out, such as --start 10min')
-        result = _warmed_up(path, topic, options, reading, duration_s, progress, opening)
-    elif not isinstance(path, (str, Path)):
-        result = _together(path, topic, options, reading, start_s, duration_s, progress)
+    return analyzed(path, Choice(topic, options, reading, start_s, duration_s), progress)
+
+
+def analyzed(path: AnyPath | Sequence[AnyPath], choice: Choice, progress: Progress = None,
+             recording: Recording | None = None) -> Result:
+    """Do the work of `analyze`; `recording` is open already where several topics are wanted."""
+    if isinstance(path, (str, PathLike)):
+        # What is written to it meanwhile is another recording.
+        files = files_digest(Path(path))
+        result = (_warmed_up if choice.start_s == 'auto' else _alone)(
+            path, choice, progress, recording)
+    elif choice.start_s == 'auto':
+        raise ImuAllanError('--start auto finds the warm-up of one recording; for several '
+                            'give the time to leave out, such as --start 10min')
     else:
-        result = _alone(path, topic, options, reading, start_s, duration_s, progress, opening)
-    chosen = said(topic, options, reading, start_s, duration_s)
+        files = None
+        result = _together(path, choice, progress)
     from imu_allan.writers.words import with_words
     return with_words(replace(result, source=replace(
-        result.source, options=chosen,
-        files=files)))
+        result.source, options=choice.said(), files=files)))
 
 
-def _alone(path: str | Path, topic: str | None, options: TimelineOptions,
-           reading: RecordingOptions, start_s: float, duration_s: float | None,
-           progress: Callable[[int], None] | None, opening: Opening | None
+def _alone(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
            ) -> Result:
     """One result for one recording."""
-    taken, _ = _taken(path, topic, options, reading, start_s, duration_s, progress,
-                      opening=opening)
+    with choice.opened(path) if recording is None else recording.again() as opened:
+        taken = _taken(opened, choice, progress)
     results = []
-    for _, characterization, remarks in taken:
-        result = characterization.result(remarks)
+    for one in taken:
+        result = one.characterization.result(one.remarks())
         if not result.axes:
             advice = (' in the chosen part; --start and --duration choose another'
-                      if start_s or duration_s else '; see what it holds with imu_allan info')
-            raise ImuAllanError(f'{characterization.place}: no usable sample{advice}')
+                      if choice.start_s or choice.duration_s else
+                      '; see what it holds with imu_allan info')
+            raise ImuAllanError(f'{one.characterization.place}: no usable sample{advice}')
         results.append(result)
-    return _as_one([stream for stream, *_ in taken], results)
+    return _as_one(taken, results)
 
 
-def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:
-    """
-    Return the result of what was taken so far of a recording, of one stream or two halves.
-
-    With it the fit of every axis that it was made of.
-    """
-    results: list[Result] = []
-    fits: dict[str, AxisFit | None] = {}
-    for stream, characterization, remarks in taken:
-        result, own = characterization.fitted(remarks)
-        results.append(result)
-        fits |= {name: fit for name, fit in own.items() if name.startswith(stream.half or '')}
-    from imu_allan.writers.words import with_words
-    return with_words(_as_one([stream for stream, *_ in taken], results)), fits
-
-
-def said(topic: str | None = None, options: TimelineOptions = TimelineOptions(),  # noqa: B008
-         reading: RecordingOptions = RecordingOptions(),  # noqa: B008
-         start_s: float | Literal['auto'] = 0.0, duration_s: float | None = None
-         ) -> dict[str, str]:
-    """
-    Return what is chosen otherwise than by default, by the names that `analyze` gives it.
-
-    Examples
-    --------
-    >>> said('/imu', TimelineOptions(motion='keep'), duration_s=60.0)
-    {'topic': '/imu', 'motion': 'keep', 'duration_s': '60.0'}
-
-    """
-    chosen: dict[str, object] = {'topic': topic}
-    for group, default in ((options, TimelineOptions()), (reading, RecordingOptions())):
-        chosen |= {part.name: value for part in fields(group)
-                   if (value := getattr(group, part.name)) != getattr(default, part.name)}
-    chosen |= {'start_s': start_s or None, 'duration_s': duration_s}
-    return {name: str(value) for name, value in chosen.items() if value is not None}
-
-
-def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
-               reading: RecordingOptions, duration_s: float | None,
-               progress: Callable[[int], None] | None,
-               opening: Opening | None) -> Result:
+def _warmed_up(path: AnyPath, choice: Choice, progress: Progress, recording: Recording | None
+               ) -> Result:
     """Analyze, and where the mean of an axis settles, again without the time that takes."""
-    cold = analyze(path, topic, options=options, reading=reading, duration_s=duration_s,
-                   progress=progress, opening=opening)
+    cold = _alone(path, replace(choice, start_s=0.0), progress, recording)
     from imu_allan.characterization.findings import (
         start_of,
         start_remark,
@@ -182,15 +197,12 @@ def _warmed_up(path: str | Path, topic: str | None, options: TimelineOptions,
     start_s = start_of(steady, length)
     if start_s <= 0:
         return replace(cold, warnings=(start_remark(longest_s, length), *cold.warnings))
-    left = None if duration_s is None else max(duration_s - start_s, 0.0)
-    warm = analyze(path, topic, options=options, reading=reading, start_s=start_s,
-                   duration_s=left, opening=opening)
+    left = None if choice.duration_s is None else max(choice.duration_s - start_s, 0.0)
+    warm = _alone(path, replace(choice, start_s=start_s, duration_s=left), None, recording)
     return replace(warm, warnings=(start_remark(start_s, length, longest_s), *warm.warnings))
 
 
-def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineOptions,
-              reading: RecordingOptions, start_s: float, duration_s: float | None,
-              progress: Callable[[int], None] | None) -> Result:
+def _together(paths: Sequence[AnyPath], choice: Choice, progress: Progress) -> Result:
     """One result for several recordings, of each half of the IMU where it has two."""
     from imu_allan.characterization.joint import joint_result
 
@@ -203,8 +215,8 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
     before = 0
     for path in paths:
         fingerprint = Fingerprint()
-        taken, size = _taken(path, topic, options, reading, start_s, duration_s,
-                             _counted_on(progress, before), fingerprint)
+        with choice.opened(path) as recording:
+            taken = _taken(recording, choice, counted_on(progress, before), fingerprint)
         for other, known in zip(paths, fingerprints, strict=False):
             if fingerprint.shares_messages_with(known):
                 raise given_twice(other, path)
@@ -213,74 +225,44 @@ def _together(paths: Sequence[str | Path], topic: str | None, options: TimelineO
             raise ImuAllanError(f'{path}: {len(taken)} topics of one IMU, but '
                                 f'{len(recordings[0])} in {paths[0]}; choose one with --topic')
         recordings.append(taken)
-        before += size
+        before += recording.size_bytes
     if not recordings:
         raise ImuAllanError('a joint result needs at least two recordings')
-    results = [joint_result([characterization for _, characterization, _ in half],
-                            [remarks for *_, remarks in half])
+    results = [joint_result([one.characterization for one in half],
+                            [one.remarks() for one in half])
                for half in zip(*recordings, strict=True)]
-    return _as_one([stream for stream, *_ in recordings[0]], results)
+    return _as_one(recordings[0], results)
 
 
-def given_twice(one: str | Path, other: str | Path) -> ImuAllanError:
+def given_twice(one: AnyPath, other: AnyPath) -> ImuAllanError:
     """Return the complaint about two recordings that hold the same messages."""
     return ImuAllanError(f'{one} and {other} hold the same messages, which would count twice; '
                          'give each recording of the IMU once')
 
 
-def _counted_on(progress: Callable[[int], None] | None, before: int
-                ) -> Callable[[int], None] | None:
-    return None if progress is None else lambda done: progress(before + done)
+def counted_on(progress: Progress, before: int, parts: int = 1) -> Progress:
+    """Count on from what was read before; of several readings of a recording each is a part."""
+    return None if progress is None else lambda done: progress((before + done) // parts)
 
 
-def _taken(path: str | Path, topic: str | None, options: TimelineOptions,
-           reading: RecordingOptions, start_s: float, duration_s: float | None,
-           progress: Callable[[int], None] | None, fingerprint: Fingerprint | None = None,
-           opening: Opening | None = None) -> tuple[list[Taken], int]:
-    """Take in the streams of a recording; return them with what was found, and its size."""
-    with (open_recording(path, rate_hz=options.rate_hz, options=reading) if opening is None
-          else opening()) as recording:
-        streams = choose_streams(recording, topic)
-        taken = []
-        for number, stream in enumerate(streams):
-            part = _shared(progress, number, len(streams), recording.size_bytes)
-            taken.append((stream, *_characterized(
-                recording, stream, _at_own_rate(stream, streams, options, reading), start_s,
-                duration_s, part, fingerprint if number == 0 else None)))
-        return taken, recording.size_bytes
-
-
-def _at_own_rate(stream: Stream, streams: Sequence[Stream], options: TimelineOptions,
-                 reading: RecordingOptions) -> TimelineOptions:
-    """State a rate of the half that it is said of alone; that of the other is measured."""
-    if stream.only_new:
-        # What is said is the rate of the messages, which repeat this half.
-        return replace(options, rate_hz=None)
-    if stream.half == 'accel' and len({each.topic for each in streams}) > 1:
-        return replace(options, rate_hz=reading.accel_rate_hz)
-    return options
-
-
-def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int], *,
-            options: TimelineOptions = TimelineOptions(),  # noqa: B008
-            reading: RecordingOptions = RecordingOptions(),  # noqa: B008
-            start_s: float = 0.0, duration_s: float | None = None,
-            progress: Callable[[int], None] | None = None
+def growing(path: AnyPath, choice: Choice, next_look: Callable[[int], int]
             ) -> Generator[list[Taken], None, None]:
     """
     Read a recording as if it came live.
 
     Parameters
     ----------
-    path, topic, options, reading, start_s, duration_s, progress
-        As in `analyze`.
+    path : path
+        Of the recording.
+    choice : Choice
+        With a time to begin at.
     next_look : callable
         Number of messages at which to look next, given that at which one has looked; where the
         gyroscope has a topic of its own, of its messages.
 
     Yields
     ------
-    list of (Stream, Characterization, list of Finding)
+    list of Taken
         With all that came so far, one for each half of the IMU where it comes in halves; once more
         when the recording has ended.
 
@@ -290,20 +272,11 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
         If it cannot be read, or does not hold one IMU.
 
     """
-    with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
-        streams = choose_streams(recording, topic)
-        begun = [_begun(recording, stream, _at_own_rate(stream, streams, options, reading),
-                        start_s, duration_s,
-                        _shared(progress, number, len(streams), recording.size_bytes))
-                 for number, stream in enumerate(streams)]
-
-        def so_far() -> list[Taken]:
-            return [(stream, characterization, remarks()) for stream, (
-                characterization, _, remarks) in zip(streams, begun, strict=True)]
-
+    with choice.opened(path) as recording:
+        halves = list(_begun(recording, choice, None))
         taken, look, has_temperature = 0, next_look(0), False
-        for number, block in _side_by_side([blocks for _, blocks, _ in begun]):
-            characterization, start = begun[number][0], 0
+        for number, block in _side_by_side([half.blocks for half in halves]):
+            characterization, start = halves[number].characterization, 0
             while start < len(block):
                 stop = min(len(block), start + look - taken) if number == 0 else len(block)
                 characterization.take([block.part(slice(start, stop))])
@@ -311,14 +284,30 @@ def growing(path: str | Path, topic: str | None, next_look: Callable[[int], int]
                 if taken == look:
                     if not has_temperature:
                         # All of it, once the clock is known; what is ahead waits for its samples.
-                        for stream, (half, *_) in zip(streams, begun, strict=True):
-                            _take_temperature(recording, stream, half)
+                        for half in halves:
+                            half.take_temperature()
                         has_temperature = True
-                    yield so_far()
+                    yield halves
                     look = next_look(taken)
-        for characterization, *_ in begun:
-            characterization.finish()
-        yield so_far()
+        for half in halves:
+            half.characterization.finish()
+        yield halves
+
+
+def fitted_of(taken: Sequence[Taken]) -> tuple[Result, dict[str, AxisFit | None]]:
+    """
+    Return the result of what was taken so far of a recording, of one stream or two halves.
+
+    With it the fit of every axis that it was made of.
+    """
+    results: list[Result] = []
+    fits: dict[str, AxisFit | None] = {}
+    for one in taken:
+        result, own = one.characterization.fitted(one.remarks())
+        results.append(result)
+        fits |= {name: fit for name, fit in own.items() if name.startswith(one.stream.half or '')}
+    from imu_allan.writers.words import with_words
+    return with_words(_as_one(taken, results)), fits
 
 
 def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, ImuBlock]]:
@@ -332,20 +321,21 @@ def _side_by_side(streams: Sequence[Iterable[ImuBlock]]) -> Iterator[tuple[int, 
         yield number, block
 
 
-def second_means(path: str | Path, topic: str | None = None, *,
-                 options: TimelineOptions = TimelineOptions(),  # noqa: B008
-                 reading: RecordingOptions = RecordingOptions(),  # noqa: B008
-                 progress: Callable[[int], None] | None = None,
-                 axes: Collection[str] | None = None) -> list[Means]:
+def second_means(path: AnyPath, choice: Choice, axes: Collection[str], progress: Progress = None
+                 ) -> list[Means]:
     """
     Read a recording for its means over a second, at rest, in constant memory.
 
     Parameters
     ----------
-    path, topic, options, reading, progress
+    path : path
+        Of the recording.
+    choice : Choice
+        The part is all of it.
+    axes : collection of str
+        Keys of `AXES` to take.
+    progress : callable, optional
         As in `analyze`.
-    axes : collection of str, optional
-        Keys of `AXES` to take; those of the first sample by default.
 
     Returns
     -------
@@ -359,49 +349,47 @@ def second_means(path: str | Path, topic: str | None = None, *,
 
     """
     found = []
-    with open_recording(path, rate_hz=options.rate_hz, options=reading) as recording:
-        streams = choose_streams(recording, topic)
-        for number, stream in enumerate(streams):
-            part = _shared(progress, number, len(streams), recording.size_bytes)
-            blocks, _ = _in_si_units(recording, stream, part)
-            stage = TimelineStage(_at_own_rate(stream, streams, options, reading))
-            found.append(Means(axes if axes is None or stream.half is None else
-                               [name for name in axes if name.startswith(stream.half)]))
+    with choice.opened(path) as recording:
+        for stream, options, blocks, _ in _streams(recording, choice, progress):
+            stage = TimelineStage(options)
+            means = Means([name for name in axes if name.startswith(stream.half or '')])
             for block in blocks:
                 with suppress(NoAxes):
-                    found[-1].take(stage.push(block), stage.interval_ns)
-            found[-1].take(stage.flush(), stage.interval_ns)
+                    means.take(stage.push(block), stage.interval_ns)
+            means.take(stage.flush(), stage.interval_ns)
+            found.append(means)
     return found
 
 
-def _characterized(recording: Recording, stream: Stream, options: TimelineOptions,
-                   start_s: float, duration_s: float | None,
-                   progress: Callable[[int], None] | None, fingerprint: Fingerprint | None
-                   ) -> tuple[Characterization, list[Finding]]:
-    characterization, blocks, remarks = _begun(recording, stream, options, start_s, duration_s,
-                                               progress)
-    characterization.take(blocks if fingerprint is None else fingerprint.watch(blocks))
-    _take_temperature(recording, stream, characterization)
-    return characterization, remarks()
+def _taken(recording: Recording, choice: Choice, progress: Progress,
+           fingerprint: Fingerprint | None = None) -> list[Taken]:
+    """Take in the streams of a recording, one after the other."""
+    taken: list[Taken] = []
+    for one in _begun(recording, choice, progress):
+        one.characterization.take(one.blocks if fingerprint is None or taken else
+                                  fingerprint.watch(one.blocks))
+        one.take_temperature()
+        taken.append(one)
+    return taken
 
 
-def _take_temperature(recording: Recording, stream: Stream, characterization: Characterization
-                      ) -> None:
-    """Read the thermometer beside the samples, by the clock that these turned out to have."""
-    for stamps, celsius in temperatures(recording, stream.topic,
-                                        characterization.summary().clock):
-        characterization.take_temperature(stamps, celsius)
+def _begun(recording: Recording, choice: Choice, progress: Progress) -> Iterator[Taken]:
+    """Begin to read each stream."""
+    for stream, options, blocks, unit in _streams(recording, choice, progress):
+        # Reading has begun in a process of its own: numerics are imported meanwhile.
+        from imu_allan.characterization import Characterization
+
+        shortfall: list[Finding] = []
+        yield Taken(recording, stream, unit, _part(recording, choice, blocks, shortfall),
+                    Characterization(kind='recording', path=str(recording.path),
+                                     topic=stream.topic, options=options), shortfall)
 
 
-def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start_s: float,
-           duration_s: float | None, progress: Callable[[int], None] | None
-           ) -> tuple[Characterization, Iterable[ImuBlock], Callable[[], list[Finding]]]:
-    """Begin to read; the remarks are complete when the blocks are through."""
-    blocks, unit = _in_si_units(recording, stream, progress)
-    # Reading has begun in a process of its own: numerics are imported meanwhile.
-    from imu_allan.characterization import Characterization
-
-    shortfall: list[Finding] = []
+def _part(recording: Recording, choice: Choice, blocks: Iterable[ImuBlock],
+          shortfall: list[Finding]) -> Iterable[ImuBlock]:
+    """Take the part that was asked for; where less was recorded, that is a finding."""
+    start_s, duration_s = choice.start_s, choice.duration_s
+    assert start_s != 'auto'
 
     def ended(recorded_s: float, part_s: float) -> None:
         if part_s < 0:
@@ -410,36 +398,36 @@ def _begun(recording: Recording, stream: Stream, options: TimelineOptions, start
         if duration_s is not None and part_s < _WHOLE_PART * duration_s:
             shortfall.append(finding('short_part', recorded_s=part_s, asked_s=duration_s))
 
-    if start_s > 0 or duration_s is not None:
-        blocks = between(blocks, start_s, duration_s, ended)
-    characterization = Characterization(
-        kind='recording', path=str(recording.path), topic=stream.topic, options=options)
-    return characterization, blocks, lambda: [*recording.remarks, *unit.remarks, *shortfall]
+    if start_s <= 0 and duration_s is None:
+        return blocks
+    return between(blocks, start_s, duration_s, ended)
 
 
-def _in_si_units(recording: Recording, stream: Stream, progress: Callable[[int], None] | None
-                 ) -> tuple[Iterable[ImuBlock], AccelerationUnit]:
-    """Begin to read; what turns g into m/s^2 tells when it did."""
-    blocks: Iterable[ImuBlock] = stream.taken(read_blocks(recording, stream.topic, progress))
-    unit = AccelerationUnit()
-    if recording.options.accel_unit is None and recording.options.accel is None:
-        blocks = unit.each(blocks)
-    return blocks, unit
+def _streams(recording: Recording, choice: Choice, progress: Progress
+             ) -> Iterator[tuple[Stream, TimelineOptions, Iterable[ImuBlock], AccelerationUnit]]:
+    """Begin to read each stream in SI units, with its options; what turned g into m/s^2 tells."""
+    streams = choose_streams(recording, choice.topic)
+    for number, stream in enumerate(streams):
+        options = choice.options
+        if stream.only_new:
+            # What is said is the rate of the messages, which repeat this half.
+            options = replace(options, rate_hz=None)
+        elif stream.half == 'accel' and len({each.topic for each in streams}) > 1:
+            options = replace(options, rate_hz=choice.reading.accel_rate_hz)
+        blocks: Iterable[ImuBlock] = stream.taken(read_blocks(
+            recording, stream.topic,
+            counted_on(progress, number * recording.size_bytes, len(streams))))
+        unit = AccelerationUnit()
+        if recording.options.accel_unit is None and recording.options.accel is None:
+            blocks = unit.each(blocks)
+        yield stream, options, blocks, unit
 
 
-def _shared(progress: Callable[[int], None] | None, number: int, parts: int, size: int
-            ) -> Callable[[int], None] | None:
-    """Let one of several readings of a recording tell its share."""
-    if progress is None or parts == 1:
-        return progress
-    return lambda done: progress((number * size + done) // parts)
-
-
-def _as_one(streams: Sequence[Stream], results: Sequence[Result]) -> Result:
+def _as_one(taken: Sequence[Taken], results: Sequence[Result]) -> Result:
     """Return the result of the IMU, of one stream or of gyroscope and accelerometer."""
     if len(results) == 1:
         return results[0]
     from imu_allan.characterization.halves import HalfResult, united
-    return united([HalfResult(stream.half, stream.topic, result)
-                   for stream, result in zip(streams, results, strict=True)
-                   if stream.half is not None])
+    return united([HalfResult(one.stream.half, one.stream.topic, result)
+                   for one, result in zip(taken, results, strict=True)
+                   if one.stream.half is not None])

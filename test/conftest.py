@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds for every test."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import os
 from pathlib import Path
 import signal
@@ -34,6 +34,40 @@ os.unsetenv('COLUMNS')
 # is shared that says nothing. Who must be fast has a test of its own.
 settings.register_profile('unhurried', deadline=None)
 settings.load_profile('unhurried')
+
+
+@pytest.fixture
+def fails_with(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run the command here, of which one line is expected on stderr; gives its output."""
+    from imu_allan.cli.main import main
+    from whole_lines import Varying
+
+    def run(line: str, *arguments: object) -> str:
+        capsys.readouterr()
+        assert main([*map(str, arguments)]) == 1
+        shown = capsys.readouterr()
+        assert shown.err == Varying(f'imu_allan: {line}\n')
+        return shown.out
+    return run
+
+
+@pytest.fixture
+def wrong_usage(capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
+    """Run the command here, of which its usage is expected, and a line that ends so."""
+    from imu_allan.cli.main import main
+    from whole_lines import Varying
+
+    def run(line: str, *arguments: object) -> None:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main([*map(str, arguments)])
+        assert stop.value.code == 2
+        shown = capsys.readouterr()
+        assert shown.out == ''
+        usage, error = shown.err.splitlines()
+        assert usage.startswith('usage: imu_allan')
+        assert error == Varying(f'imu_allan{line}')
+    return run
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Disks that are full or read-only and kills in the middle of writing; the table of faults."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import contextlib
 import json
 import os
@@ -16,7 +16,6 @@ import sys
 import time
 
 from imu_allan import analyze
-from imu_allan.cli.main import main
 from imu_allan.recordings.write import write_recording
 from imu_allan.sensor.noise_model import parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
@@ -73,15 +72,6 @@ def command(*arguments: object, file_limit: int | None = None) -> subprocess.Com
 def assert_one_line(done: subprocess.CompletedProcess, line: str) -> None:
     assert done.returncode == 1, done.stderr
     assert done.stderr == Varying(f'imu_allan: {line}\n')
-
-
-@pytest.fixture
-def fails_with(capsys) -> Callable[..., None]:
-    """Run the command here, of which one line is expected on stderr."""
-    def run(line: str, *arguments: object) -> None:
-        assert main([*map(str, arguments)]) == 1
-        assert capsys.readouterr().err == Varying(f'imu_allan: {line}\n')
-    return run
 
 
 ADVICE = 'choose a folder that exists on a disk with room and may be written to'

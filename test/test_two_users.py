@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 
+from imu_allan.analysis import Choice
 from imu_allan.cli.main import main
 from imu_allan.cli.tasks import characterize, Task
 from imu_allan.errors import ImuAllanError
@@ -150,8 +151,7 @@ def test_analyze_waits_for_its_turn_and_mixes_no_files(tmp_path, monkeypatch):
         parse_model(MODEL), 100.0, 3000, start_ns=10**18))
     monkeypatch.setattr(folder_lock, 'PATIENCE_S', 0.1)
     with turn_in(tmp_path / 'out'):
-        result, error = characterize(Task(
-            str(path), None, {}, 0.0, None, size_bytes=1, folder=tmp_path / 'out'))
+        result, error = characterize(Task(str(path), Choice(), folder=tmp_path / 'out'))
     assert result.axes
     assert str(error) == KEPT.format(tmp_path / 'out')
     assert not list((tmp_path / 'out').iterdir())

@@ -3,6 +3,7 @@
 """Characterize one or more recordings."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
@@ -20,18 +21,16 @@ from imu_allan.cli.progress import progress_bar
 from imu_allan.cli.recording_options import (
     add_recording_options,
     add_timeline_options,
-    recording_options,
-    timeline_options,
+    choice_of,
 )
 from imu_allan.cli.tasks import folder_names, Task
-from imu_allan.cli.workers import drawing_process, executor, in_order
+from imu_allan.cli.workers import executor, in_order
 from imu_allan.errors import ImuAllanError, printable, shorten
 from imu_allan.writers.atomic import RESULT
 from imu_allan.writers.output_path import require_writable
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
+    from imu_allan.analysis import Choice
     from imu_allan.result import Result
 
 
@@ -96,12 +95,6 @@ def register(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Characterize every recording; each result is shown once it and those before it are done."""
-    wanted = args.output is not None and args.jobs == 1 and args.dask is None
-    with drawing_process(wanted=wanted) as artist:
-        return _characterize(args, artist)
-
-
-def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     from imu_allan.recordings import recordings_in
 
     args.recordings = [str(path) for given in args.recordings for path in recordings_in(given)]
@@ -112,11 +105,11 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
         args.parser.error('--json takes one recording; use --output DIR for several')
     if args.consumers and args.output is None and apart:
         args.parser.error('--for takes one recording; use --output DIR for several')
-    if 'serial' in arguments.inspection_of(args) and apart:
+    if apart and (unit := arguments.inspection_of(args)) is not None and unit.serial:
         args.parser.error('--meta serial is of one unit; several are named by --name-from')
     if args.resume and args.output is None:
         args.parser.error('--resume needs --output')
-    options = timeline_options(args)
+    choice = choice_of(args)
     if args.dask is None:
         # What works on a cluster may see another disk.
         if args.output is not None:
@@ -125,13 +118,12 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
             require_writable(Path(args.json).parent)
     complaints: list[ImuAllanError] = []
     gathering = Gathering(None if args.output is None else Path(args.output), apart=apart)
-    tasks = _tasks(args, options, complaints, gathering)
-    if args.json is not None and len(tasks) > 1:
-        raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
-                            '--json; choose one with --topic or use --output DIR')
-    if args.consumers and args.output is None and len(tasks) > 1:
-        raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
-                            '--for; choose one with --topic or use --output DIR')
+    tasks = _tasks(args, choice, complaints, gathering)
+    for option, given in (('--json', args.json is not None),
+                          ('--for', args.consumers and args.output is None)):
+        if given and len(tasks) > 1:
+            raise ImuAllanError(f'{args.recordings[0]}: has {len(tasks)} Imu topics, too many for '
+                                f'{option}; choose one with --topic or use --output DIR')
     if args.output is not None and args.dask is None:
         from imu_allan.writers.atomic import require_replaceable_in
         from imu_allan.writers.folder import kinds_of_files
@@ -144,13 +136,13 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
             gathering.add(task, before[task.unit])
             print(f'{printable(task.unit)}: done before')
     todo = [task for task in tasks if task.unit not in before]
-    label = printable(tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings')
+    label = tasks[0].path if len(tasks) == 1 else f'{len(tasks)} recordings'
     with progress_bar(label, sum(task.size_bytes for task in todo),
                       wanted=not args.no_progress) as progress, \
-            executor(args.jobs, args.dask, artist) as workers:
-        for shown, (task, future) in enumerate(in_order(workers, todo, progress)):
+            executor(args.jobs, args.dask) as workers:
+        for shown, (task, outcome) in enumerate(in_order(workers, todo, progress)):
             try:
-                result, unsaved = future.result()
+                result, unsaved = outcome()
             except ImuAllanError as error:
                 complaints.append(error)
                 gathering.fail(task.unit, task.path, error)
@@ -176,8 +168,9 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
 
                     if task.folder and (old := left_from_earlier(task.folder, task.exports)):
                         print(f'imu_allan: {old}', file=sys.stderr)
-            source = task.path if not args.all_topics or task.topic is None else (
-                f'{task.path}, topic {shorten(task.topic)}')
+            topic = task.choice.topic
+            source = task.path if not args.all_topics or topic is None else (
+                f'{task.path}, topic {shorten(topic)}')
             if (nothing := without_coefficient(result, source)) is not None:
                 complaints.append(nothing)
     gathering.finish()
@@ -192,19 +185,18 @@ def _characterize(args: argparse.Namespace, artist: 'Executor | None') -> int:
     return 0
 
 
-def _tasks(args: argparse.Namespace, options: dict[str, Any], complaints: list[ImuAllanError],
+def _tasks(args: argparse.Namespace, choice: 'Choice', complaints: list[ImuAllanError],
            gathering: Gathering) -> list[Task]:
     """List what is to be done; what cannot be opened is added to `complaints`."""
     from imu_allan.fleet.names import name_pattern, unit_name
     from imu_allan.recordings import open_recording
 
-    reading = recording_options(args)
     source = name_pattern(args.name_from)
     units = {path: unit_name(path, source) for path in args.recordings}
     found: list[tuple[str, str | None, int]] = []
     for path in args.recordings:
         try:
-            with open_recording(path, options=reading) as recording:
+            with open_recording(path, options=choice.reading) as recording:
                 topics: list[str | None] = [args.topic] if not args.all_topics else [
                     topic.name for topic in recording.topics] or [None]
                 found.extend((path, topic, recording.size_bytes) for topic in topics)
@@ -212,21 +204,20 @@ def _tasks(args: argparse.Namespace, options: dict[str, Any], complaints: list[I
             complaints.append(error)
             gathering.fail(units[path], path, error)
     output = None if args.output is None else Path(args.output)
+    inspection = arguments.inspection_of(args)
     if args.together:
         if complaints:
             raise complaints[0]
         # Nothing is left out silently of what is to be one result.
-        return [Task(' + '.join(args.recordings), args.topic, options, args.start, args.duration,
-                     sum(size for _, _, size in found), output, 'together',
-                     arguments.inspection_of(args), tuple(args.consumers), reading,
+        return [Task(' + '.join(args.recordings), choice, sum(size for _, _, size in found),
+                     output, 'together', inspection, tuple(args.consumers),
                      tuple(args.recordings))]
     names = folder_names([(path, topic) for path, topic, _ in found], units)
-    inspection = arguments.inspection_of(args)
-    return [
-        Task(path, topic, options, args.start, args.duration, size,
-             None if output is None else output if len(found) == 1 == len(units) else
-             output / name, name, inspection, tuple(args.consumers), reading)
-        for (path, topic, size), name in zip(found, names, strict=True)]
+    alone = len(found) == 1 == len(units)
+    return [Task(path, replace(choice, topic=topic), size,
+                 output if output is None or alone else output / name, name, inspection,
+                 tuple(args.consumers))
+            for (path, topic, size), name in zip(found, names, strict=True)]
 
 
 def _hand_out(task: Task, result: 'Result', args: argparse.Namespace, *, first: bool,

@@ -3,7 +3,6 @@
 """Types of command line arguments: one out of range is wrong usage, reported before any work."""
 
 import argparse
-from dataclasses import replace
 import math
 from pathlib import Path
 import re
@@ -14,7 +13,7 @@ from imu_allan.tuning.arguments import LONGEST_S, SHORTEST_S
 from imu_allan.writers.consumers import consumer_called
 
 if TYPE_CHECKING:
-    from imu_allan.result import Result
+    from imu_allan.result import Inspection
     from imu_allan.sensor.noise_model import NoiseModel
 
 _SECONDS = {'': 1.0, 'ms': 1e-3, 's': 1.0, 'm': 60.0, 'min': 60.0, 'h': 3600.0, 'd': 86_400.0}
@@ -155,10 +154,13 @@ def add_inspection(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f'--{key}', metavar='TEXT', help=argparse.SUPPRESS)
 
 
-def inspection_of(args: argparse.Namespace) -> dict[str, str]:
-    """Return what those options say, without what they leave out."""
+def inspection_of(args: argparse.Namespace) -> 'Inspection | None':
+    """Return what those options say; None where nothing is said."""
+    from imu_allan.result import Inspection
+
     said = {key: value for key in _META if (value := getattr(args, key)) is not None}
-    return {**said, **dict(args.meta)}
+    said |= dict(args.meta)
+    return Inspection(**said) if said else None
 
 
 def _meta(text: str) -> tuple[str, str]:
@@ -175,16 +177,6 @@ def consumer(text: str) -> str:
         return consumer_called(text)
     except KeyError as error:
         raise argparse.ArgumentTypeError(error.args[0]) from None
-
-
-def inspected(result: 'Result', args: argparse.Namespace) -> 'Result':
-    """Enter what those options say into a result; what they leave out stays as it was."""
-    from imu_allan.result import Inspection
-
-    given = inspection_of(args)
-    if not given:
-        return result
-    return replace(result, inspection=replace(result.inspection or Inspection(), **given))
 
 
 def _number(text: str) -> float:

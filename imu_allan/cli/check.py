@@ -4,6 +4,7 @@
 
 import argparse
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
@@ -12,8 +13,7 @@ from imu_allan.cli import arguments
 from imu_allan.cli.recording_options import (
     add_recording_options,
     add_timeline_options,
-    recording_options,
-    timeline_options,
+    choice_of,
 )
 from imu_allan.errors import ImuAllanError, printable
 from imu_allan.writers.atomic import JUNIT, PAGE, VERDICTS
@@ -79,8 +79,9 @@ def run(args: argparse.Namespace) -> int:
         args.parser.error('--start auto looks at the whole recording; with --live name a time')
     specification = arguments.specification_of(args.spec)
     sources = [str(path) for path in recordings_in(args.source)]
+    unit = arguments.inspection_of(args)
     if len(sources) > 1 and any((
-            args.json, args.junit, args.certificate, arguments.inspection_of(args).get('serial'))):
+            args.json, args.junit, args.certificate, unit is not None and unit.serial)):
         args.parser.error(f'{printable(args.source)} holds {len(sources)} recordings; --json, '
                           '--junit, --certificate and --meta serial are of one')
     outcomes: list[str] = []
@@ -103,6 +104,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -> str:
     """Print the verdicts about one result or recording, and return what they come to."""
+    from imu_allan.result import Inspection
     from imu_allan.writers import datasheet
     from imu_allan.writers.atomic import write_atomically
     from imu_allan.writers.terminal import console_of
@@ -112,7 +114,10 @@ def _check(source: str, args: argparse.Namespace, specification: 'NoiseModel') -
     else:
         result = _result(source, args)
         verdicts = datasheet.check(result, specification, shortest_s=args.min_duration)
-    result = arguments.inspected(result, args)
+    if (unit := arguments.inspection_of(args)) is not None:
+        # What is not said stays as it was.
+        said = {key: value for key, value in vars(unit).items() if value is not None}
+        result = replace(result, inspection=replace(result.inspection or Inspection(), **said))
     for path, writer in ((args.json, datasheet.to_json), (args.junit, datasheet.to_junit),
                          (args.certificate, datasheet.certificate_html)):
         if path is not None:
@@ -131,22 +136,17 @@ def _live(source: str, args: argparse.Namespace, specification: 'NoiseModel'
           ) -> 'tuple[Result, list[Verdict]]':
     """Read until the verdict is certain, and say after how long it was."""
     from imu_allan.analysis import fitted_of, growing
-    from imu_allan.timeline import TimelineOptions
     from imu_allan.wording import duration as said
     from imu_allan.writers.datasheet.live import next_look, standing
 
     if Path(source).suffix == '.json':
         raise ImuAllanError(f'{source}: --live needs a recording, not a result')
-    looks = growing(source, args.topic, next_look, reading=recording_options(args),
-                    options=TimelineOptions(**timeline_options(args)), start_s=args.start,
-                    duration_s=args.duration)
-    with closing(looks):
+    with closing(growing(source, choice_of(args), next_look)) as looks:
         for taken in looks:
             result, fits = fitted_of(taken)
-            found = standing({f'{stream.half or ""}': characterization
-                              for stream, characterization, _ in taken}, specification,
-                             margin=args.margin / 100, shortest_s=args.min_duration,
-                             result=result, fits=fits)
+            found = standing({one.stream.half or '': one.characterization for one in taken},
+                             specification, margin=args.margin / 100,
+                             shortest_s=args.min_duration, result=result, fits=fits)
             if found.decided:
                 break
         print(f'{"certain" if found.decided else "not certain"} after {said(found.recorded_s)}')
@@ -158,15 +158,11 @@ def _result(source: str, args: argparse.Namespace) -> 'Result':
 
     if is_result(source):
         return load_result(source)
-    from imu_allan.analysis import analyze
+    from imu_allan.analysis import analyzed
     from imu_allan.cli.progress import progress_bar
-    from imu_allan.recordings import open_recording
-    from imu_allan.timeline import TimelineOptions
 
-    reading = recording_options(args)
-    with open_recording(source, options=reading) as recording:
+    choice = choice_of(args)
+    with choice.opened(source) as recording:
         size = recording.size_bytes
-    with progress_bar(printable(source), size, wanted=not args.no_progress) as progress:
-        return analyze(source, args.topic, progress=progress, reading=reading,
-                       options=TimelineOptions(**timeline_options(args)),
-                       start_s=args.start, duration_s=args.duration)
+    with progress_bar(source, size, wanted=not args.no_progress) as progress:
+        return analyzed(source, choice, progress)

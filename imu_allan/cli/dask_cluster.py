@@ -3,7 +3,7 @@
 """The connection to a Dask cluster; what else may answer at its address ends in one line."""
 
 from collections.abc import Iterator
-from concurrent.futures import Future, TimeoutError as FutureTimeout
+from concurrent.futures import Future
 from contextlib import contextmanager
 import logging
 import threading
@@ -34,29 +34,25 @@ def dask_client(address: str) -> Iterator[Any]:
             answer.set_result(Quiet(  # type: ignore[no-untyped-call]
                 address, timeout=ANSWER_S, set_as_default=False))
         except Exception as error:
-            # What is no scheduler may send anything, and the library then raises anything.
             answer.set_exception(error)
 
     # The library's own timeout does not end a wait for a peer that takes the connection and then
     # says nothing. A thread that may be left behind must not keep the process alive.
     threading.Thread(target=connect, daemon=True).start()
-    loggers = [logging.getLogger(name) for name in ('distributed', 'tornado', 'asyncio')]
-    levels = [logger.level for logger in loggers]
+    # What is logged at a failure are tracebacks of what a stranger sent.
+    disabled = logging.root.manager.disable
+    logging.disable()
     try:
-        # Their tracebacks tell what a stranger sent; the line below says enough.
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL + 1)
         client = answer.result(2 * ANSWER_S)
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-    except FutureTimeout:
-        raise ImuAllanError(f'--dask {address}: what listens there does not answer as a '
-                            'scheduler; start one with: dask scheduler') from None
-    except (OSError, ValueError) as error:
-        raise ImuAllanError(f'--dask {address}: no scheduler answers ({error}); start one with: '
-                            'dask scheduler') from error
     except Exception as error:
-        raise ImuAllanError(f'--dask {address}: what listens there is no scheduler '
-                            f'({type(error).__name__}); start one with: dask scheduler') from error
+        # What is no scheduler may send anything, and the library then raises anything.
+        raise ImuAllanError(f'--dask {address}: no scheduler answers ({_reason(error)}); start '
+                            'one with: dask scheduler') from error
+    logging.disable(disabled)
     with client:
         yield client
+
+
+def _reason(error: Exception) -> str:
+    return str(error) if isinstance(error, (OSError, ValueError)) and str(error) else (
+        type(error).__name__)

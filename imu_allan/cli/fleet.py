@@ -90,10 +90,11 @@ def done_before(tasks: Sequence[Task]) -> 'dict[str, Result]':
         with suppress(ImuAllanError, OSError):
             result = load_result(task.folder / 'result.json')
             same = (result.imu_allan_version == __version__
-                    and result.source.path == task.path and result.source.options == task.said()
+                    and result.source.path == task.path
+                    and result.source.options == task.choice.said()
                     and result.source.files is not None
                     and result.source.files == files_digest(task.path)
-                    and result.inspection == task.inspected()
+                    and result.inspection == task.inspection
                     and (task.folder / LAST_WRITTEN).exists() and all(
                         (task.folder / export(result, name).name).exists()
                         for name in task.exports))

@@ -79,8 +79,7 @@ def _print_recording(path: Path, args: argparse.Namespace) -> None:
         print(f'{printable(recording.path)}  {_amount(recording.size_bytes)}')
         read = recording.topics[:_MOST_READ]
         total = recording.size_bytes * len(read)
-        with progress_bar(printable(recording.path), total,
-                          wanted=not args.no_progress) as progress:
+        with progress_bar(recording.path, total, wanted=not args.no_progress) as progress:
             reports = [
                 _report(recording, topic.name, _rate_of(recording, topic.name, args),
                         _after(progress, i, recording))

@@ -7,20 +7,14 @@ from contextlib import contextmanager
 import sys
 from typing import TYPE_CHECKING
 
+from imu_allan.errors import printable
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 
 class ProgressBar:
-    """
-    A bar, or none; called with the amount done so far.
-
-    Parameters
-    ----------
-    bar : (rich.progress.Progress, rich.progress.TaskID), optional
-        What is shown; by default nothing is.
-
-    """
+    """A bar, or none; called with the amount done so far."""
 
     def __init__(self, bar: 'tuple[Progress, TaskID] | None' = None) -> None:
         self._bar = bar
@@ -45,28 +39,9 @@ class ProgressBar:
 
 
 @contextmanager
-def progress_bar(label: str, total: int, *, wanted: bool = True,
+def progress_bar(label: object, total: int, *, wanted: bool = True,
                  in_bytes: bool = True) -> Iterator[ProgressBar]:
-    """
-    Show how far the work is and when it will be done.
-
-    Parameters
-    ----------
-    label : str
-        What is being worked on; anything a terminal would obey must have been escaped.
-    total : int
-        Amount of work.
-    wanted : bool, optional
-        False never shows a bar.
-    in_bytes : bool, optional
-        Whether the amounts are bytes.
-
-    Yields
-    ------
-    ProgressBar
-        To be called with the amount done so far.
-
-    """
+    """Show how far the work is and when it will be done, `wanted` and on a terminal only."""
     if not wanted or not sys.stderr.isatty():
         yield ProgressBar()
         return
@@ -79,5 +54,5 @@ def progress_bar(label: str, total: int, *, wanted: bool = True,
         columns.append(rich.DownloadColumn())
     columns.append(rich.TimeRemainingColumn())
     with rich.Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(label, total=total)
+        task = progress.add_task(printable(label), total=total)
         yield ProgressBar((progress, task))

@@ -8,12 +8,13 @@ characterizes takes both.
 """
 
 import argparse
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from imu_allan.cli.arguments import duration, rate, start
 from imu_allan.errors import ImuAllanError
 
 if TYPE_CHECKING:
+    from imu_allan.analysis import Choice
     from imu_allan.recordings import RecordingOptions
 
 _FASTEST_HZ = 1e6
@@ -37,9 +38,6 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
                             'alone: :g')
     group.add_argument('--stamp', metavar='FIELD',
                        help="field of the time: 'imu.stamp', or a number as 'time_us us'")
-    # What --gyro :UNIT and --accel :UNIT say now.
-    group.add_argument('--gyro-unit', metavar='UNIT', help=argparse.SUPPRESS)
-    group.add_argument('--accel-unit', metavar='UNIT', help=argparse.SUPPRESS)
     group.add_argument('--gyro-topic', metavar='NAME',
                        help='topic of the gyroscope of an IMU on two topics')
     group.add_argument('--accel-topic', metavar='NAME', help='topic of its accelerometer')
@@ -57,8 +55,6 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
 
 def add_timeline_options(parser: argparse.ArgumentParser) -> None:
     """Add those that say which part of the recording counts, and by which clock."""
-    # What --clock none says now.
-    parser.add_argument('--force-rate', action='store_true', help=argparse.SUPPRESS)
     parser.add_argument('--clock', choices=('header', 'receive', 'none'),
                         help='stamps to trust (default: header, unless unusable); none counts '
                              'samples and needs --rate')
@@ -71,13 +67,17 @@ def add_timeline_options(parser: argparse.ArgumentParser) -> None:
                         help='what to do with knocks and motion (default: %(default)s)')
 
 
-def timeline_options(args: argparse.Namespace) -> dict[str, Any]:
-    """Return what the arguments say of `TimelineOptions`; wrong usage ends the program."""
-    counted = args.force_rate or args.clock == 'none'
-    if counted and args.rate is None:
-        args.parser.error(f'{"--force-rate" if args.force_rate else "--clock none"} needs --rate')
-    clock = 'auto' if args.clock in (None, 'none') else args.clock
-    return {'clock': clock, 'rate_hz': args.rate, 'force_rate': counted, 'motion': args.motion}
+def choice_of(args: argparse.Namespace) -> 'Choice':
+    """Return what the arguments say of how a recording is read; wrong usage ends the program."""
+    from imu_allan.analysis import Choice
+    from imu_allan.timeline import TimelineOptions
+
+    if args.clock == 'none' and args.rate is None:
+        args.parser.error('--clock none needs --rate')
+    return Choice(args.topic, TimelineOptions(
+        clock='auto' if args.clock in (None, 'none') else args.clock, rate_hz=args.rate,
+        force_rate=args.clock == 'none', motion=args.motion),
+        recording_options(args), args.start, args.duration)
 
 
 def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
@@ -106,8 +106,7 @@ def recording_options(args: argparse.Namespace) -> 'RecordingOptions':
     accel, accel_unit = _field(args.accel)
     return RecordingOptions(
         rate_hz=args.rate, definitions=tuple(args.definitions), gyro=gyro, accel=accel,
-        stamp=args.stamp, gyro_unit=gyro_unit or args.gyro_unit,
-        accel_unit=accel_unit or args.accel_unit,
+        stamp=args.stamp, gyro_unit=gyro_unit, accel_unit=accel_unit,
         gyro_topic=args.gyro_topic, accel_topic=args.accel_topic, columns=tuple(pairs),
         accel_rate_hz=args.accel_rate, temperature=args.temperature)
 

@@ -156,23 +156,14 @@ def _other(args: argparse.Namespace) -> tuple['Result', list['Means']]:
 
     if is_result(args.verify):
         return load_result(args.verify), []
-    from imu_allan.analysis import analyze, second_means
+    from imu_allan.analysis import analyzed, Choice, second_means
     from imu_allan.cli.progress import progress_bar
-    from imu_allan.recordings import open_recording
     from imu_allan.timeline import TimelineOptions
 
-    options, reading = TimelineOptions(rate_hz=args.rate), recording_options(args)
-    with open_recording(args.verify, options=reading) as recording:
+    choice = Choice(args.topic, TimelineOptions(rate_hz=args.rate), recording_options(args))
+    with choice.opened(args.verify) as recording:
         size = recording.size_bytes
-    with progress_bar(printable(args.verify), size, wanted=not args.no_progress) as progress:
-        def half(done: int) -> None:
-            progress(done // 2)
-
-        def rest(done: int) -> None:
-            progress((size + done) // 2)
-
-        result = analyze(args.verify, args.topic, progress=half, options=options,
-                         reading=reading)
+    with progress_bar(args.verify, 2 * size, wanted=not args.no_progress) as progress:
+        result = analyzed(args.verify, choice, progress)
         axes = [name for name, axis in result.axes.items() if axis.drift_model is not None]
-        return result, second_means(args.verify, args.topic, progress=rest, options=options,
-                                    reading=reading, axes=axes)
+        return result, second_means(args.verify, choice, axes, lambda done: progress(size + done))

@@ -3,20 +3,20 @@
 """
 Who works on several recordings: this process, others of this machine, or a Dask cluster.
 
-Python's own process pools start their workers in a way that imports from the current folder first,
-which may be a recording that somebody else made; those of this module are isolated.
+The processes are not those of `concurrent.futures`: these import from the current folder first,
+which may be a recording that somebody else made, and one that is killed for want of memory takes
+the results of all others with it.
 """
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, ExitStack, suppress
+from functools import partial
 from itertools import groupby
 from math import ceil
 import os
 import pickle
-from queue import SimpleQueue
-import signal
 import subprocess
 import sys
 import threading
@@ -28,56 +28,22 @@ from imu_allan.errors import ImuAllanError, printable
 from imu_allan.isolated_process import end_in_peace, portable, start_python
 
 if TYPE_CHECKING:
-    from imu_allan.analysis import Opening
+    from imu_allan.recordings import Recording
     from imu_allan.result import Result
 
 T = TypeVar('T')
+Outcome = Callable[[], 'tuple[Result, ImuAllanError | None]']
+Answer = tuple[Any, tuple[BaseException, str] | None]
+"""What a function returned, or what it raised and where: one of the two is None."""
 
 _PATIENCE_S = 15.0
 """How long a worker may take to remove what it unpacked; it waits 10 s for its own reader."""
 
 
 @contextmanager
-def drawing_process(*, wanted: bool = True) -> Iterator[Executor | None]:
+def executor(jobs: int, dask: str | None) -> Iterator[Executor | None]:
     """
-    Give a process that draws pictures beside this one; None on a computer with one core.
-
-    It begins at once with its imports, which take as long as reading and fitting a small
-    recording.
-
-    Parameters
-    ----------
-    wanted : bool, optional
-        False gives none.
-
-    """
-    if not wanted or len(os.sched_getaffinity(0)) < 2:
-        yield None
-        return
-    with WorkerProcesses(1) as artist:
-        artist.submit(_prepare_to_draw)
-        yield artist
-
-
-def _prepare_to_draw() -> None:
-    from imu_allan.writers.plot import prepare_to_draw
-
-    prepare_to_draw()
-
-
-@contextmanager
-def executor(jobs: int, dask: str | None, artist: Executor | None = None) -> Iterator[Executor]:
-    """
-    Give whatever works: this process, `jobs` others of this machine, or a Dask cluster.
-
-    Parameters
-    ----------
-    jobs : int
-        Recordings to work on at a time.
-    dask : str or None
-        Address of the cluster.
-    artist : Executor, optional
-        Draws the pictures where this process works; the others draw theirs.
+    Give whatever works: `jobs` processes of this machine, a Dask cluster, or None for this one.
 
     Raises
     ------
@@ -88,21 +54,37 @@ def executor(jobs: int, dask: str | None, artist: Executor | None = None) -> Ite
     if dask is not None:
         with dask_client(dask) as client:
             yield client.get_executor(pure=False)
-    elif jobs == 1:
-        yield _ThisProcess(artist)
-    else:
+    elif jobs > 1:
         with WorkerProcesses(jobs) as workers:
             yield workers
+    else:
+        yield None
 
 
-def in_order(workers: Executor, tasks: Sequence[Task],
-             progress: Callable[[int], None]
-             ) -> 'Iterator[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]]':
-    """Submit every task; yield each with its finished future, in the order of `tasks`."""
+def in_order(workers: Executor | None, tasks: Sequence[Task], progress: Callable[[int], None]
+             ) -> Iterator[tuple[Task, Outcome]]:
+    """Work on every task; give each, in order, with what returns its result or raises."""
     groups = [list(same) for _, same in groupby(tasks, _recording_of)]
-    if isinstance(workers, _ThisProcess):
-        yield from _here(workers, groups, progress)
-        return
+    return (_here(groups, progress) if workers is None else
+            _elsewhere(workers, groups, progress))
+
+
+def _here(groups: Sequence[Sequence[Task]], progress: Callable[[int], None]
+          ) -> Iterator[tuple[Task, Outcome]]:
+    """Work in this process, so that Ctrl-C and progress need no messenger."""
+    from imu_allan.analysis import counted_on
+
+    done_bytes = 0
+    for group in groups:
+        with _opened_once(group) as recording:
+            for task in group:
+                yield task, partial(characterize, task, counted_on(progress, done_bytes),
+                                    recording)
+                done_bytes += task.size_bytes
+
+
+def _elsewhere(workers: Executor, groups: Sequence[Sequence[Task]],
+               progress: Callable[[int], None]) -> Iterator[tuple[Task, Outcome]]:
     # Of many recordings there is one for every worker without parting any. A cluster reads one up
     # to 16 times, so that each of its workers has a share, however uneven they are.
     most = (ceil(workers.jobs / max(len(groups), 1)) if isinstance(workers, WorkerProcesses)
@@ -111,109 +93,45 @@ def in_order(workers: Executor, tasks: Sequence[Task],
                     for group in groups for part in _parts(group, most))
     done_bytes = 0
     while waiting:
-        part, futures = waiting.popleft()
-        wait([futures])
-        for task, future in zip(part, _apart(futures, len(part)), strict=True):
+        part, future = waiting.popleft()
+        error = future.exception()
+        answers: list[Answer] = (future.result() if error is None else
+                                 [(None, (error, ''))] * len(part))
+        for task, answer in zip(part, answers, strict=True):
             done_bytes += task.size_bytes
             progress(done_bytes)
-            yield task, future
+            yield task, partial(_returned, answer)
 
 
-def _here(workers: '_ThisProcess', groups: Sequence[Sequence[Task]],
-          progress: Callable[[int], None]
-          ) -> 'Iterator[tuple[Task, Future[tuple[Result, ImuAllanError | None]]]]':
-    """Work in this process, so that each result is there at once."""
-    done_bytes = 0
-    for group in groups:
-        with _opened_once(group) as opening:
-            for task in group:
-                yield task, workers.submit(
-                    characterize, task, lambda done, before=done_bytes: progress(before + done),
-                    workers.artist, opening)
-                done_bytes += task.size_bytes
-
-
-def characterize_each(tasks: Sequence[Task]
-                      ) -> 'list[tuple[tuple[Result, ImuAllanError | None] | None, Any]]':
-    """
-    Characterize several topics of one recording; a failure stops none of the others.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Of one recording, or one of any kind.
-
-    Returns
-    -------
-    list of (result of `characterize`, failure)
-        One of them None.
-
-    """
-    with _opened_once(tasks) as opening:
-        return [_outcome(characterize, (task, None, None, opening), {}) for task in tasks]
+def characterize_each(tasks: Sequence[Task]) -> list[Answer]:
+    """Characterize several topics of one recording; a failure stops none of the others."""
+    with _opened_once(tasks) as recording:
+        return [_answer(characterize, task, None, recording) for task in tasks]
 
 
 def _recording_of(task: Task) -> tuple[object, ...]:
     """Return what is the same of the topics of a recording; a task without one is by itself."""
-    return task.path, task.reading, task.options, id(task) if task.topic is None else 0
+    return (task.path, task.choice.reading, task.choice.options,
+            id(task) if task.choice.topic is None else 0)
 
 
 @contextmanager
-def _opened_once(tasks: Sequence[Task]) -> 'Iterator[Opening | None]':
+def _opened_once(tasks: Sequence[Task]) -> 'Iterator[Recording | None]':
     """Open a recording once for all its topics in `tasks`; None where each task opens its own."""
-    from imu_allan.recordings import open_recording
-
     with ExitStack() as stack:
-        opening = None
+        recording = None
         if len(tasks) > 1:
-            first = tasks[0].arguments()
             # What is wrong with it meanwhile is reported with each task.
             with suppress(ImuAllanError):
-                opening = stack.enter_context(open_recording(
-                    tasks[0].path, rate_hz=first['options'].rate_hz,
-                    options=first['reading'])).again
-        yield opening
+                recording = stack.enter_context(tasks[0].choice.opened(tasks[0].path))
+        yield recording
 
 
 def _parts(group: Sequence[Task], most: int) -> Iterator[Sequence[Task]]:
     """Part the topics of a recording: each part is one reading, and several can work on them."""
-    size = -(-len(group) // most)
+    size = ceil(len(group) / most)
     for first in range(0, len(group), size):
         yield group[first:first + size]
-
-
-def _apart(done: 'Future[list[tuple[Any, Any]]]', count: int) -> 'Iterator[Future[Any]]':
-    """Give the outcome of each task of a part."""
-    error = done.exception()
-    for value, failure in [(None, (error, ''))] * count if error is not None else done.result():
-        future: Future[Any] = Future()
-        if failure is None:
-            future.set_result(value)
-        else:
-            future.set_exception(_raisable(*failure))
-        yield future
-
-
-def _raisable(error: BaseException, where: str) -> BaseException:
-    """Return what a worker raised, with its traceback where it was not expected."""
-    if where and not isinstance(error, (ImuAllanError, OSError)):
-        error.__cause__ = RuntimeError(f'in a worker process:\n{where}')
-    return error
-
-
-class _ThisProcess(Executor):
-    """Works at the moment of submission, so that Ctrl-C and progress need no messenger."""
-
-    def __init__(self, artist: Executor | None = None) -> None:
-        self.artist = artist
-
-    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
-        future: Future[T] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
 
 class WorkerProcesses(Executor):
@@ -227,7 +145,7 @@ class WorkerProcesses(Executor):
         self._given_up = False
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> 'Future[T]':
-        return self._threads.submit(self._ask, fn, args, kwargs)
+        return self._threads.submit(self._ask, partial(fn, *args, **kwargs))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Let the workers end; at once where an exception leaves the context."""
@@ -238,9 +156,16 @@ class WorkerProcesses(Executor):
                 process.terminate()
         self._threads.shutdown()
         for process in self._started:
-            _close(process)
+            tasks, answers = _pipes(process)
+            tasks.close()
+            try:
+                process.wait(_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            answers.close()
 
-    def _ask(self, fn: Callable[..., T], args: Any, kwargs: Any) -> T:
+    def _ask(self, work: 'partial[T]') -> T:
         """Have a task done by the process of this thread."""
         process = getattr(self._of_thread, 'process', None)
         if process is None:
@@ -248,19 +173,17 @@ class WorkerProcesses(Executor):
         tasks, answers = _pipes(process)
         try:
             with open(tasks.fileno(), 'wb', closefd=False) as stdin:
-                pickle.dump((fn, args, kwargs), stdin)
+                pickle.dump(work, stdin)
             with open(answers.fileno(), 'rb', closefd=False) as stdout:
-                value, failure = pickle.load(stdout)
+                answer = pickle.load(stdout)
         except (BrokenPipeError, EOFError, pickle.UnpicklingError):
             # The next task gets another process.
             self._of_thread.process = None
             raise ImuAllanError(
-                f'--jobs: the process that worked on {_first(args)} was ended from outside, '
+                f'--jobs: the process that worked on {_subject(work)} was ended from outside, '
                 'perhaps for want of memory; try fewer jobs') from None
-        if failure is not None:
-            raise _raisable(*failure)
-        answer: T = value
-        return answer
+        done: T = _returned(answer)
+        return done
 
     def _start(self) -> subprocess.Popen[bytes]:
         try:
@@ -282,41 +205,28 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), 'wb')
     # What a library might print must not get among the answers.
     os.dup2(2, 1)
-    tasks: SimpleQueue[tuple[Callable[..., Any], Any, Any]] = SimpleQueue()
-    threading.Thread(target=_receive, args=(tasks,), daemon=True).start()
-    with suppress(SystemExit, BrokenPipeError):
+    with suppress(EOFError, BrokenPipeError, pickle.UnpicklingError):
         while True:
-            function, args, kwargs = tasks.get()
-            pickle.dump(_outcome(function, args, kwargs), answers)
+            pickle.dump(_answer(pickle.load(sys.stdin.buffer)), answers)
             answers.flush()
-    # Not by the usual way: a thread still reads standard input.
-    os._exit(0)
 
 
-def _receive(tasks: SimpleQueue[tuple[Callable[..., Any], Any, Any]]) -> None:
-    """Hand on what comes; whoever sent it having ended, what is under way is given up."""
-    with suppress(EOFError, pickle.UnpicklingError):
-        while True:
-            tasks.put(pickle.load(sys.stdin.buffer))
-    os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _outcome(function: Callable[..., Any], args: Any, kwargs: Any) -> tuple[Any, Any]:
+def _answer(work: Callable[..., Any], *args: Any) -> Answer:
     try:
-        return function(*args, **kwargs), None
+        return work(*args), None
     except Exception as error:
         return None, portable(error)
 
 
-def _close(process: subprocess.Popen[bytes]) -> None:
-    tasks, answers = _pipes(process)
-    tasks.close()
-    try:
-        process.wait(_PATIENCE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    answers.close()
+def _returned(answer: Answer) -> Any:
+    """Return what a worker has, or raise what it raised, where that was if it was unexpected."""
+    value, failure = answer
+    if failure is None:
+        return value
+    error, where = failure
+    if where and not isinstance(error, (ImuAllanError, OSError)):
+        error.__cause__ = RuntimeError(f'in a worker process:\n{where}')
+    raise error
 
 
 def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
@@ -325,6 +235,6 @@ def _pipes(process: subprocess.Popen[bytes]) -> tuple[IO[bytes], IO[bytes]]:
     return process.stdin, process.stdout
 
 
-def _first(args: Any) -> str:
-    tasks = args[0] if args and isinstance(args[0], list) else args
-    return printable(tasks[0].path) if tasks and isinstance(tasks[0], Task) else 'it'
+def _subject(work: 'partial[Any]') -> str:
+    tasks = work.args[0] if work.args and isinstance(work.args[0], list) else ()
+    return printable(tasks[0].path) if tasks else 'it'

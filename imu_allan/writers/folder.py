@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The files that a characterization leaves in a folder."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,8 +43,7 @@ def kinds_of_files(exports: Sequence[str] = ()) -> dict[str, str]:
 
 
 def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequence[str] = (),
-                report: bool = True, picture: bool = True,
-                drawing: Callable[[Result], Callable[[], bytes]] | None = None) -> list[Path]:
+                report: bool = True, picture: bool = True) -> list[Path]:
     """
     Write everything about one result.
 
@@ -64,9 +62,6 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
         Without it the page is left out, which takes most of the time.
     picture : bool, optional
         Without it ``allan_deviation.png`` is left out.
-    drawing : callable, optional
-        Begins to draw ``allan_deviation.png`` of a result elsewhere, while the rest is written
-        here; it returns what waits for the picture.
 
     Returns
     -------
@@ -85,7 +80,6 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     folder = Path(folder)
     paths = [write_in(folder, 'result.json', result.to_json().encode()),
              write_in(folder, 'curve.csv', curves_csv(result).encode())]
-    drawn = drawing(result) if drawing is not None else partial(overview_png, result)
     left_out = []
     for consumer in exports:
         try:
@@ -97,7 +91,7 @@ def save_folder(result: Result, folder: str | os.PathLike[str], exports: Sequenc
     if report:
         paths += save_report(result, folder, ())
     if picture:
-        paths.append(write_in(folder, LAST_WRITTEN, drawn()))
+        paths.append(write_in(folder, LAST_WRITTEN, overview_png(result)))
     if left_out:
         raise IncompleteSave(f'{"; ".join(left_out)}; the other files are in {folder}')
     return paths

@@ -114,11 +114,6 @@ def overview_png(result: Result) -> bytes:
     return render(overview_figure(result))
 
 
-def prepare_to_draw() -> None:
-    """Import what drawing takes, which is most of the time of a first picture."""
-    render(empty_figure(1, 1))
-
-
 def sensor_figure(result: Result, sensor: str, theme: Theme = 'light') -> 'Figure':
     """
     Draw everything about one sensor: Allan deviation, spectrum and signal of its axes.

@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings for the tests of the command, written once, and the result of one."""
 
+from collections.abc import Callable
+import json
 from pathlib import Path
+from typing import Any
 
 import imu_allan
+from imu_allan.cli.main import main
 from imu_allan.sensor.noise_model import NoiseModel, parse_model
 from imu_allan.sensor.simulated_imu import simulated_blocks
 from imu_allan.writers.result_file import save_result
@@ -49,3 +53,14 @@ def result_file(imu_recording: Path, tmp_path_factory: pytest.TempPathFactory) -
     path = tmp_path_factory.mktemp('result') / 'result.json'
     save_result(imu_allan.analyze(imu_recording), path)
     return path
+
+
+@pytest.fixture
+def analyzed(tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Run `analyze` and return the result that it writes."""
+    def run(*arguments: object) -> dict[str, Any]:
+        path = tmp_path / 'analyzed.json'
+        assert main(['analyze', *map(str, arguments), '--json', str(path)]) == 0
+        found: dict[str, Any] = json.loads(path.read_text())
+        return found
+    return run

@@ -21,8 +21,6 @@ def test_without_a_code_all_are_listed(capsys: pytest.CaptureFixture[str]) -> No
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [*WORDS]
 
 
-def test_a_code_that_is_none_is_one_line_with_the_nearest(
-        capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['explain', 'bias_stop']) == 1
-    assert capsys.readouterr().err == ('imu_allan: bias_stop: no finding has this code; did you '
-                                       'mean bias_step? (all: imu_allan explain)\n')
+def test_a_code_that_is_none_is_one_line_with_the_nearest(fails_with):
+    fails_with('bias_stop: no finding has this code; did you mean bias_step? (all: imu_allan '
+               'explain)', 'explain', 'bias_stop')

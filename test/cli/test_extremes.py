@@ -11,21 +11,10 @@ import sys
 from imu_allan.block import ImuBlock
 from imu_allan.cdr import encode_imu_rows
 from imu_allan.cli.main import main
-from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.time_window import between
 import numpy as np
 import pytest
-
-
-@pytest.mark.parametrize(('option', 'value'), [
-    ('--start', '1e300'), ('--duration', '1e300'), ('--start', '40000d')])
-def test_a_time_beyond_a_century_is_wrong_usage(
-        recording: Path, capsys: pytest.CaptureFixture[str], option: str, value: str) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(['analyze', str(recording), option, value])
-    assert ended.value.code == 2
-    assert capsys.readouterr().err.splitlines()[-1] == (
-        f'imu_allan analyze: error: argument {option}: {value} is more than a hundred years')
+from whole_lines import refused
 
 
 @pytest.mark.parametrize(('start_s', 'duration_s', 'left'), [
@@ -41,19 +30,16 @@ def test_in_python_a_part_beyond_all_stamps_is_empty_or_all(start_s, duration_s,
 @pytest.mark.parametrize('digits', [400, 5000])
 @pytest.mark.parametrize('verb', ['report', 'check', 'export'])
 def test_a_number_of_many_digits_in_a_result_is_one_line(
-        result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], key: str,
-        reason: str, digits: int, verb: str) -> None:
+        result_file, tmp_path, fails_with, key, reason, digits, verb):
     text, found = re.subn(
         rf'("{key}": )[\d.]+', rf'\g<1>{"9" * digits}', result_file.read_text(), count=1)
     assert found == 1
     damaged, spec = tmp_path / 'damaged.json', tmp_path / 'spec.yaml'
     damaged.write_text(text)
     spec.write_text('gyro: {noise_density: 1 deg/s/sqrt(Hz)}\n')
-    status = main({'report': ['report', str(damaged), '--output', str(tmp_path / 'out')],
-                   'check': ['check', str(damaged), '--spec', str(spec)],
-                   'export': ['export', str(damaged), '--for', 'kalibr']}[verb])
-    assert status == 1
-    assert capsys.readouterr().err == f'imu_allan: {damaged}.timeline.{key}: {reason}\n'
+    more = {'report': ['--output', tmp_path / 'out'], 'check': ['--spec', spec],
+            'export': ['--for', 'kalibr']}[verb]
+    fails_with(f'{damaged}.timeline.{key}: {reason}', verb, damaged, *more)
 
 
 def test_the_smallest_limit_there_is_gives_valid_json(result_file: Path, tmp_path: Path) -> None:
@@ -67,36 +53,24 @@ def test_the_smallest_limit_there_is_gives_valid_json(result_file: Path, tmp_pat
     json.loads((tmp_path / 'c.json').read_text(), parse_constant=refuse)
 
 
-@pytest.mark.parametrize('name', ['~nosuchuser/x', '~nosuchuser'])
-def test_the_home_of_nobody_is_one_line(capsys: pytest.CaptureFixture[str], name: str) -> None:
-    assert main(['simulate', name]) == 1
-    assert capsys.readouterr().err == (
-        f'imu_allan: {name}: this user has no home folder; write the path without ~\n')
-
-
 @pytest.mark.parametrize('stamp', [2**31 * 10**9, -(2**31 + 1) * 10**9])
-def test_a_stamp_that_no_message_can_hold_is_not_written(stamp: int) -> None:
+def test_a_stamp_that_no_message_can_hold_is_not_written(stamp):
     block = ImuBlock(np.array([stamp]), np.array([1]), np.zeros((1, 6)),
                      np.zeros((1, 2), np.bool_), 'imu')
-    with pytest.raises(ImuAllanError) as error:
+    with refused('header stamps before 1901 or after 2038 cannot be written: '
+                 'builtin_interfaces/Time has 32 bits for the seconds'):
         encode_imu_rows(block)
-    assert str(error.value) == (
-        'header stamps before 1901 or after 2038 cannot be written: builtin_interfaces/Time has '
-        '32 bits for the seconds')
 
 
 @pytest.mark.parametrize(('rate', 'duration', 'told'), [
     ('1e9', '1h', '--duration 3600 at --rate 1e+09'),
     ('1e308', '100d', '--duration 8.64e+06 at --rate 1e+308')])
 def test_more_samples_than_any_disk_holds_are_not_begun(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str], rate: str, duration: str, told: str,
-        ) -> None:
+        tmp_path, fails_with, rate, duration, told):
     output = tmp_path / 'out'
-    assert main(['simulate', 'consumer_mems', '--rate', rate, '--duration', duration,
-                 '--output', str(output)]) == 1
-    assert capsys.readouterr().err == (
-        f'imu_allan: {told}: more than 100,000,000,000 samples; simulate for less or at a lower '
-        'rate\n')
+    fails_with(f'{told}: more than 100,000,000,000 samples; simulate for less or at a lower rate',
+               'simulate', 'consumer_mems', '--rate', rate, '--duration', duration,
+               '--output', output)
     assert not output.exists()
 
 

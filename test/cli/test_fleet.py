@@ -10,7 +10,7 @@ import pickle
 import shutil
 
 from bags import no_axes
-from imu_allan.analysis import analyze
+from imu_allan.analysis import analyze, Choice
 from imu_allan.cli.fleet import Gathering
 from imu_allan.cli.main import main
 from imu_allan.cli.tasks import Task
@@ -172,36 +172,18 @@ def test_recordings_of_one_imu_make_one_result(
     assert not (tmp_path / 'out' / 'fleet.html').exists()
 
 
-def test_nothing_is_left_out_of_a_joint_result(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_left_out_of_a_joint_result(tmp_path, fails_with):
     path = write_csv(tmp_path / 'night.csv', 0.005, 1, 1000)
-    assert main(['analyze', path, str(tmp_path / 'no.csv'), '--together']) == 1
-    shown = capsys.readouterr()
-    assert (shown.out, shown.err) == (
-        '', f'imu_allan: {tmp_path}/no.csv: no such file or directory\n')
+    assert fails_with(f'{tmp_path}/no.csv: no such file or directory',
+                      'analyze', path, tmp_path / 'no.csv', '--together') == ''
 
 
-def test_a_serial_number_goes_into_result_and_fleet(tmp_path: Path) -> None:
+def test_unit_and_station_go_into_the_result(tmp_path, analyzed):
     path = write_csv(tmp_path / 'a.csv', 0.005, 1, 1000)
-    assert main(['analyze', path, '--json', str(tmp_path / 'r.json'), '--serial', 'A-17',
-                 '--station', 'bench 3']) == 0
-    inspection = load_result(tmp_path / 'r.json').inspection
-    assert (inspection.serial, inspection.operator, inspection.station) == (
-        'A-17', None, 'bench 3')
-
-
-@pytest.mark.parametrize(('options', 'line'), [
-    (['--resume'], '--resume needs --output'),
-    (['--meta', 'serial=A-17'],
-     '--meta serial is of one unit; several are named by --name-from'),
-    (['--together', '--all-topics'],
-     '--together takes several recordings of one topic, and no --resume')])
-def test_options_that_need_others_are_wrong_usage(
-        options: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stop:
-        main(['analyze', 'a.csv', 'b.csv', *options])
-    assert stop.value.code == 2
-    assert capsys.readouterr().err.splitlines()[-1] == f'imu_allan analyze: error: {line}'
+    for words in (['--serial', 'A-17', '--station', 'bench 3'],
+                  ['--meta', 'serial=A-17', '--meta', 'station=bench 3']):
+        assert analyzed(path, *words)['inspection'] == {
+            'serial': 'A-17', 'operator': None, 'station': 'bench 3'}
 
 
 @pytest.mark.parametrize(('rows', 'complaint'), [
@@ -211,14 +193,11 @@ def test_options_that_need_others_are_wrong_usage(
      'no coefficient: 56 samples are too few; record for longer'),
     ([f'{i / 100},{(i * i) % 7},2' for i in range(56)],
      'no coefficient: 56 samples are too few; record for longer')])
-def test_where_no_coefficient_comes_out_the_status_is_1(
-        rows: list[str], complaint: str, tmp_path: Path,
-        capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_no_coefficient_comes_out_the_status_is_1(rows, complaint, tmp_path, fails_with):
     path = tmp_path / 'r.csv'
     header = ','.join(['time_s', 'gyro_x', 'gyro_y'][:rows[0].count(',') + 1])
     path.write_text('\n'.join([header, *rows, '']))
-    assert main(['analyze', str(path), '--json', str(tmp_path / 'r.json')]) == 1
-    assert capsys.readouterr().err == f'imu_allan: {path}: {complaint}\n'
+    fails_with(f'{path}: {complaint}', 'analyze', path, '--json', tmp_path / 'r.json')
     assert load_result(tmp_path / 'r.json').timeline.samples == len(rows)
 
 
@@ -227,7 +206,7 @@ def test_without_a_folder_for_a_page_no_results_are_kept(recording: Path, tmp_pa
     kept = []
     for output in (None, tmp_path):
         gathering = Gathering(output)
-        gathering.add(Task('a', None, {}, 0.0, None, 0, None, unit='a'), result)
+        gathering.add(Task('a', Choice(), unit='a'), result)
         gathering.fail('b', 'b', ImuAllanError('it is damaged'))
         kept.append(len(pickle.dumps(gathering)))
     assert kept[0] < 200 < kept[1]

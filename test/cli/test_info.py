@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from collections.abc import Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
+from typing import Any
 
 from imu_allan.block import ImuBlock
 from imu_allan.cli.main import main
@@ -31,47 +33,50 @@ def test_clean_recording_is_described(
         '  rate        100 Hz, jitter below 1 us', CLOCK, '  faults      none']
 
 
-def faulty(model: NoiseModel) -> Iterator[ImuBlock]:
-    for block in simulated_blocks(model, 100.0, 20_000, start_ns=START_NS,
-                                  block_samples=20_000):
+def without(model: NoiseModel, samples: int, *gaps: slice, change: Any) -> Iterator[ImuBlock]:
+    """Give a recording with gaps, after a change of its stamps and samples."""
+    for block in simulated_blocks(model, 100.0, samples, start_ns=START_NS,
+                                  block_samples=samples):
         stamps = block.header_ns.copy()
+        change(stamps, block.samples)
+        keep = np.ones(samples, dtype=bool)
+        for gap in gaps:
+            keep[gap] = False
+        yield replace(block, header_ns=stamps).part(keep)
+
+
+def test_gaps_and_faults_are_counted(tmp_path, model, capsys):
+    def repeat(stamps, _):
         stamps[500] = stamps[499]
-        keep = np.ones(20_000, dtype=bool)
-        keep[1000:1003] = keep[5000:6000] = False
-        yield ImuBlock(stamps[keep], block.receive_ns[keep], block.samples[keep],
-                       block.absent[keep], block.frame_id)
 
-
-def test_gaps_and_faults_are_counted(
-        tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['info', str(write_recording(tmp_path / 'faulty', faulty(model)))]) == 0
+    blocks = without(model, 20_000, slice(1000, 1003), slice(5000, 6000), change=repeat)
+    assert main(['info', str(write_recording(tmp_path / 'faulty', blocks))]) == 0
     shown = capsys.readouterr().out.splitlines()
     assert '  faults      1,004 missing, 1 duplicate, 1 repeated header stamp' in shown
     assert '  gaps        1, 10 s in all: 10 s at 50 s' in shown
 
 
-def test_sensor_that_is_not_there_is_named(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from imu_allan.sensor.noise_model import parse_model
-    gyro = parse_model('gyro: {noise_density: 0.005 deg/s/sqrt(Hz)}')
-    path = write_recording(tmp_path / 'gyro', simulated_blocks(gyro, 100.0, 500))
-    assert main(['info', str(path)]) == 0
+def test_sensor_that_is_not_there_is_named(recording, capsys):
+    assert main(['info', str(recording)]) == 0
     assert '  absent      accel_x, accel_y, accel_z' in capsys.readouterr().out.splitlines()
 
 
-def test_recording_without_imu_says_what_it_holds(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from rosbags.rosbag2 import Writer
-    from rosbags.typesys import get_typestore, Stores
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(tmp_path / 'talk', version=9) as writer:
-        connection = writer.add_connection('/chatter', 'std_msgs/msg/String', typestore=store)
-        writer.write(connection, 1, b'\x00\x01\x00\x00\x02\x00\x00\x00a\x00')
-    assert main(['info', str(tmp_path / 'talk')]) == 1
-    assert capsys.readouterr().err == (
-        f'imu_allan: {tmp_path}/talk: no topic of type sensor_msgs/msg/Imu; it holds /chatter '
-        '(std_msgs/msg/String)\n')
+def test_recording_without_imu_says_what_it_holds(tmp_path, fails_with):
+    store = store_with({})
+    path = write_mcap(tmp_path / 'talk.mcap', 'std_msgs/msg/String', '', [b'\0\1\0\0'],
+                      topic='/chatter')
+    fails_with(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /chatter '
+               '(std_msgs/msg/String)', 'info', path)
+    path = write_mcap(tmp_path / 'a.mcap', 'sensor_msgs/msg/Imu',
+                      full_definition(store, 'sensor_msgs/msg/Imu'),
+                      [store.serialize_cdr(imu(store, number), 'sensor_msgs/msg/Imu')
+                       for number in range(20)], topic='/imu')
+    fails_with(f'{path}: no topic of type sensor_msgs/msg/Imu; it holds /imu '
+               '(sensor_msgs/msg/Imu); --gyro rate: sensor_msgs/msg/Imu has no field rate; it has '
+               'header, orientation, orientation_covariance, angular_velocity, '
+               'angular_velocity_covariance, linear_acceleration, '
+               'linear_acceleration_covariance', 'info', path, '--gyro', 'rate')
+    assert main(['info', str(path), '--gyro', 'rate', '--gyro-topic', '/other']) == 0
 
 
 @pytest.mark.skipif('IMU_ALLAN_DATA' not in os.environ,
@@ -103,52 +108,25 @@ def test_an_imu_inside_another_message_is_named_with_how_it_is_read(
                        '(sensor_msgs/msg/Imu)\n') == 2
 
 
-def test_a_topic_that_might_hold_an_imu_is_listed_with_the_reason(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    store = store_with({})
-    path = write_mcap(tmp_path / 'a.mcap', 'sensor_msgs/msg/Imu',
-                      full_definition(store, 'sensor_msgs/msg/Imu'),
-                      [store.serialize_cdr(imu(store, number), 'sensor_msgs/msg/Imu')
-                       for number in range(20)], topic='/imu')
-    assert main(['info', str(path), '--gyro', 'rate', '--gyro-topic', '/other']) == 0
-    assert '/imu' in capsys.readouterr().out.splitlines()
-    assert main(['info', str(path), '--gyro', 'rate']) == 1
-    assert capsys.readouterr().err == (
-        f'imu_allan: {path}: no topic of type sensor_msgs/msg/Imu; it holds /imu '
-        '(sensor_msgs/msg/Imu); --gyro rate: sensor_msgs/msg/Imu has no field rate; it has '
-        'header, orientation, orientation_covariance, angular_velocity, '
-        'angular_velocity_covariance, linear_acceleration, linear_acceleration_covariance\n')
-
-
 def test_a_folder_is_described_to_its_end_though_one_recording_cannot_be_read(
-        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        recording, tmp_path, fails_with):
     for name in ('1', '3'):
         (tmp_path / name).symlink_to(recording)
     (tmp_path / '2').mkdir()
     (tmp_path / '2' / 'broken.mcap').write_bytes(b'nothing')
-    assert main(['info', str(tmp_path)]) == 1
-    shown = capsys.readouterr()
-    assert shown.out.count('  messages    30,000\n') == 2
-    assert shown.err == (
-        f'imu_allan: {tmp_path}/2/broken.mcap: neither a rosbag2 directory nor a .mcap, .db3, '
-        'ROS 1 .bag, PX4 .ulg, ArduPilot .bin or CSV file\n')
-
-
-def constant_and_faulty(model: NoiseModel) -> Iterator[ImuBlock]:
-    for block in simulated_blocks(model, 100.0, 40_000, start_ns=START_NS,
-                                  block_samples=40_000):
-        block.samples[:, 1] = block.samples[0, 1]
-        keep = np.ones(40_000, dtype=bool)
-        for first in range(5000, 35_000, 3123):
-            keep[first:first + 777] = False
-        yield ImuBlock(block.header_ns[keep], block.receive_ns[keep], block.samples[keep],
-                       block.absent[keep], block.frame_id)
+    assert fails_with(
+        f'{tmp_path}/2/broken.mcap: neither a rosbag2 directory nor a .mcap, .db3, ROS 1 .bag, '
+        'PX4 .ulg, ArduPilot .bin or CSV file', 'info', tmp_path
+    ).count('  messages    30,000\n') == 2
 
 
 def test_a_constant_axis_is_named_and_no_line_is_longer_than_the_terminal(
-        tmp_path: Path, model: NoiseModel, capsys: pytest.CaptureFixture[str],
-        monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_recording(tmp_path / 'bag', constant_and_faulty(model))
+        tmp_path, model, capsys, monkeypatch):
+    def stop(_, samples):
+        samples[:, 1] = samples[0, 1]
+
+    gaps = (slice(first, first + 777) for first in range(5000, 35_000, 3123))
+    path = write_recording(tmp_path / 'bag', without(model, 40_000, *gaps, change=stop))
     monkeypatch.setattr('sys.stdout.isatty', lambda: True)
     monkeypatch.setenv('COLUMNS', '100')
     assert main(['info', str(path)]) == 0

@@ -15,7 +15,6 @@ from imu_allan.cli.recording_options import recording_options
 from imu_allan.recordings import RecordingOptions
 from imu_allan.writers.consumers import FAMILIES
 import pytest
-from whole_lines import Varying
 import zstandard
 
 COMMAND = [sys.executable, '-m', 'imu_allan']
@@ -26,6 +25,7 @@ NO_RESULT = ('cannot be read (No such file or directory); give the path of a res
 NO_TIME = ('is not a length of time: write seconds (90), or a number with ms, s, m or min, h or d '
            '(10min)')
 VERBS = ('analyze', 'info', 'simulate', 'check', 'export', 'report')
+ALL_VERBS = (*VERBS, 'tune', 'explain')
 
 
 def run(*arguments: str, **options: object) -> 'subprocess.CompletedProcess[str]':
@@ -70,72 +70,87 @@ def test_version_is_the_one_of_the_package(capsys: pytest.CaptureFixture[str]) -
     assert f'<version>{capsys.readouterr().out.split()[1]}</version>' in package
 
 
-@pytest.mark.parametrize(('arguments', 'line'), [
-    ([], ': error: the following arguments are required: VERB'),
-    (['characterize'],
-     ": error: argument VERB: invalid choice: 'characterize' (choose from <words>)"),
-    (['analyze'], ' analyze: error: the following arguments are required: RECORDING'),
-    (['analyze', 'bag', '--rate', '0'], ' analyze: error: argument --rate: 0 is not above zero'),
-    (['analyze', 'bag', '--rate', 'fast'],
-     " analyze: error: argument --rate: 'fast' is no rate: write Hz (100), or a number with Hz or "
-     'kHz (2kHz)'),
-    (['analyze', 'bag', '--rate', 'nan'],
-     " analyze: error: argument --rate: 'nan' is no rate: write Hz (100), or a number with Hz or "
-     'kHz (2kHz)'),
-    (['analyze', 'bag', '--clock', 'none'], ' analyze: error: --clock none needs --rate'),
-    (['check', 'bag', '--spec', 'x', '--meta', 'colour=red'],
-     " check: error: argument --meta: 'colour=red' is not of the form KEY=VALUE with a KEY of "
-     'serial, operator, station'),
-    (['export', '--for', 'kalibr'],
-     ' export: error: takes a RESULT, or a datasheet by --spec FILE'),
-    (['analyze', 'bag', '--start', '-1'], ' analyze: error: argument --start: -1 is below zero'),
-    (['analyze', 'bag', '--duration', '3 weeks'],
-     f" analyze: error: argument --duration: '3 weeks' {NO_TIME}"),
-    (['analyze', 'bag', '--jobs', '0'], ' analyze: error: argument --jobs: 0 is below one'),
-    (['analyze', 'bag', '--clock', 'wall'],
-     " analyze: error: argument --clock: invalid choice: 'wall' (choose from <words>)"),
-    (['analyze', 'bag', '--force-rate'], ' analyze: error: --force-rate needs --rate'),
-    (['analyze', 'bag', '--topic', '/imu', '--all-topics'],
-     ' analyze: error: argument --all-topics: not allowed with argument --topic'),
-    (['analyze', 'bag', '--jobs', '2', '--dask', 'tcp://localhost:8786'],
-     ' analyze: error: argument --dask: not allowed with argument --jobs'),
-    (['analyze', 'one', 'two', '--json', 'result.json'],
-     ' analyze: error: --json takes one recording; use --output DIR for several'),
-    (['simulate', 'model', '--storage', 'csv'],
-     " simulate: error: argument --storage: invalid choice: 'csv' (choose from <words>)"),
-    (['simulate', 'model', '--seed', '1.5'],
-     " simulate: error: argument --seed: '1.5' is not a whole number"),
-    (['export', 'result.json', '--for', 'toaster'],
-     " export: error: argument --for: no consumer is called 'toaster'; imu_allan export --list "
-     'names all'),
-    (['check', 'result.json'], ' check: error: the following arguments are required: --spec'),
-])
-def test_wrong_usage_exits_2_with_the_usage_on_stderr(
-        arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stop:
-        main(arguments)
-    assert stop.value.code == 2
-    shown = capsys.readouterr()
-    assert shown.out == ''
-    assert shown.err.startswith('usage: imu_allan')
-    assert shown.err.splitlines()[-1] == Varying(f'imu_allan{line}')
+CHOICE = 'invalid choice: {} (choose from <words>)'
+NO_CONSUMER = "argument --for: no consumer is called '{}'; {}imu_allan export --list names all"
+NO_RATE = "argument --rate: '{}' is no rate: write Hz (100), or a number with Hz or kHz (2kHz)"
+CENTURY = 'argument {}: {} is more than a hundred years'
 
 
-@pytest.mark.parametrize(('arguments', 'line'), [
-    (['analyze', 'no/such/bag'], 'no such file or directory'),
-    (['info', 'no/such/bag'], 'no such file or directory'),
-    (['simulate', 'no/such/model'], NO_MODEL),
-    (['check', 'result', '--spec', 'no/such/spec'], NO_MODEL),
-    (['export', 'no/such/result', '--for', 'kalibr'], NO_RESULT),
-    (['report', 'no/such/result'], NO_RESULT),
+@pytest.mark.parametrize(('words', 'line'), [
+    ('', 'the following arguments are required: VERB'),
+    ('characterize', 'argument VERB: ' + CHOICE.format("'characterize'")),
+    ('analyse bag', 'argument VERB: ' + CHOICE.format("'analyse'") + '; did you mean analyze?'),
+    ('analyze', 'the following arguments are required: RECORDING'),
+    ('analyze bag --al-topics',
+     'unrecognized arguments: --al-topics; did you mean --all-topics?'),
+    ('analyze bag --rate 0', 'argument --rate: 0 is not above zero'),
+    ('analyze bag --rate fast', NO_RATE.format('fast')),
+    ('analyze bag --rate nan', NO_RATE.format('nan')),
+    ('analyze bag --clock none', '--clock none needs --rate'),
+    ('analyze bag --clock wall', 'argument --clock: ' + CHOICE.format("'wall'")),
+    ('analyze bag --start -1', 'argument --start: -1 is below zero'),
+    ('analyze bag --start 1e300', CENTURY.format('--start', '1e300')),
+    ('analyze bag --start 40000d', CENTURY.format('--start', '40000d')),
+    ('analyze bag --duration 1e300', CENTURY.format('--duration', '1e300')),
+    ('analyze bag --duration 3weeks', f"argument --duration: '3weeks' {NO_TIME}"),
+    ('analyze bag --duration 5x', f"argument --duration: '5x' {NO_TIME}"),
+    ('analyze bag --jobs 0', 'argument --jobs: 0 is below one'),
+    ('analyze bag --topic /imu --all-topics',
+     'argument --all-topics: not allowed with argument --topic'),
+    ('analyze bag --jobs 2 --dask tcp://localhost:8786',
+     'argument --dask: not allowed with argument --jobs'),
+    ('analyze one two --json result.json',
+     '--json takes one recording; use --output DIR for several'),
+    ('analyze one two --for kalibr', '--for takes one recording; use --output DIR for several'),
+    ('analyze one two --resume', '--resume needs --output'),
+    ('analyze one two --meta serial=A-17',
+     '--meta serial is of one unit; several are named by --name-from'),
+    ('analyze one two --together --all-topics',
+     '--together takes several recordings of one topic, and no --resume'),
+    ('simulate model --storage csv', 'argument --storage: ' + CHOICE.format("'csv'")),
+    ('simulate model --seed 1.5', "argument --seed: '1.5' is not a whole number"),
+    ('export --for kalibr', 'takes a RESULT, or a datasheet by --spec FILE'),
+    ('export r.json --for toaster', NO_CONSUMER.format('toaster', '')),
+    ('export r.json --for kalbr', NO_CONSUMER.format('kalbr', 'did you mean kalibr? ')),
+    *((f'export r.json --for kalibr --inflate={bad}', f'argument --inflate: {line}')
+      for bad, line in (
+          *((bad, f"'{bad}' is not of the form N=2,K=5: a factor for N, for K, or for both")
+            for bad in ('N', '2', 'B=2', 'N=2,N=3', '')),
+          ('N=0', '0 is not above zero'), ('K=nan', 'nan is not a finite number'))),
+    *((f'tune r.json {option}={bad}', f'argument {option}: {line}')
+      for option in ('--aiding', '--coast', '--calibration') for bad, line in (
+          *((bad, f"'{bad}' {NO_TIME}") for bad in ('nan', 'inf', 'text', '')),
+          ('0', '0 is not above zero'), ('-1s', '-1s is below zero'),
+          ('1e-30', '1e-30 is less than a microsecond'),
+          ('1e308', '1e308 is more than a hundred years'),
+          ('200000d', '200000d is more than a hundred years'))),
+    ('check r.json', 'the following arguments are required: --spec'),
+    ('check bag --spec x --meta colour=red', "argument --meta: 'colour=red' is not of the form "
+     'KEY=VALUE with a KEY of serial, operator, station'),
+    ('check bag --spec x --live --start auto',
+     '--start auto looks at the whole recording; with --live name a time'),
+    ('report r.json --format bmp',
+     "argument --format: 'bmp' is not one of png, svg, pdf, latex"),
+    ('report r.json --width 3', "argument --width: '3' is not a width of 5 to 50 cm"),
 ])
-def test_missing_file_is_one_line_that_names_it_and_exit_1(
-        arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(arguments) == 1
-    shown = capsys.readouterr()
-    assert shown.out == ''
-    [missing] = [word for word in arguments if word.startswith('no/such/')]
-    assert shown.err == f'imu_allan: {missing}: {line}\n'
+def test_wrong_usage_is_told_in_two_lines_with_the_right_word(words, line, wrong_usage):
+    verb = next((word for word in words.split()[:1] if word in ALL_VERBS), '')
+    wrong_usage(f'{" " if verb else ""}{verb}: error: {line}', *words.split())
+
+
+@pytest.mark.parametrize(('words', 'line'), [
+    ('analyze no/such/bag', 'no such file or directory'),
+    ('info no/such/bag', 'no such file or directory'),
+    ('simulate no/such/model', NO_MODEL),
+    ('check result --spec no/such/spec', NO_MODEL),
+    ('export no/such/result --for kalibr', NO_RESULT),
+    ('report no/such/result', NO_RESULT),
+    ('simulate ~nosuchuser/x', 'this user has no home folder; write the path without ~'),
+    ('simulate ~nosuchuser', 'this user has no home folder; write the path without ~'),
+])
+def test_missing_file_is_one_line_that_names_it_and_exit_1(words, line, fails_with):
+    [missing] = [word for word in words.split() if 'no' in word.lstrip('~')[:3]]
+    assert fails_with(f'{missing}: {line}', *words.split()) == ''
 
 
 SHORT = ('--topic', '--all-topics', '--output', '--together', '--for', '--rate', '--start',
@@ -155,19 +170,9 @@ def test_help_shows_what_most_need_and_help_all_the_rest(
     assert sorted(options['--help']) == sorted([*SHORT, '--help', '--help-all'])
     assert set(options['--help-all']) > {*options['--help'], '--resume', '--meta', '--gyro'}
     # What other options say now is taken all the same.
-    assert not set(options['--help-all']) & {'--serial', '--gyro-unit', '--force-rate'}
+    assert '--serial' not in options['--help-all']
     for text in shown.values():
         assert len(re.findall('^  imu_allan analyze ', text, re.MULTILINE)) == 3
-
-
-def test_wrong_usage_is_told_in_two_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    for words in (['analyze', 'bag', '--rate', '0'], ['check', 'x'],
-                  ['export', 'r', '--for', '?']):
-        with pytest.raises(SystemExit):
-            main(words)
-        usage, error = capsys.readouterr().err.splitlines()
-        assert usage.startswith(f'usage: imu_allan {words[0]} ')
-        assert error.startswith(f'imu_allan {words[0]}: error: ')
 
 
 def test_the_consumers_are_listed_by_family(capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,21 +203,17 @@ def test_times_rates_and_names_are_read_as_people_write_them(
     (['--gyro', 'imu.gyro[0:3] deg/s'], {'gyro': 'imu.gyro[0:3] deg/s'}),
     (['--gyro', 'imu.gyro[0:3]'], {'gyro': 'imu.gyro[0:3]'}),
     (['--gyro', ':deg/s'], {'gyro_unit': 'deg/s'}),
-    (['--gyro-unit', 'deg/s'], {'gyro_unit': 'deg/s'}),
     (['--accel', 'imu.acc:g'], {'accel': 'imu.acc g'}), (['--accel', ':g'], {'accel_unit': 'g'})])
 def test_a_unit_stands_behind_the_field_or_alone(words: list[str], said: dict[str, str]) -> None:
     args = command_parser().parse_args(['info', 'bag', *words])
     assert recording_options(args) == RecordingOptions(**said)
 
 
-def test_names_that_would_steer_the_terminal_are_escaped_in_errors(
-        capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['analyze', 'bag\x1b[2J\nimu_allan: all is well']) == 1
-    assert capsys.readouterr().err == (
-        'imu_allan: bag\\x1b[2J\\nimu_allan: all is well: no such file or directory\n')
-    assert main(['analyze', '\udcff.mcap']) == 1
-    assert capsys.readouterr().err == (
-        'imu_allan: \\udcff.mcap: no such file or directory\n')
+def test_names_that_would_steer_the_terminal_are_escaped_in_errors(fails_with):
+    for name, shown in (('bag\x1b[2J\nimu_allan: all is well',
+                         'bag\\x1b[2J\\nimu_allan: all is well'),
+                        ('\udcff.mcap', '\\udcff.mcap')):
+        fails_with(f'{shown}: no such file or directory', 'analyze', name)
 
 
 def test_a_reader_that_goes_away_ends_the_command_quietly(recording: Path) -> None:
@@ -243,26 +244,6 @@ def test_ctrl_c_exits_130_without_a_word_and_leaves_nothing_behind(tmp_path: Pat
     assert [path.name for path in tmp_path.iterdir()] == ['model.yaml']
 
 
-@pytest.mark.parametrize(('words', 'meant'), [
-    (['analyse', 'bag'], ": error: argument VERB: invalid choice: 'analyse' (choose from "
-                         '<words>); did you mean analyze?'),
-    (['analyze', 'bag', '--al-topics'],
-     ' analyze: error: unrecognized arguments: --al-topics; did you mean --all-topics?'),
-    (['export', 'r.json', '--for', 'kalbr'],
-     " export: error: argument --for: no consumer is called 'kalbr'; did you mean kalibr? "
-     'imu_allan export --list names all'),
-    (['analyze', 'bag', '--duration', '5x'],
-     f" analyze: error: argument --duration: '5x' {NO_TIME}"),
-])
-def test_a_misspelt_word_is_told_with_the_right_one(words, meant, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(words)
-    assert stop.value.code == 2
-    complaint = capsys.readouterr().err
-    assert complaint.splitlines()[-1] == Varying(f'imu_allan{meant}')
-    assert words[0] == 'analyse' or complaint.startswith(f'usage: imu_allan {words[0]} ')
-
-
 INTERRUPTED = """
 import os, signal, sys
 
@@ -290,27 +271,31 @@ def test_ctrl_c_during_the_imports_exits_130_without_a_word(module: str, recordi
     assert (done.returncode, done.stderr) == (130, '')
 
 
-def test_a_closed_standard_output_is_one_line(recording: Path) -> None:
-    done = subprocess.run(['/bin/sh', '-c', '"$@" >&-', 'sh', *COMMAND, 'info', str(recording)],
-                          check=False, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (
-        1, 'imu_allan: standard output: is closed; lead it to a file, or to /dev/null\n')
+@pytest.fixture
+def in_a_shell():
+    """Run the command behind a word of the shell; gives its status and both outputs."""
+    def run(before, *arguments, **environment):
+        done = subprocess.run(['/bin/sh', '-c', before, 'sh', *COMMAND, *map(str, arguments)],
+                              check=False, capture_output=True, text=True, timeout=60,
+                              env={**os.environ, **environment})
+        return done.returncode, done.stdout, done.stderr
+    return run
 
 
-def test_a_closed_standard_error_mixes_nothing_into_the_output(tmp_path: Path) -> None:
-    done = subprocess.run(['/bin/sh', '-c', '"$@" 2>&-', 'sh', *COMMAND, 'info',
-                           str(tmp_path / 'none')], check=False, capture_output=True, timeout=60)
-    assert (done.returncode, done.stdout) == (1, b'')
+def test_a_closed_standard_output_is_one_line(recording, in_a_shell):
+    assert in_a_shell('"$@" >&-', 'info', recording) == (
+        1, '', 'imu_allan: standard output: is closed; lead it to a file, or to /dev/null\n')
 
 
-def test_a_limit_to_files_is_not_blamed_on_the_recording(recording: Path, tmp_path: Path) -> None:
+def test_a_closed_standard_error_mixes_nothing_into_the_output(tmp_path, in_a_shell):
+    assert in_a_shell('"$@" 2>&-', 'info', tmp_path / 'none') == (1, '', '')
+
+
+def test_a_limit_to_files_is_not_blamed_on_the_recording(recording, tmp_path, in_a_shell):
     [mcap] = recording.glob('*.mcap')
     path = tmp_path / 'a.mcap.zst'
     path.write_bytes(zstandard.ZstdCompressor(1).compress(mcap.read_bytes()))
-    done = subprocess.run(['/bin/sh', '-c', 'ulimit -f 20; exec "$@"', 'sh', *COMMAND, 'info',
-                           str(path)], check=False, capture_output=True, text=True, timeout=60,
-                          env={**os.environ, 'TMPDIR': str(tmp_path),
-                               'PYTHONDONTWRITEBYTECODE': '1'})
-    assert (done.returncode, done.stderr) == (
-        1, f'imu_allan: {path}: cannot be unpacked or copied to {tmp_path} (File too large); name '
-        'a larger folder with TMPDIR, or raise the limit (ulimit -f)\n')
+    assert in_a_shell('ulimit -f 20; exec "$@"', 'info', path, TMPDIR=str(tmp_path),
+                      PYTHONDONTWRITEBYTECODE='1') == (
+        1, '', f'imu_allan: {path}: cannot be unpacked or copied to {tmp_path} (File too large); '
+        'name a larger folder with TMPDIR, or raise the limit (ulimit -f)\n')

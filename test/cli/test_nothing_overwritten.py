@@ -70,23 +70,18 @@ EMPTY = 'names no file; is a variable of the shell empty?'
     (['simulate', 'consumer_mems', '--output', ''], f"--output '': {EMPTY}"),
     (['info', ''], f"recording '': {EMPTY}"),
 ])
-def test_what_is_not_to_be_replaced_is_told_and_stays(
-        arguments: list[str], line: str, folder: Path, capsys: pytest.CaptureFixture[str]
-        ) -> None:
+def test_what_is_not_to_be_replaced_is_told_and_stays(arguments, line, folder, fails_with):
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    assert main(arguments) == 1
-    assert capsys.readouterr().err == f'imu_allan: {line}\n'
+    fails_with(line, *arguments)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_a_link_planted_in_the_output_folder_is_told_before_the_work(
-        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_link_planted_in_the_output_folder_is_told_before_the_work(folder, fails_with):
     (folder / 'out').mkdir()
     (folder / 'out' / 'result.json').symlink_to(folder / 'r.json')
     before = (folder / 'r.json').read_bytes()
-    assert main(['analyze', 'a.csv', '--output', 'out']) == 1
-    assert capsys.readouterr() == ('', 'imu_allan: out/result.json: is a link, which is not '
-                                   'followed in an output folder; remove it\n')
+    assert fails_with('out/result.json: is a link, which is not followed in an output folder; '
+                      'remove it', 'analyze', 'a.csv', '--output', 'out') == ''
     assert (folder / 'r.json').read_bytes() == before
 
 

@@ -11,7 +11,6 @@ from imu_allan.recordings import open_recording, read_blocks
 import numpy as np
 import pytest
 from repeated import slow
-from whole_lines import Varying
 
 CONFIG = Path(__file__).parents[2] / 'config'
 
@@ -45,28 +44,19 @@ def test_the_same_seed_gives_the_same_samples_and_another_others(tmp_path: Path)
     assert np.all(read(tmp_path / 'a') != read(tmp_path / 'c'))
 
 
-def test_without_output_the_recording_is_named_after_the_model(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_output_the_recording_is_named_after_the_model_that_may_be_shipped(
+        tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '1s']) == 0
-    assert (tmp_path / 'tactical_mems' / 'metadata.yaml').is_file()
+    for model in (str(CONFIG / 'tactical_mems.yaml'), 'consumer_mems'):
+        assert main(['simulate', model, '--duration', '1s']) == 0
+        assert (tmp_path / Path(model).stem / 'metadata.yaml').is_file()
 
 
-def test_nothing_that_exists_is_overwritten(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_that_exists_is_overwritten(tmp_path, fails_with):
     (tmp_path / 'mine').mkdir()
-    assert main(['simulate', str(CONFIG / 'tactical_mems.yaml'), '--duration', '1s',
-                 '--output', str(tmp_path / 'mine')]) == 1
-    assert capsys.readouterr().err == (
-        f'imu_allan: {tmp_path}/mine: exists already; name another folder with --output\n')
+    fails_with(f'{tmp_path}/mine: exists already; name another folder with --output',
+               'simulate', 'tactical_mems', '--duration', '1s', '--output', tmp_path / 'mine')
     assert list((tmp_path / 'mine').iterdir()) == []
-
-
-def test_models_that_are_shipped_go_by_their_name(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(['simulate', 'consumer_mems', '--duration', '1s']) == 0
-    assert (tmp_path / 'consumer_mems' / 'metadata.yaml').is_file()
 
 
 UNITS = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(Hz)'"
@@ -84,12 +74,10 @@ UNITS = "write a number with its unit, such as '1 deg/sqrt(h)' or '1 rad/s/sqrt(
            'deg/s/sqrt(Hz)}'),
     ('gyro: {', 'line 1 is not YAML (<words>)'),
 ])
-def test_a_wrong_model_is_one_line_that_names_what_is_wrong(
-        text: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_model_is_one_line_that_names_what_is_wrong(text, reason, tmp_path, fails_with):
     model = tmp_path / 'model.yaml'
     model.write_text(text)
-    assert main(['simulate', str(model), '--output', str(tmp_path / 'out')]) == 1
-    assert capsys.readouterr().err == Varying(f'imu_allan: {model}: {reason}\n')
+    fails_with(f'{model}: {reason}', 'simulate', model, '--output', tmp_path / 'out')
     assert not (tmp_path / 'out').exists()
 
 

@@ -12,19 +12,17 @@ import subprocess
 import sys
 import time
 
+from imu_allan.analysis import Choice
 from imu_allan.cli.main import main
-from imu_allan.cli.tasks import characterize, folder_names, Task
-from imu_allan.cli.workers import drawing_process, executor, in_order, WorkerProcesses
+from imu_allan.cli.tasks import folder_names, Task
+from imu_allan.cli.workers import executor, in_order, WorkerProcesses
 from imu_allan.errors import ImuAllanError
 from imu_allan.recordings.write import write_recording
-from imu_allan.sensor.noise_model import NoiseModel
 from imu_allan.sensor.simulated_imu import simulated_blocks
 import pytest
 from repeated import slow
+from whole_lines import refused
 import zstandard
-
-SEVERAL = pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2,
-                             reason='one processor draws for itself')
 
 
 def processes_with(variable: str) -> list[int]:
@@ -51,13 +49,10 @@ def test_no_name_of_a_topic_leads_out_of_the_folder_above_or_is_too_long_for_it(
     assert len(list(tmp_path.iterdir())) == len(topics)
 
 
-def test_names_that_clash_are_numbered_whatever_other_topics_are_called():
+def test_names_that_clash_are_numbered_in_seconds_whatever_other_topics_are_called():
     topics = ['/x', '/x-2', '/x', 'X', '/x', '/x-2']
     assert folder_names([('a', topic) for topic in topics]) == [
         'a_x', 'a_x-2', 'a_x-3', 'a_X-4', 'a_x-5', 'a_x-2-2']
-
-
-def test_a_hundred_thousand_topics_are_named_in_seconds():
     start = time.process_time()
     names = folder_names([('a', f'/x-{number % 1000}') for number in range(100_000)])
     assert len(set(names)) == 100_000
@@ -67,13 +62,17 @@ def test_a_hundred_thousand_topics_are_named_in_seconds():
 def test_a_worker_that_is_killed_costs_its_own_recording_only():
     with executor(2, None) as workers:
         lost = workers.submit(os._exit, 9)
-        with pytest.raises(ImuAllanError) as error:
+        with refused('--jobs: the process that worked on it was ended from outside, perhaps for '
+                     'want of memory; try fewer jobs'):
             lost.result(timeout=60)
         assert [workers.submit(abs, -number).result(timeout=60) for number in range(5)] == [
             *range(5)]
-    assert str(error.value) == (
-        '--jobs: the process that worked on it was ended from outside, perhaps for want of '
-        'memory; try fewer jobs')
+
+
+def test_a_defect_in_a_worker_shows_where_it_is():
+    with executor(2, None) as workers, pytest.raises(ZeroDivisionError) as error:
+        workers.submit(divmod, 1, 0).result(timeout=60)
+    assert 'ZeroDivisionError' in str(error.value.__cause__)
 
 
 @pytest.mark.parametrize(('jobs', 'topics', 'parts'), [
@@ -88,10 +87,13 @@ def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, p
             future.set_result([(None, (ImuAllanError('nothing'), ''))] * len(tasks))
             return future
 
-    tasks = [Task('a.mcap', f'/imu_{number}', {}, 0.0, None, 0, None) for number in range(topics)]
+    tasks = [Task('a.mcap', Choice(f'/imu_{number}')) for number in range(topics)]
     with Workers(jobs) as workers:
-        assert [task for task, _ in in_order(workers, tasks, print)] == tasks
+        found = list(in_order(workers, tasks, print))
+    assert [task for task, _ in found] == tasks
     assert given == parts
+    with refused('nothing'):
+        found[-1][1]()
     given.clear()
     many = [replace(tasks[0], path=f'{letter}.mcap') for letter in 'abcdefgh' for _ in 'xy']
     with Workers(jobs) as workers:
@@ -100,15 +102,9 @@ def test_topics_of_a_recording_are_parted_among_the_workers_only(jobs, topics, p
     assert given == [2] * 8 if jobs <= 8 else [1] * 16
 
 
-def test_a_defect_in_a_worker_shows_where_it_is():
-    with executor(2, None) as workers, pytest.raises(ZeroDivisionError) as error:
-        workers.submit(divmod, 1, 0).result(timeout=60)
-    assert 'ZeroDivisionError' in str(error.value.__cause__)
-
-
 @pytest.mark.parametrize('number', [signal.SIGINT, slow(signal.SIGTERM), signal.SIGKILL])
 def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
-        tmp_path: Path, model: NoiseModel, number: signal.Signals) -> None:
+        tmp_path, model, number):
     # Compressed as a whole: unpacked into a temporary folder while it is read.
     long = write_recording(tmp_path / 'long', simulated_blocks(model, 1000.0, 60_000))
     [file] = long.glob('*.mcap')
@@ -122,7 +118,6 @@ def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
             env={**os.environ, 'IMU_ALLAN_TEST': str(tmp_path), 'TMPDIR': str(temporary)},
             ) as process:
-        assert process.stdout is not None
         process.stdout.readline()
         assert len(processes_with(mark)) >= 3
         os.killpg(process.pid, number)
@@ -133,66 +128,26 @@ def test_however_the_command_ends_its_workers_and_what_they_unpacked_go_too(
 
 
 def test_a_folder_that_cannot_be_made_does_not_keep_the_others_from_being_written(
-        recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        recording, tmp_path, fails_with):
     output = tmp_path / 'out'
     output.mkdir()
     (output / 'at_rest').write_text('in the way')
-    assert main(['analyze', str(recording), str(recording), '--output', str(output)]) == 1
-    complaint = capsys.readouterr().err
-    assert complaint == (
-        f'imu_allan: {output / "at_rest" / "result.json"}: cannot be written (Not a directory); '
-        'choose a folder that exists on a disk with room and may be written to\n')
+    fails_with(f'{output}/at_rest/result.json: cannot be written (Not a directory); choose a '
+               'folder that exists on a disk with room and may be written to',
+               'analyze', recording, recording, '--output', output)
     assert (output / 'at_rest-2' / 'report.html').exists()
 
 
-@SEVERAL
-def test_another_process_draws_the_same_picture(recording, tmp_path):
-    result, _ = characterize(Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'here'))
-    with drawing_process() as artist:
-        task = Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'there')
-        assert characterize(task, None, artist) == (result, None)
-        assert artist.submit(os.getpid).result() != os.getpid()
-    names = sorted(path.name for path in (tmp_path / 'here').iterdir())
-    assert names == sorted(path.name for path in (tmp_path / 'there').iterdir())
-    assert ((tmp_path / 'here' / 'allan_deviation.png').read_bytes()
-            == (tmp_path / 'there' / 'allan_deviation.png').read_bytes())
+def test_jobs_give_the_same_results_in_the_same_order(recording, tmp_path, model, capsys):
+    other = write_recording(tmp_path / 'other', simulated_blocks(model, 50.0, 5000))
+    shown = []
+    for options in ((), ('--jobs', '2')):
+        assert main(['analyze', str(recording), str(other), *options]) == 0
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
 
 
-@SEVERAL
-def test_a_picture_is_drawn_here_where_the_other_process_is_killed(recording, tmp_path):
-    with drawing_process() as artist:
-        process = artist.submit(os.getpid).result()
-
-        def kill(*_):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
-
-        task = Task(str(recording), None, {}, 0.0, None, 0, tmp_path / 'out')
-        characterize(task, kill, artist)
-    assert (tmp_path / 'out' / 'allan_deviation.png').read_bytes().startswith(b'\x89PNG')
-
-
-IN_A_CALLBACK = """
-import os, signal, sys, threading, time, weakref
-from imu_allan.isolated_process import end_in_peace
-begin, slow_s = threading.Thread.start, float(sys.argv[1])
-threading.Thread.start = lambda thread: (begin(thread), time.sleep(slow_s))
-end_in_peace()
-class Thing: pass
-for _ in range(3):
-    thing = Thing()
-    reference = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGTERM))
-    del thing
-try:
-    time.sleep(60)
-finally:
-    print('tidied up')
-"""
-
-
-@pytest.mark.parametrize('slow_s', ['0', '0.1'])
-def test_a_signal_in_a_callback_of_the_interpreter_ends_a_worker_without_a_word(slow_s):
-    """Also on a busy machine, where a thread takes its time to begin."""
-    done = subprocess.run([sys.executable, '-c', IN_A_CALLBACK, slow_s], capture_output=True,
-                          text=True, timeout=30, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, 'tidied up\n', '')
+def test_an_error_in_a_worker_is_one_line_too(recording, fails_with):
+    line = f'{recording}: no topic /nowhere; its Imu topics are /imu/data_raw (30,000 messages)'
+    fails_with(f'{line}\nimu_allan: {line}',
+               'analyze', recording, recording, '--topic', '/nowhere', '--jobs', '2')

@@ -1,0 +1,55 @@
+# Copyright 2026 The imu_allan authors
+# SPDX-License-Identifier: Apache-2.0
+"""A Dask cluster that works on recordings, and addresses where there is none."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import threading
+
+from imu_allan.cli import dask_cluster
+import pytest
+from whole_lines import Varying
+
+distributed = pytest.importorskip('distributed')
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_results(recording, analyzed):
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1,
+                                  dashboard_address=None) as cluster:
+        assert analyzed(recording) == analyzed(recording, '--dask', cluster.scheduler_address)
+
+
+def test_a_dask_address_where_somebody_is_silent_is_one_line(recording, monkeypatch, fails_with):
+    monkeypatch.setattr(dask_cluster, 'ANSWER_S', 0.5)
+    with socket.create_server(('127.0.0.1', 0)) as silent:
+        address = f'tcp://127.0.0.1:{silent.getsockname()[1]}'
+        fails_with(f'--dask {address}: no scheduler answers (TimeoutError); start one with: dask '
+                   'scheduler', 'analyze', recording, '--dask', address)
+
+
+def test_a_dask_address_where_garbage_is_sent_is_one_line(recording):
+    def send(server: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                peer, _ = server.accept()
+                with peer:
+                    # As the library counts: one frame, of 2^56 bytes.
+                    peer.sendall((24).to_bytes(8, 'little') + (1).to_bytes(8, 'little')
+                                 + (1 << 56).to_bytes(8, 'little') * 2)
+
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        threading.Thread(target=send, args=(server,), daemon=True).start()
+        address = f'tcp://127.0.0.1:{server.getsockname()[1]}'
+        ended = subprocess.run([sys.executable, '-m', 'imu_allan', 'analyze', str(recording),
+                                '--dask', address], capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr == Varying(f'imu_allan: --dask {address}: no scheduler answers (<words>); '
+                                   'start one with: dask scheduler\n')
+
+
+def test_a_dask_address_where_nobody_answers_is_one_line(recording, fails_with):
+    fails_with('--dask not an address: no scheduler answers (<words>); start one with: dask '
+               'scheduler', 'analyze', recording, '--dask', 'not an address')
