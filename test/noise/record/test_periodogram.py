@@ -3,7 +3,7 @@
 """The parts of the spectrum: each what it says, together the whole band and nothing twice."""
 
 from imu_allan.noise.record.estimator import CHUNK
-from imu_allan.noise.record.periodogram import BLOCK, Periodogram, SERIES, SHORTEST
+from imu_allan.noise.record.periodogram import BLOCK, Periodogram, SERIES, SHORTEST, Stage
 import numpy as np
 import pytest
 from scipy.fft import dct
@@ -74,15 +74,15 @@ def test_every_stage_holds_the_transforms_of_its_means():
 
 def test_the_rest_of_a_stretch_is_cut_into_ever_shorter_blocks():
     rows = np.random.default_rng(3).normal(size=(1, 2 * BLOCK + 1024 + 64 + 32 + 7))
-    spectrum = Periodogram(1)
-    spectrum.power.add(rows)
-    assert spectrum.power.blocks == {BLOCK: 2, 1024: 1, 64: 1, 32: 1}
+    stage = Stage(1)
+    stage.add(rows)
+    assert {length: own.blocks for length, own in stage.sums.items()} == {
+        BLOCK: 2, 1024: 1, 64: 1, 32: 1}
     start = 0
-    for length, count in spectrum.power.blocks.items():
-        part = rows[:, start:start + count * length]
-        np.testing.assert_allclose(spectrum.power.power[length],
-                                   count * power_of_blocks(part, length))
-        start += count * length
+    for length, own in stage.sums.items():
+        part = rows[:, start:start + own.blocks * length]
+        np.testing.assert_allclose(own.power, own.blocks * power_of_blocks(part, length))
+        start += own.blocks * length
 
 
 def test_runs_are_neither_mixed_nor_lost():
